@@ -1,0 +1,142 @@
+"""A voxel map as sorted vertical runs, column by column: what the octree hands to the terrain analysis.
+
+Every (x, y) column lists its known voxels from below to above as runs of one state, free or occupied; what no run covers is
+unknown. Space that the octree pruned into big leaves stays a handful of numbers, and the next surface below or above is the
+neighbouring entry.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class VoxelState(IntEnum):
+    """What is known about a voxel; the values are those of dense grids and of `OctreeMap.states_at`."""
+
+    UNKNOWN = 0
+    FREE = 1
+    OCCUPIED = 2
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnRuns:
+    """The known voxels of an nx by ny block of columns, as runs along z.
+
+    Voxel index i spans [i * resolution, (i + 1) * resolution) metres on each axis of the map frame. Column (ix, iy) holds
+    the voxels of index (origin_key[0] + ix, origin_key[1] + iy) and has the id c = ix * ny + iy; its runs are the
+    entries start[c]:start[c + 1] of `z_lo`, `z_hi` and `occupied`. The arrays must not be changed.
+
+    Fields: `resolution` in metres; `origin_key` (kx0, ky0); `nx`, `ny` columns; `start` (nx * ny + 1,) int64; `z_lo`, `z_hi`
+    (R,) int16, inclusive absolute voxel indices, ascending in a column; `occupied` (R,) bool. Two runs that touch differ in
+    state. ValueError when any of this does not hold.
+    """
+
+    resolution: float
+    origin_key: tuple[int, int]
+    nx: int
+    ny: int
+    start: NDArray[np.int64]
+    z_lo: NDArray[np.int16]
+    z_hi: NDArray[np.int16]
+    occupied: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.resolution) and self.resolution > 0):
+            raise ValueError(f"resolution must be positive metres, not {self.resolution!r}")
+        if self.nx < 0 or self.ny < 0:
+            raise ValueError(f"nx and ny must not be negative: {self.nx}, {self.ny}")
+        self._check_arrays()
+        self._check_starts()
+        self._check_runs()
+
+    def _check_arrays(self) -> None:
+        runs = self.z_lo.size
+        wanted = {
+            "start": (np.int64, self.nx * self.ny + 1),
+            "z_lo": (np.int16, runs),
+            "z_hi": (np.int16, runs),
+            "occupied": (np.bool_, runs),
+        }
+        for name, (dtype, size) in wanted.items():
+            array = getattr(self, name)
+            if array.dtype != dtype or array.shape != (size,):
+                raise ValueError(f"{name} must be ({size},) {np.dtype(dtype).name}, not {array.shape} {array.dtype.name}")
+
+    def _check_starts(self) -> None:
+        if self.start[0] != 0 or self.start[-1] != self.z_lo.size or (self.start[1:] < self.start[:-1]).any():
+            raise ValueError(f"start must ascend from 0 to the number of runs, {self.z_lo.size}: {self.start}")
+
+    def _check_runs(self) -> None:
+        if (self.z_hi < self.z_lo).any():
+            raise ValueError(f"run {int(np.argmax(self.z_hi < self.z_lo))} ends below its beginning")
+        if self.z_lo.size < 2:
+            return
+        same_column = np.ones(self.z_lo.size, dtype=bool)
+        same_column[self.start[:-1][self.start[:-1] < self.z_lo.size]] = False  # the first run of a column has none below it
+        gap = self.z_lo[1:].astype(np.int32) - self.z_hi[:-1] - 1
+        touching_alike = (gap == 0) & (self.occupied[1:] == self.occupied[:-1])
+        wrong = same_column[1:] & ((gap < 0) | touching_alike)
+        if wrong.any():
+            raise ValueError(f"runs {int(np.argmax(wrong))} and the next overlap, descend, or touch in the same state")
+
+    @classmethod
+    def from_dense(cls, states: NDArray[np.uint8], origin: Sequence[int] = (0, 0, 0), resolution: float = 0.08) -> "ColumnRuns":
+        """The runs of an (nx, ny, nz) array of VoxelState values whose element [0, 0, 0] is the voxel of index `origin`.
+
+        ValueError when the array is not three-dimensional, holds another value, or leaves the index range of int16.
+        """
+        states = np.asarray(states)
+        if states.ndim != 3 or not np.isin(states, (0, 1, 2)).all():
+            raise ValueError(
+                f"expected an (nx, ny, nz) array of 0 unknown, 1 free, 2 occupied, not shape {states.shape}, dtype {states.dtype}"
+            )
+        nx, ny, nz = states.shape
+        if not -32768 <= origin[2] <= origin[2] + nz <= 32768:
+            raise ValueError(f"z indices {origin[2]}..{origin[2] + nz - 1} leave the range -32768..32767")
+        padded = np.zeros((nx * ny, nz + 2), dtype=np.uint8)
+        padded[:, 1:-1] = states.reshape(nx * ny, nz)
+        below, above = padded[:, :-1], padded[:, 1:]  # on both sides of every boundary between voxels
+        column, z_lo = np.nonzero((below != above) & (above != VoxelState.UNKNOWN))
+        z_end = np.nonzero((below != above) & (below != VoxelState.UNKNOWN))[1]
+        return cls(
+            resolution=float(resolution),
+            origin_key=(int(origin[0]), int(origin[1])),
+            nx=nx,
+            ny=ny,
+            start=np.concatenate([[0], np.cumsum(np.bincount(column, minlength=nx * ny))]).astype(np.int64),
+            z_lo=(z_lo + origin[2]).astype(np.int16),
+            z_hi=(z_end - 1 + origin[2]).astype(np.int16),
+            occupied=above[column, z_lo] == VoxelState.OCCUPIED,
+        )
+
+    @property
+    def columns(self) -> NDArray[np.int64]:
+        """(R,) id of the column of every run."""
+        return np.repeat(np.arange(self.nx * self.ny, dtype=np.int64), np.diff(self.start))
+
+    @property
+    def z_range(self) -> tuple[int, int] | None:
+        """Lowest and highest known voxel index, inclusive; None when nothing is known."""
+        return (int(self.z_lo.min()), int(self.z_hi.max())) if self.z_lo.size else None
+
+    def to_dense(self, z_range: tuple[int, int] | None = None) -> NDArray[np.uint8]:
+        """(nx, ny, nz) array of VoxelState values for the voxel layers `z_range` (inclusive), else for `self.z_range`.
+
+        Meant for small blocks and tests. ValueError when z_range is empty.
+        """
+        z_range = z_range or self.z_range
+        if z_range is None:
+            return np.zeros((self.nx, self.ny, 0), dtype=np.uint8)
+        low, high = z_range
+        if high < low:
+            raise ValueError(f"z_range must be (lowest, highest), not {z_range}")
+        first = np.clip(self.z_lo, low, high + 1) - low
+        end = np.clip(self.z_hi.astype(np.int32) + 1, low, high + 1) - low
+        state = np.where(self.occupied, VoxelState.OCCUPIED, VoxelState.FREE).astype(np.int8)
+        step = np.zeros((self.nx * self.ny, high - low + 2), dtype=np.int8)
+        np.add.at(step, (self.columns, first), state)
+        np.subtract.at(step, (self.columns, end), state)
+        return np.cumsum(step, axis=1, dtype=np.int8)[:, :-1].astype(np.uint8).reshape(self.nx, self.ny, -1)
