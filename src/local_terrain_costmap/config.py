@@ -1,0 +1,41 @@
+"""Parameters of the local costmap and the only home of their defaults."""
+
+from dataclasses import dataclass
+
+from stage_config import check_ranges, parameter
+
+
+@dataclass(frozen=True)
+class CostmapConfig:
+    """What the window, the obstacle layer and the inflation layer are made of."""
+
+    size_m: float = parameter(
+        6.0, "m", "side of the square window around the robot; a large one brings in what lies behind ramps", low=1.0, high=40.0
+    )
+    resolution_m: float = parameter(
+        0.08, "m", "side of a cell; the octree's keeps the terrain layer free of resampling", low=0.01, high=0.5
+    )
+    obstacle_range_m: float = parameter(
+        2.5, "m", "hits of the horizontal scan farther than this mark nothing: they may be a ramp", low=0.0, high=30.0
+    )
+    clearing_range_m: float = parameter(3.0, "m", "beams clear cells up to this range", low=0.0, high=30.0)
+    ground_tolerance_m: float = parameter(
+        0.25, "m", "a hit this close to known traversable ground is that ground (robot pitched)", low=0.0, high=1.0
+    )
+    overhead_clearance_m: float = parameter(1.2, "m", "a hit this high over known traversable ground is passed under", low=0.3, high=5.0)
+    inscribed_radius_m: float = parameter(
+        0.34, "m", "cells this near to a lethal one cost 253: the robot's centre there is a contact", low=0.0, high=5.0
+    )
+    inflation_radius_m: float = parameter(0.90, "m", "cells farther than this from every lethal cell cost nothing", low=0.0, high=5.0)
+    cost_scaling_factor: float = parameter(
+        5.0, "1/m", "rate of the exponential fall of the cost beyond the inscribed radius", low=0.0, high=100.0
+    )
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        problems = check_ranges(self)
+        if self.inflation_radius_m < self.inscribed_radius_m:
+            problems.append(f"inflation_radius_m = {self.inflation_radius_m} is below inscribed_radius_m = {self.inscribed_radius_m}")
+        if self.size_m < 4 * self.resolution_m:
+            problems.append(f"size_m = {self.size_m} is less than four cells of {self.resolution_m} m")
+        return problems

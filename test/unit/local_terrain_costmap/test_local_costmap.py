@@ -1,0 +1,224 @@
+"""The rolling window and its three layers, put together: what a follower may rely on."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from local_terrain_costmap import FREE, INSCRIBED, LETHAL, NO_INFORMATION, CostmapConfig, LocalCostmap
+
+PICTURE = """
+?....?
+..#...
+......
+"""
+VALUE_OF = {"#": 100, ".": 0, "?": -1}
+
+
+def grid(picture: str) -> np.ndarray:
+    """A picture with y upwards as the (ny, nx) array with row 0 at the bottom."""
+    return np.array([[VALUE_OF[c] for c in line] for line in reversed(picture.split())], dtype=np.int8)
+
+
+def bare(**changes: float) -> CostmapConfig:
+    """Ten cells of 0.1 m and no inflation, so that layers show as they are."""
+    values = {"size_m": 1.0, "resolution_m": 0.1, "inscribed_radius_m": 0.0, "inflation_radius_m": 0.0} | changes
+    return CostmapConfig(**values)
+
+
+def at(costmap: LocalCostmap, *points: tuple[float, float]) -> list[int]:
+    return costmap.master().cost_at(np.array(points)).tolist()
+
+
+NOTHING = np.empty((0, 2))
+
+
+def test_new_costmap_knows_nothing():
+    assert (LocalCostmap(CostmapConfig()).master().cost == NO_INFORMATION).all()
+
+
+def test_terrain_shows_where_it_lies():
+    costmap = LocalCostmap(bare())
+    costmap.set_terrain(grid(PICTURE), (-0.3, -0.1), 0.1)
+    view = costmap.master()
+    row, column = round((-0.1 - view.origin_xy[1]) / 0.1), round((-0.3 - view.origin_xy[0]) / 0.1)
+    expected = np.select([grid(PICTURE) == 100, grid(PICTURE) == 0], [LETHAL, FREE], NO_INFORMATION)
+    np.testing.assert_array_equal(view.cost[row : row + 3, column : column + 6], expected)
+    assert (view.cost == NO_INFORMATION).sum() == 100 - 16
+
+
+def test_terrain_that_left_the_window_is_there_when_the_robot_comes_back():
+    costmap = LocalCostmap(bare())
+    costmap.set_terrain(grid(PICTURE), (-0.3, -0.1), 0.1)
+    before = costmap.master().cost.copy()
+    costmap.recenter(5.0, 5.0)
+    assert (costmap.master().cost == NO_INFORMATION).all()
+    costmap.recenter(0.0, 0.0)
+    np.testing.assert_array_equal(costmap.master().cost, before)
+
+
+def test_newer_terrain_replaces_the_older_one():
+    costmap = LocalCostmap(bare())
+    costmap.set_terrain(np.full((10, 10), 100), (-0.5, -0.5), 0.1)
+    costmap.set_terrain(np.zeros((2, 2)), (0.0, 0.0), 0.1)
+    assert at(costmap, (0.05, 0.05), (-0.25, -0.25)) == [FREE, NO_INFORMATION]
+
+
+@pytest.mark.parametrize("resolution", [0.04, 0.08, 0.3])
+def test_no_barrier_is_lost_when_resolutions_differ(resolution):
+    cost = np.zeros((20, 20), dtype=np.int8)
+    cost[7, 11] = 100
+    costmap = LocalCostmap(bare(size_m=3.0))
+    costmap.set_terrain(cost, (-10 * resolution, -10 * resolution), resolution)
+    assert at(costmap, (1.5 * resolution, -2.5 * resolution)) == [LETHAL]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=5))
+def test_marks_stay_on_their_ground_while_the_window_moves(path):
+    costmap = LocalCostmap(bare(size_m=10.0))
+    hit = np.array([[0.55, 0.25]])
+    costmap.add_scan(hit, NOTHING, (0.0, 0.0))
+    for x, y in path:
+        costmap.recenter(x, y)
+    view = costmap.master()
+    assert view.cost_at(hit)[0] == LETHAL
+    assert (view.cost == LETHAL).sum() == 1
+
+
+@given(st.floats(-50, 50), st.floats(-50, 50))
+def test_window_is_aligned_and_holds_the_robot_in_its_middle(x, y):
+    costmap = LocalCostmap(CostmapConfig())
+    costmap.recenter(x, y)
+    view = costmap.master()
+    for origin, position in zip(view.origin_xy, (x, y), strict=True):
+        assert abs(origin / 0.08 - round(origin / 0.08)) < 1e-6
+        assert abs(position - origin - 3.0) <= 0.08 + 1e-9
+
+
+def test_beam_clears_what_it_passes_and_marks_what_it_hits():
+    costmap = LocalCostmap(bare(size_m=4.0))
+    costmap.set_terrain(np.zeros((40, 40)), (-2.0, -2.0), 0.1)
+    costmap.add_scan([[0.55, 0.05], [1.05, 0.05]], NOTHING, (0.05, 0.05))
+    assert at(costmap, (0.55, 0.05), (1.05, 0.05)) == [LETHAL, LETHAL]
+    costmap.add_scan([[1.05, 0.05]], NOTHING, (0.05, 0.05))
+    assert at(costmap, (0.55, 0.05), (1.05, 0.05)) == [FREE, LETHAL]
+    costmap.add_scan(NOTHING, [[1.95, 0.05]], (0.05, 0.05))
+    assert at(costmap, (1.05, 0.05)) == [FREE]
+
+
+def test_beam_without_a_measurement_changes_nothing():
+    costmap = LocalCostmap(bare(size_m=4.0))
+    costmap.add_scan([[0.55, 0.05]], NOTHING, (0.05, 0.05))
+    before = costmap.master()
+    costmap.add_scan([[math.nan, 0.05]], [[math.nan, math.nan]], (0.05, 0.05))
+    assert costmap.master() is before
+
+
+def test_free_beam_does_not_make_unknown_ground_free():
+    costmap = LocalCostmap(bare(size_m=4.0))
+    costmap.add_scan(NOTHING, [[1.5, 0.0]], (0.0, 0.0))
+    assert at(costmap, (0.5, 0.0)) == [NO_INFORMATION]
+
+
+def test_free_beam_does_not_clear_a_terrain_obstacle():
+    costmap = LocalCostmap(bare())
+    costmap.set_terrain(grid(PICTURE), (-0.3, -0.1), 0.1)
+    costmap.add_scan(NOTHING, [[-0.05, 0.45]], (-0.05, -0.45))
+    assert at(costmap, (-0.05, 0.05)) == [LETHAL]
+
+
+def test_hit_beyond_the_short_range_marks_nothing():
+    costmap = LocalCostmap(bare(size_m=8.0))
+    costmap.add_scan([[2.45, 0.05], [0.05, 2.65]], NOTHING, (0.0, 0.0))
+    assert at(costmap, (2.45, 0.05), (0.05, 2.65)) == [LETHAL, NO_INFORMATION]
+
+
+def test_hit_on_known_ramp_is_no_obstacle_but_a_box_on_it_is():
+    costmap = LocalCostmap(bare(size_m=4.0))
+    ramp = np.tile(np.linspace(0.0, 1.0, 40, dtype=np.float32), (40, 1))
+    costmap.set_terrain(np.zeros((40, 40)), (-2.0, -2.0), 0.1, ramp)
+    ground = ramp[0, 35]
+    hits = [[1.55, 0.05], [1.55, 0.55], [1.55, -0.55], [1.55, 1.05]]
+    costmap.add_scan(hits, NOTHING, (0.0, 0.0), [ground + 0.1, ground + 0.6, ground - 0.6, ground + 1.5])
+    assert at(costmap, *map(tuple, hits)) == [FREE, LETHAL, LETHAL, FREE]
+
+
+def test_ramp_that_was_marked_before_it_was_known_is_taken_back():
+    costmap = LocalCostmap(bare(size_m=4.0))
+    costmap.add_scan([[0.55, 0.05], [0.55, 0.95]], NOTHING, (0.0, 0.0), [0.9, 0.9])
+    height = np.full((40, 40), 0.85, dtype=np.float32)
+    height[25:] = 0.0
+    costmap.set_terrain(np.zeros((40, 40)), (-2.0, -2.0), 0.1, height)
+    assert at(costmap, (0.55, 0.05), (0.55, 0.95)) == [FREE, LETHAL]
+
+
+def test_mark_without_height_is_kept_on_known_ground():
+    costmap = LocalCostmap(bare(size_m=4.0))
+    costmap.add_scan([[0.55, 0.05]], NOTHING, (0.0, 0.0))
+    costmap.set_terrain(np.zeros((40, 40)), (-2.0, -2.0), 0.1, np.zeros((40, 40)))
+    assert at(costmap, (0.55, 0.05)) == [LETHAL]
+
+
+def test_clear_obstacles_leaves_the_terrain():
+    costmap = LocalCostmap(bare())
+    costmap.set_terrain(grid(PICTURE), (-0.3, -0.1), 0.1)
+    costmap.add_scan([[0.25, 0.05]], NOTHING, (0.0, 0.0))
+    costmap.clear_obstacles()
+    assert at(costmap, (0.25, 0.15), (-0.05, 0.05)) == [NO_INFORMATION, LETHAL]
+
+
+def test_master_is_computed_again_only_after_a_change():
+    costmap = LocalCostmap(CostmapConfig())
+    first = costmap.master()
+    costmap.recenter(0.01, 0.01)
+    costmap.add_scan(NOTHING, [[1.0, 0.0]], (0.0, 0.0))
+    assert costmap.master() is first
+    costmap.add_scan([[1.0, 0.0]], NOTHING, (0.0, 0.0))
+    assert costmap.master() is not first
+
+
+def test_wall_is_inflated_to_the_inscribed_radius_in_free_and_unknown_ground():
+    costmap = LocalCostmap(CostmapConfig(size_m=4.0, resolution_m=0.05))
+    terrain = np.zeros((80, 80), dtype=np.int8)
+    terrain[:, 60] = 100
+    terrain[:, 61:] = -1
+    costmap.set_terrain(terrain, (-2.0, -2.0), 0.05)
+    row = costmap.master().cost[40]
+    assert row[60] == LETHAL
+    assert (row[54:60] == INSCRIBED).all() and (row[61:67] == INSCRIBED).all()
+    assert (np.diff(row[42:54].astype(int)) >= 0).all() and 0 < row[50] < INSCRIBED
+    assert row[41] == FREE and row[67] == NO_INFORMATION
+
+
+def test_outside_the_window_nothing_is_known():
+    costmap = LocalCostmap(bare())
+    costmap.set_terrain(np.zeros((10, 10)), (-0.5, -0.5), 0.1)
+    assert at(costmap, (0.0, 0.0), (0.51, 0.0), (0.0, -7.0), (math.nan, 0.0)) == [FREE, 255, 255, 255]
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda c: c.set_terrain(np.full((3, 3), 7), (0.0, 0.0), 0.1),
+        lambda c: c.set_terrain(np.zeros(3), (0.0, 0.0), 0.1),
+        lambda c: c.set_terrain(np.zeros((3, 3)), (0.0, math.nan), 0.1),
+        lambda c: c.set_terrain(np.zeros((3, 3)), (0.0, 0.0), 0.0),
+        lambda c: c.set_terrain(np.zeros((3, 3)), (0.0, 0.0), 0.1, np.zeros((2, 3))),
+        lambda c: c.add_scan(np.zeros((3, 3)), NOTHING, (0.0, 0.0)),
+        lambda c: c.add_scan(np.zeros((3, 2)), NOTHING, (0.0, 0.0), np.zeros(2)),
+        lambda c: c.add_scan(NOTHING, NOTHING, (math.nan, 0.0)),
+        lambda c: c.recenter(math.inf, 0.0),
+        lambda c: c.master().cost_at(np.zeros(3)),
+    ],
+)
+def test_bad_input_is_refused_with_what_was_expected(call):
+    with pytest.raises(ValueError, match=r"not|one of"):
+        call(LocalCostmap(bare()))
+
+
+def test_wrong_configuration_lists_every_violation():
+    with pytest.raises(ValueError, match=r"obstacle_range_m.*inflation_radius_m"):
+        LocalCostmap(CostmapConfig(obstacle_range_m=-1.0, inflation_radius_m=0.1))
