@@ -1,0 +1,42 @@
+"""Rigid-body geometry that every stage may call: 4x4 transforms, angles, point arrays.
+
+A transform `T_a_b` is a (4, 4) float64 array that takes coordinates in frame b to frame a, so that inner letters cancel:
+`T_a_c = T_a_b @ T_b_c` and `points_a = transform_points(T_a_b, points_b)`. Angles are radians, roll-pitch-yaw is ROS's
+fixed-axis x, y, z, and quaternions are x, y, z, w (REP 103).
+"""
+
+from rigid_geometry.transforms import (
+    angle_difference,
+    as_transform,
+    interpolate_transforms,
+    inverse,
+    quat_xyzw_from_transform,
+    rotation_angle,
+    rotation_from_quat,
+    rotation_from_rpy,
+    rpy_from_rotation,
+    tilt_angle,
+    transform_from_quat,
+    transform_from_rpy,
+    transform_points,
+    translation_distance,
+    yaw_of,
+)
+
+__all__ = [
+    "angle_difference",
+    "as_transform",
+    "interpolate_transforms",
+    "inverse",
+    "quat_xyzw_from_transform",
+    "rotation_angle",
+    "rotation_from_quat",
+    "rotation_from_rpy",
+    "rpy_from_rotation",
+    "tilt_angle",
+    "transform_from_quat",
+    "transform_from_rpy",
+    "transform_points",
+    "translation_distance",
+    "yaw_of",
+]

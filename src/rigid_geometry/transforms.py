@@ -1,0 +1,136 @@
+"""Transforms as 4x4 arrays: composing them is `@`; this module builds, inverts, interpolates and measures them."""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation, Slerp
+
+Transform = NDArray[np.float64]
+
+
+def as_transform(matrix: ArrayLike) -> Transform:
+    """A checked rigid transform from anything shaped (4, 4); ValueError when it is not finite or not rigid."""
+    T = np.asarray(matrix, dtype=np.float64)
+    if T.shape != (4, 4) or not np.isfinite(T).all():
+        raise ValueError(f"a transform is a finite 4x4 matrix, not shape {T.shape}: {matrix!r}")
+    R = T[:3, :3]
+    if not np.allclose(R @ R.T, np.eye(3), atol=1e-6) or np.linalg.det(R) < 0 or not np.allclose(T[3], [0, 0, 0, 1]):
+        raise ValueError(f"not a rigid transform (rotation not orthonormal, or last row not 0 0 0 1): {matrix!r}")
+    return T
+
+
+def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
+    """(3, 3) rotation Rz(yaw) Ry(pitch) Rx(roll)."""
+    cr, sr = math.cos(roll), math.sin(roll)
+    cp, sp = math.cos(pitch), math.sin(pitch)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    return np.array(
+        [
+            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+            [-sp, cp * sr, cp * cr],
+        ]
+    )
+
+
+def rpy_from_rotation(R: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a (3, 3) rotation; pitch in [-pi/2, pi/2]."""
+    pitch = math.asin(max(-1.0, min(1.0, -R[2, 0])))
+    return math.atan2(R[2, 1], R[2, 2]), pitch, math.atan2(R[1, 0], R[0, 0])
+
+
+def rotation_from_quat(x: float, y: float, z: float, w: float) -> NDArray[np.float64]:
+    """(3, 3) rotation of a quaternion, normalised first; ValueError when its norm is not near one."""
+    norm = math.sqrt(x * x + y * y + z * z + w * w)
+    if not abs(norm - 1.0) < 0.1:
+        raise ValueError(f"not a unit quaternion: ({x}, {y}, {z}, {w})")
+    x, y, z, w = x / norm, y / norm, z / norm, w / norm
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _assemble(R: NDArray[np.float64], translation: ArrayLike) -> Transform:
+    T = np.eye(4)
+    T[:3, :3] = R
+    T[:3, 3] = translation
+    return T
+
+
+def transform_from_rpy(xyz: ArrayLike, rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Transform:
+    """Transform with translation `xyz` in metres and rotation `rpy` in radians."""
+    return _assemble(rotation_from_rpy(*rpy), xyz)
+
+
+def transform_from_quat(xyz: ArrayLike, quat_xyzw: tuple[float, float, float, float]) -> Transform:
+    """Transform with translation `xyz` in metres and the rotation of a unit quaternion."""
+    return _assemble(rotation_from_quat(*quat_xyzw), xyz)
+
+
+def quat_xyzw_from_transform(T: Transform) -> NDArray[np.float64]:
+    """(4,) unit quaternion x, y, z, w with w >= 0."""
+    return np.asarray(Rotation.from_matrix(T[:3, :3]).as_quat(canonical=True))
+
+
+def inverse(T: Transform) -> Transform:
+    """Inverse of a rigid transform, by its transposed rotation."""
+    R_t = T[:3, :3].T
+    return _assemble(R_t, -R_t @ T[:3, 3])
+
+
+def transform_points(T: Transform, points: NDArray[np.floating]) -> NDArray[np.floating]:
+    """(N, 3) points moved by `T`, in the dtype of `points`."""
+    R, t = T[:3, :3].astype(points.dtype), T[:3, 3].astype(points.dtype)
+    return points @ R.T + t
+
+
+def interpolate_transforms(stamps: ArrayLike, transforms: NDArray[np.float64], at: ArrayLike) -> NDArray[np.float64]:
+    """(K, 4, 4) transforms at the times `at` between (M,) increasing stamps and their (M, 4, 4) transforms.
+
+    Linear in translation, spherical in rotation. ValueError when a time lies outside: nothing is extrapolated.
+    """
+    stamps = np.asarray(stamps, dtype=np.float64)
+    at = np.atleast_1d(np.asarray(at, dtype=np.float64))
+    if at.size and (at.min() < stamps[0] - 1e-9 or at.max() > stamps[-1] + 1e-9):
+        raise ValueError(f"times {at.min():.4f}..{at.max():.4f} s lie outside the poses {stamps[0]:.4f}..{stamps[-1]:.4f} s")
+    at = np.clip(at, stamps[0], stamps[-1])
+    out = np.tile(np.eye(4), (at.size, 1, 1))
+    if stamps.size == 1:
+        out[:] = transforms[0]
+        return out
+    out[:, :3, :3] = Slerp(stamps, Rotation.from_matrix(transforms[:, :3, :3]))(at).as_matrix()
+    for axis in range(3):
+        out[:, axis, 3] = np.interp(at, stamps, transforms[:, axis, 3])
+    return out
+
+
+def angle_difference(a: float, b: float) -> float:
+    """The signed turn from angle `b` to angle `a`, in (-pi, pi]."""
+    d = math.remainder(a - b, 2.0 * math.pi)
+    return math.pi if d == -math.pi else d
+
+
+def yaw_of(T: Transform) -> float:
+    """Heading of the x axis, projected on the horizontal plane."""
+    return math.atan2(T[1, 0], T[0, 0])
+
+
+def tilt_angle(T: Transform) -> float:
+    """Angle between the frame's z axis and the vertical, in [0, pi]."""
+    return math.acos(max(-1.0, min(1.0, T[2, 2])))
+
+
+def rotation_angle(T: Transform) -> float:
+    """Angle of the rotation of `T`, in [0, pi]."""
+    skew = np.array([T[2, 1] - T[1, 2], T[0, 2] - T[2, 0], T[1, 0] - T[0, 1]])
+    return math.atan2(0.5 * float(np.linalg.norm(skew)), 0.5 * (float(np.trace(T[:3, :3])) - 1.0))
+
+
+def translation_distance(T_a: Transform, T_b: Transform) -> float:
+    """Euclidean distance between two origins, in metres."""
+    return float(np.linalg.norm(T_a[:3, 3] - T_b[:3, 3]))

@@ -1,0 +1,93 @@
+"""Dataclass fields with units, meaning and range; loading them from a mapping reports every violation at once."""
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeVar
+
+C = TypeVar("C")
+
+
+class ConfigError(ValueError):
+    """A configuration with at least one wrong name or value; the text lists them all, one a line."""
+
+
+def parameter(default: Any, unit: str, meaning: str, *, low: float | None = None, high: float | None = None, choices: tuple[str, ...] = ()) -> Any:
+    """A dataclass field with its default, unit ("m", "rad", "-"), meaning and inclusive range or choices."""
+    metadata = {"unit": unit, "meaning": meaning, "low": low, "high": high, "choices": choices}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def _number_violation(value: Any, low: float | None, high: float | None) -> str | None:
+    if not math.isfinite(value):
+        return "is not finite"
+    if low is not None and value < low:
+        return f"is below {low}"
+    if high is not None and value > high:
+        return f"is above {high}"
+    return None
+
+
+def _violation(field: dataclasses.Field[Any], value: Any) -> str | None:
+    choices = field.metadata.get("choices")
+    if choices and value not in choices:
+        return f"is none of {', '.join(map(str, choices))}"
+    values = value if isinstance(value, tuple) else (value,)
+    for item in values:
+        if isinstance(item, (int, float)) and not isinstance(item, bool):
+            found = _number_violation(item, field.metadata.get("low"), field.metadata.get("high"))
+            if found:
+                return found
+    return None
+
+
+def check_ranges(config: Any) -> list[str]:
+    """All violations of the declared ranges and choices of a config dataclass, as sentences."""
+    found = ((f.name, getattr(config, f.name), _violation(f, getattr(config, f.name))) for f in dataclasses.fields(config))
+    return [f"{name} = {value!r} {text}" for name, value, text in found if text]
+
+
+def _coerce(field: dataclasses.Field[Any], value: Any) -> Any:
+    """`value` in the type of the field's default; TypeError when it does not fit without loss."""
+    wanted = type(field.default)
+    if wanted is tuple and isinstance(value, (list, tuple)):
+        return tuple(float(v) if isinstance(v, int) and not isinstance(v, bool) else v for v in value)
+    if wanted is float and isinstance(value, int) and not isinstance(value, bool):
+        return float(value)
+    if type(value) is not wanted:
+        raise TypeError(f"{field.name} = {value!r} is no {wanted.__name__}")
+    return value
+
+
+def load_config(cls: type[C], values: Mapping[str, Any]) -> C:
+    """A `cls` from its defaults and `values`; ConfigError lists unknown names (with the nearest), wrong types and ranges."""
+    fields = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
+    problems: list[str] = []
+    known: dict[str, Any] = {}
+    for name, value in values.items():
+        if name not in fields:
+            near = difflib.get_close_matches(name, fields, n=1, cutoff=0.5)
+            problems.append(f"unknown parameter {name}" + (f", did you mean {near[0]}?" if near else f"; known: {', '.join(fields)}"))
+            continue
+        try:
+            known[name] = _coerce(fields[name], value)
+        except TypeError as error:
+            problems.append(str(error))
+    config = cls(**known)
+    validate = getattr(config, "validate", None)
+    problems += validate() if validate else check_ranges(config)
+    if problems:
+        raise ConfigError("\n".join(f"{cls.__name__}: {p}" for p in problems))
+    return config
+
+
+def documented(cls: type) -> Iterator[tuple[str, Any, str, str]]:
+    """(name, default, unit, meaning) of every field, for the parameter reference."""
+    for f in dataclasses.fields(cls):  # type: ignore[arg-type]
+        yield f.name, f.default, f.metadata.get("unit", ""), f.metadata.get("meaning", "")
+
+
+def to_mapping(config: Any) -> dict[str, Any]:
+    """The effective values as plain types, to be saved with the results."""
+    return {k: list(v) if isinstance(v, tuple) else v for k, v in dataclasses.asdict(config).items()}
