@@ -1,0 +1,21 @@
+"""Preprocessing of the laser (thesis 5.3): scans are cleaned, horizontal ones cut short, and the scans of a sweep become one cloud.
+
+Stands between the laser driver and the mapping: `ScanFilter` sees every scan, `SweepAssembler` gives one `Sweep` a turn of the tilt.
+"""
+
+from sweep_assembly.assembler import Sweep, SweepAssembler, SweepAssemblyConfig
+from sweep_assembly.geometry import ScanGeometry, TiltGeometry
+from sweep_assembly.scan_filter import ScanFilter, ScanFilterConfig
+from sweep_assembly.sweep_window import SweepWindow, SweepWindowDetector
+
+__all__ = [
+    "ScanFilter",
+    "ScanFilterConfig",
+    "ScanGeometry",
+    "Sweep",
+    "SweepAssembler",
+    "SweepAssemblyConfig",
+    "SweepWindow",
+    "SweepWindowDetector",
+    "TiltGeometry",
+]

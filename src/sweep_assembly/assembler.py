@@ -1,0 +1,230 @@
+"""Scans of one sweep, with joint samples and odometry, become one de-skewed cloud in base_link (thesis 5.3, figure 5.6).
+
+Inputs come a message at a time, in order within a topic and in any order between topics. The sweep depends on the stamps
+only: it is given out when everything up to its end is there.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigid_geometry import as_transform, interpolate_transforms, inverse
+from stage_config import check_ranges, parameter
+from sweep_assembly.geometry import FloatArray, ScanGeometry, TiltGeometry
+from sweep_assembly.stamped_buffer import Arrival, StampedBuffer
+from sweep_assembly.sweep_window import SweepWindow, SweepWindowDetector
+
+STAMP_TOLERANCE_S = 1e-6
+NODE_SPACING_S = 0.002  # the laser's pose is exact at nodes and linear between them: 3 rad/s bends a 30 m beam by 0.1 mm
+
+
+@dataclass(frozen=True)
+class SweepAssemblyConfig:
+    """When a sweep begins and ends, and which gaps in the inputs it stands."""
+
+    horizontal_tolerance_rad: float = parameter(0.01, "rad", "tilt up to which the laser counts as horizontal", low=1e-4, high=0.2)
+    still_rate_rad_s: float = parameter(
+        0.05, "rad/s", "tilt rate up to which the mount rests; below the sweep's rate at the horizon", low=1e-4
+    )
+    max_duration_s: float = parameter(30.0, "s", "a sweep that takes longer is dropped", low=0.1)
+    max_joint_gap_s: float = parameter(0.11, "s", "scans that overlap a longer pause of the joint samples are dropped", low=1e-3)
+    max_odometry_gap_s: float = parameter(0.21, "s", "scans that overlap a longer pause of the odometry are dropped", low=1e-3)
+    jump_back_s: float = parameter(0.5, "s", "a stamp this much older than its topic's latest is a jump of time: start afresh", low=0.0)
+    buffer_s: float = parameter(60.0, "s", "oldest data kept while another topic is silent; at 40 Hz a second of scans is 0.2 MB", low=1.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        found = check_ranges(self)
+        if self.buffer_s <= self.max_duration_s:
+            found.append(f"buffer_s = {self.buffer_s} is not above max_duration_s = {self.max_duration_s}")
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """One de-skewed cloud, in base_link as it stood at `stamp_s`.
+
+    `stamp_s`: the first joint sample at which the laser is horizontal again; `start_stamp_s`: the last one before it left.
+    `points`: (N, 3) float32 metres, in the order in which they were measured. `origins`: (N, 3) float32, where the laser was
+    for each of them. `scans`: how many scans gave points.
+    """
+
+    stamp_s: float
+    start_stamp_s: float
+    points: NDArray[np.float32]
+    origins: NDArray[np.float32]
+    scans: int
+
+
+class SweepAssembler:
+    """Collects joints, odometry and scans, and gives out each sweep once."""
+
+    def __init__(self, config: SweepAssemblyConfig, geometry: ScanGeometry, tilt_geometry: TiltGeometry) -> None:
+        """ValueError when the configuration is wrong."""
+        problems = config.validate()
+        if problems:
+            raise ValueError("; ".join(problems))
+        self._config = config
+        self._geometry = geometry
+        self._tilt_geometry = tilt_geometry
+        self._dropped: Counter[str] = Counter()
+        self._reset()
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """How many messages, scans and sweeps were given up, by reason."""
+        return dict(self._dropped)
+
+    @property
+    def buffered(self) -> int:
+        """Messages held at present."""
+        return len(self._joints) + len(self._odometry) + len(self._scans)
+
+    def add_joint(self, stamp_s: float, tilt_rad: float) -> None:
+        """Takes the tilt at a time. What is not finite, late or repeated is dropped and counted."""
+        if not np.isfinite([stamp_s, tilt_rad]).all():
+            self._dropped["joint_not_finite"] += 1
+        elif self._arrives(self._joints, stamp_s):
+            self._joints.append(stamp_s, tilt_rad)
+            window = self._detector.add(stamp_s, tilt_rad)
+            if window:
+                self._pending.append(window)
+            self._trim()
+
+    def add_odometry(self, stamp_s: float, T_odom_base: ArrayLike) -> None:
+        """Takes the (4, 4) pose of base_link at a time. What is not finite, not rigid, late or repeated is dropped and counted."""
+        try:
+            pose = as_transform(T_odom_base)
+        except ValueError:
+            self._dropped["odometry_not_rigid"] += 1
+            return
+        if not np.isfinite(stamp_s):
+            self._dropped["odometry_not_finite"] += 1
+        elif self._arrives(self._odometry, stamp_s):
+            self._odometry.append(stamp_s, pose)
+
+    def add_scan(self, stamp_s: float, ranges_filtered: ArrayLike) -> None:
+        """Takes (n,) filtered ranges with the stamp of the first beam; only finite ranges become points.
+
+        ValueError on another number of beams. What is late or repeated is dropped and counted.
+        """
+        ranges = np.array(ranges_filtered, dtype=np.float32)
+        if ranges.shape != (self._geometry.count,):
+            raise ValueError(f"a scan of this laser has shape ({self._geometry.count},), not {ranges.shape}")
+        if not np.isfinite(stamp_s):
+            self._dropped["scan_not_finite"] += 1
+        elif self._arrives(self._scans, stamp_s):
+            self._scans.append(stamp_s, ranges)
+
+    def poll(self) -> Sweep | None:
+        """The oldest sweep that is complete and was not given out yet. Call until it returns None."""
+        while self._pending and self._complete(self._pending[0]):
+            window = self._pending.pop(0)
+            sweep = self._assemble(window)
+            self._trim()
+            if sweep is not None:
+                return sweep
+            self._dropped["sweep_empty"] += 1
+        return None
+
+    def _reset(self) -> None:
+        config = self._config
+        self._joints: StampedBuffer[float] = StampedBuffer("joint", config.jump_back_s, config.buffer_s, self._dropped)
+        self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", config.jump_back_s, config.buffer_s, self._dropped)
+        self._scans: StampedBuffer[NDArray[np.float32]] = StampedBuffer("scan", config.jump_back_s, config.buffer_s, self._dropped)
+        self._detector = SweepWindowDetector(config.horizontal_tolerance_rad, config.still_rate_rad_s, config.max_duration_s, self._dropped)
+        self._pending: list[SweepWindow] = []
+
+    def _arrives(self, buffer: StampedBuffer[Any], stamp_s: float) -> bool:
+        """Whether a message is to be kept; when time jumped back everything older is forgotten first."""
+        arrival = buffer.judge(stamp_s)
+        if arrival is Arrival.TIME_JUMP:
+            self._reset()
+        return arrival is not Arrival.LATE
+
+    def _complete(self, window: SweepWindow) -> bool:
+        """A scan that starts at or after the end proves that none of the sweep's is missing."""
+        end = window.end_stamp_s - STAMP_TOLERANCE_S
+        return all(buffer.last_stamp_s is not None and buffer.last_stamp_s >= end for buffer in (self._odometry, self._scans))
+
+    def _trim(self) -> None:
+        needed_from = self._pending[0].start_stamp_s if self._pending else self._detector.needed_from_s
+        if needed_from is None:
+            return
+        self._joints.forget_before(needed_from)
+        self._odometry.forget_before(needed_from)
+        self._scans.forget_before(needed_from - self._geometry.duration_s)
+
+    def _assemble(self, window: SweepWindow) -> Sweep | None:
+        stamps, scans = self._usable_scans(window)
+        if stamps.size == 0:
+            return None
+        times = stamps[:, None] + self._geometry.beam_times
+        ranges = np.stack(scans)
+        inside = (times >= window.start_stamp_s) & (times <= window.end_stamp_s + STAMP_TOLERANCE_S)
+        scan_index, beam_index = np.nonzero(inside & np.isfinite(ranges))
+        if scan_index.size == 0:
+            return None
+        laser_points = ranges[scan_index, beam_index, None] * self._geometry.directions[beam_index, :2]
+        nodes, T_end_laser = self._laser_poses(window)
+        points, origins = _along_nodes(nodes, T_end_laser, times[scan_index, beam_index], laser_points)
+        return Sweep(window.end_stamp_s, window.start_stamp_s, points, origins, int(np.unique(scan_index).size))
+
+    def _usable_scans(self, window: SweepWindow) -> tuple[FloatArray, list[NDArray[np.float32]]]:
+        """Scans that overlap the window, less those with too long a pause of joints or odometry around them."""
+        duration = self._geometry.duration_s
+        stamps, scans = self._scans.between(window.start_stamp_s - duration, window.end_stamp_s)
+        blind = _overlaps_gap(stamps, stamps + duration, self._joints.stamps, self._config.max_joint_gap_s, window)
+        lost = _overlaps_gap(stamps, stamps + duration, self._odometry.stamps, self._config.max_odometry_gap_s, window) & ~blind
+        self._count("scan_without_joints", blind)
+        self._count("scan_without_odometry", lost)
+        usable = ~(blind | lost)
+        return stamps[usable], [scan for scan, good in zip(scans, usable, strict=True) if good]
+
+    def _count(self, reason: str, mask: NDArray[np.bool_]) -> None:
+        if mask.any():
+            self._dropped[reason] += int(mask.sum())
+
+    def _laser_poses(self, window: SweepWindow) -> tuple[FloatArray, FloatArray]:
+        """(K,) node times and (K, 4, 4) poses of the laser in base_link at the end: every input stamp is a node, and enough between."""
+        joint_stamps, odometry_stamps = self._joints.stamps, self._odometry.stamps
+        start = max(window.start_stamp_s, odometry_stamps[0])
+        end = min(window.end_stamp_s, odometry_stamps[-1])
+        regular = np.linspace(start, end, int(np.ceil((end - start) / NODE_SPACING_S)) + 1)
+        nodes = np.unique(np.concatenate([regular, joint_stamps, odometry_stamps]))
+        nodes = nodes[(nodes >= start) & (nodes <= end)]
+        T_odom_base = interpolate_transforms(odometry_stamps, np.stack(self._odometry.values), nodes)
+        tilts = np.interp(nodes, joint_stamps, self._joints.values)
+        return nodes, inverse(T_odom_base[-1]) @ T_odom_base @ self._tilt_geometry.base_from_laser(tilts)
+
+
+def _overlaps_gap(starts: FloatArray, ends: FloatArray, stamps: FloatArray, max_gap_s: float, window: SweepWindow) -> NDArray[np.bool_]:
+    """(S,) whether each scan overlaps a stretch of the window in which `stamps` pause for longer than allowed or do not reach."""
+    found = np.zeros(starts.shape, dtype=np.bool_)
+    pauses = np.flatnonzero(np.diff(stamps) > max_gap_s)
+    gaps: Sequence[tuple[float, float]] = [(stamps[i], stamps[i + 1]) for i in pauses]
+    outside = [(-np.inf, stamps[0]), (stamps[-1], np.inf)]
+    for low, high in [*gaps, *outside]:
+        low, high = max(low, window.start_stamp_s), min(high, window.end_stamp_s)
+        if high > low:
+            found |= (starts < high) & (ends > low)
+    return found
+
+
+def _along_nodes(
+    nodes: FloatArray, T_base_laser: FloatArray, times: FloatArray, laser_points: FloatArray
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """(N, 3) points and origins of (N, 2) points of the scan plane, with the laser's pose linear in time between the nodes."""
+    index = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, max(nodes.size - 2, 0))
+    span = np.diff(nodes, append=nodes[-1] + 1.0)[index]
+    fraction = np.clip((times - nodes[index]) / span, 0.0, 1.0)
+    columns = T_base_laser[:, :3, [0, 1, 3]]
+    change = np.diff(columns, axis=0, append=columns[-1:])
+    poses = columns[index] + fraction[:, None, None] * change[index]
+    origins = poses[:, :, 2]
+    points = laser_points[:, :1] * poses[:, :, 0] + laser_points[:, 1:] * poses[:, :, 1] + origins
+    return points.astype(np.float32), origins.astype(np.float32)

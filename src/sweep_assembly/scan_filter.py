@@ -1,0 +1,155 @@
+"""First stage behind the laser: readings that are no surface of the world become NaN (thesis 5.3, first paragraph).
+
+Range limits, veiled points between a near edge and what lies behind it, and the robot's own body. Of horizontal scans it
+also makes the short-range ones that the obstacle layer of the costmap reads while driving.
+"""
+
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from stage_config import check_ranges, parameter
+from sweep_assembly.geometry import FloatArray, ScanGeometry, TiltGeometry
+
+Ranges = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+NOTHING_IN_RANGE_M = 1e6  # stands for +inf where differences of ranges are taken
+
+
+@dataclass(frozen=True)
+class ScanFilterConfig:
+    """What counts as a valid reading of the laser."""
+
+    min_range_m: float = parameter(0.15, "m", "nearer readings are invalid", low=0.0)
+    max_range_m: float = parameter(30.0, "m", "farther readings mean that nothing is in range", low=0.5)
+    veiling_angle_rad: float = parameter(
+        0.10, "rad", "a pair of neighbouring points is suspect when their line is this near to the beam", low=0.0, high=0.8
+    )
+    veiling_min_jump_m: float = parameter(0.15, "m", "and their ranges differ by this much, several times the range noise", low=0.0)
+    veiling_max_points: int = parameter(
+        3, "-", "suspect points in a row that are veiled; more are a surface seen at a low angle", low=0, high=50
+    )
+    body_min_m: tuple[float, ...] = parameter((-0.60, -0.45, -0.20), "m", "lower corner of the own body's box in base_link, x y z")
+    body_max_m: tuple[float, ...] = parameter((0.60, 0.45, 0.90), "m", "upper corner of the own body's box in base_link, x y z")
+    horizontal_max_range_m: float = parameter(2.5, "m", "range of the horizontal scans for the obstacle layer", low=0.2)
+    horizontal_tolerance_rad: float = parameter(0.01, "rad", "tilt up to which a scan counts as horizontal", low=0.0, high=0.2)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        found = check_ranges(self)
+        if self.min_range_m >= self.max_range_m:
+            found.append(f"min_range_m = {self.min_range_m} is not below max_range_m = {self.max_range_m}")
+        if len(self.body_min_m) != 3 or len(self.body_max_m) != 3:
+            found.append(f"body_min_m and body_max_m are x, y, z, not {self.body_min_m}, {self.body_max_m}")
+        elif any(a >= b for a, b in zip(self.body_min_m, self.body_max_m, strict=True)):
+            found.append(f"body_min_m = {self.body_min_m} is not below body_max_m = {self.body_max_m}")
+        return found
+
+
+class ScanFilter:
+    """Filters of one laser on one tilting mount; holds no state between scans."""
+
+    def __init__(self, config: ScanFilterConfig, geometry: ScanGeometry, tilt_geometry: TiltGeometry) -> None:
+        """ValueError when the configuration is wrong."""
+        problems = config.validate()
+        if problems:
+            raise ValueError("; ".join(problems))
+        self._config = config
+        self._geometry = geometry
+        self._mount = tilt_geometry.T_base_mount
+        T = tilt_geometry.T_tilt_laser
+        self._directions_tilt = geometry.directions @ T[:3, :3].T
+        self._laser_in_tilt = T[:3, 3]
+        self._body_reach_m = self._farthest_body_point()
+        increment = abs(geometry.angle_increment)
+        self._sine, self._cosine = np.float32(math.sin(increment)), np.float32(math.cos(increment))
+        self._steepness = np.float32(math.tan(config.veiling_angle_rad))
+
+    def filter(self, ranges: ArrayLike, tilt_at_beam: ArrayLike) -> Ranges:
+        """(n,) float32 ranges in metres with NaN where the reading is no surface, +inf where nothing is in range (REP 117).
+
+        `ranges` is (n,); `tilt_at_beam` the tilt in radians, (n,) or a scalar. Where it is NaN the robot's body cannot be told
+        from obstacles, so readings near enough to be the body become NaN. ValueError on another number of beams.
+        """
+        limited = self._limit(self._checked(ranges))
+        veiled = self._veiled(limited)
+        body = self._on_body(limited, self._tilts(tilt_at_beam))
+        limited[veiled] = np.nan
+        limited[body] = np.nan
+        return limited
+
+    def horizontal(self, ranges_filtered: ArrayLike, tilt: ArrayLike) -> Ranges:
+        """(n,) float32 ranges for the obstacle layer: all NaN unless the laser is horizontal, +inf beyond the short range.
+
+        `ranges_filtered` is what `filter` returned, `tilt` (n,) or a scalar in radians. ValueError on another number of beams.
+        """
+        ranges = self._checked(ranges_filtered)
+        if not bool(np.all(np.abs(self._tilts(tilt)) <= self._config.horizontal_tolerance_rad)):
+            return np.full_like(ranges, np.nan)
+        ranges[ranges > self._config.horizontal_max_range_m] = np.inf
+        return ranges
+
+    def _checked(self, ranges: ArrayLike) -> Ranges:
+        copied = np.array(ranges, dtype=np.float32)
+        if copied.shape != (self._geometry.count,):
+            raise ValueError(f"a scan of this laser has shape ({self._geometry.count},), not {copied.shape}")
+        return copied
+
+    def _tilts(self, tilt: ArrayLike) -> FloatArray:
+        tilts = np.asarray(tilt, dtype=np.float64)
+        if tilts.shape not in ((), (self._geometry.count,)):
+            raise ValueError(f"tilt is a scalar or one value a beam ({self._geometry.count},), not {tilts.shape}")
+        return tilts
+
+    def _limit(self, ranges: Ranges) -> Ranges:
+        ranges[ranges > self._config.max_range_m] = np.inf
+        ranges[ranges < self._config.min_range_m] = np.nan
+        return ranges
+
+    def _veiled(self, ranges: Ranges) -> Mask:
+        """Points that hang between a near edge and the background.
+
+        The angle at the farther point between its beam and the line to its neighbour is laser_filters' test for shadows. Taken alone
+        it also removes every wall and floor seen at a low angle; those give long rows of suspect pairs, veiling short ones.
+        """
+        steps = self._suspect_steps(ranges)
+        inner = (steps[1:] == steps[:-1]) & (steps[1:] != 0)
+        veiled = np.zeros(ranges.shape, dtype=np.bool_)
+        if inner.any():
+            rows = np.concatenate([[0], np.cumsum(steps[1:] != steps[:-1])])
+            row_lengths = np.bincount(rows)[rows[1:]]
+            veiled[1:-1] = inner & (row_lengths <= self._config.veiling_max_points + 1)
+        return veiled
+
+    def _suspect_steps(self, ranges: Ranges) -> NDArray[np.int8]:
+        """(n - 1,) for every pair of neighbours: 0, or +1 / -1 when it steps away / nearer nearly along the beam."""
+        finite = np.minimum(ranges, np.float32(NOTHING_IN_RANGE_M))
+        first, second = finite[:-1], finite[1:]
+        near, far = np.minimum(first, second), np.maximum(first, second)
+        along_beam = near * self._sine < self._steepness * (far - near * self._cosine)
+        suspect = along_beam & (far - near > np.float32(self._config.veiling_min_jump_m))
+        return np.where(suspect, np.where(second > first, np.int8(1), np.int8(-1)), np.int8(0))
+
+    def _on_body(self, ranges: Ranges, tilts: FloatArray) -> NDArray[np.intp]:
+        """Indices of readings inside the body's box; only those in reach of the box are moved to base_link."""
+        near = np.flatnonzero(ranges < self._body_reach_m)
+        if near.size == 0:
+            return near
+        tilt = tilts[near] if tilts.ndim else np.broadcast_to(tilts, near.shape)
+        points = self._points_in_base(near, ranges, tilt)
+        outside = (points < self._config.body_min_m) | (points > self._config.body_max_m)
+        return near[~outside.any(axis=1)]  # NaN is on no side, hence not outside
+
+    def _points_in_base(self, beams: NDArray[np.intp], ranges: Ranges, tilt: FloatArray) -> FloatArray:
+        x, y, z = (self._laser_in_tilt + ranges[beams, None] * self._directions_tilt[beams]).T
+        cosine, sine = np.cos(tilt), np.sin(tilt)
+        turned = np.column_stack([cosine * x + sine * z, y, cosine * z - sine * x])
+        return np.asarray(turned @ self._mount[:3, :3].T + self._mount[:3, 3])
+
+    def _farthest_body_point(self) -> np.float32:
+        corners = np.array(list(itertools.product(*zip(self._config.body_min_m, self._config.body_max_m, strict=True))))
+        from_mount = np.linalg.norm(corners - self._mount[:3, 3], axis=1).max()
+        return np.float32(from_mount + np.linalg.norm(self._laser_in_tilt))

@@ -1,0 +1,240 @@
+"""A sweep is found, completed, de-skewed and given out once, whatever the order in which messages come."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rigid_geometry import inverse, transform_from_rpy, transform_points
+from sweep_assembly import ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
+
+GEOMETRY = ScanGeometry(math.radians(-135.0), math.radians(3.0), 0.025 / 120, 91)
+TILT = TiltGeometry(transform_from_rpy((0.20, 0.0, 0.75)), transform_from_rpy((0.03, 0.0, 0.04)))
+ROOM_LOW, ROOM_HIGH = np.array([-3.0, -2.0, -0.132]), np.array([5.0, 4.0, 3.0])
+SWEEP_START, SWEEP_END = 2.0, 4.0
+
+
+def tilt_at(t: float) -> float:
+    """0, over the nose to behind, slowly back through the horizon to above, and back to 0."""
+    return float(np.interp(t, [2.0, 2.5, 3.8, 4.0], [0.0, 2.88, -0.61, 0.0]))
+
+
+def still(t: float) -> np.ndarray:
+    return transform_from_rpy((1.0, 0.5, 0.0), (0.0, 0.0, 0.3))
+
+
+def moving(t: float) -> np.ndarray:
+    """Constant body twist between the samples, so that interpolation is exact: straight in odom, turning evenly."""
+    return transform_from_rpy((0.3 * (t - 3.0), 0.1 * t, 0.0), (0.0, 0.0, 0.6 * (t - 3.0)))
+
+
+def room_ranges(T_odom_laser: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(n,) distances to the walls of a room without anything in it; T is (n, 4, 4), a beam each."""
+    heading = np.einsum("nij,nj->ni", T_odom_laser[:, :3, :3], directions)
+    origin = T_odom_laser[:, :3, 3]
+    heading[heading == 0.0] = 1e-12
+    to_walls = np.where(heading > 0, (ROOM_HIGH - origin) / heading, (ROOM_LOW - origin) / heading)
+    return to_walls.min(axis=1)
+
+
+def messages(pose=still, begin=1.5, end=4.3) -> dict[str, list[tuple[float, object]]]:
+    ticks = np.arange(round(begin / 0.025), round(end / 0.025) + 1) * 0.025
+    scans = []
+    for stamp in ticks:
+        times = stamp + GEOMETRY.beam_times
+        T = np.stack([pose(t) @ TILT.base_from_laser(tilt_at(t))[0] for t in times])
+        scans.append((float(stamp), room_ranges(T, GEOMETRY.directions).astype(np.float32)))
+    return {
+        "joint": [(float(t), tilt_at(t)) for t in ticks],
+        "odometry": [(float(t), pose(t)) for t in ticks[::2]],
+        "scan": scans,
+    }
+
+
+def make(**changes) -> SweepAssembler:
+    return SweepAssembler(SweepAssemblyConfig(**changes), GEOMETRY, TILT)
+
+
+def feed(assembler: SweepAssembler, topic: str, stamp: float, value: object) -> None:
+    {"joint": assembler.add_joint, "odometry": assembler.add_odometry, "scan": assembler.add_scan}[topic](stamp, value)
+
+
+def run(assembler: SweepAssembler, inputs: dict, keep=lambda topic, stamp: True) -> list:
+    merged = sorted((stamp, topic, i) for topic, rows in inputs.items() for i, (stamp, _) in enumerate(rows) if keep(topic, stamp))
+    sweeps = []
+    for stamp, topic, i in merged:
+        feed(assembler, topic, stamp, inputs[topic][i][1])
+        sweeps.append(assembler.poll())
+    return [s for s in sweeps if s is not None]
+
+
+STILL, MOVING = messages(still), messages(moving)
+
+
+def wall_error(sweep, pose) -> np.ndarray:
+    points = transform_points(pose(sweep.stamp_s), sweep.points.astype(float))
+    return np.minimum(np.abs(points - ROOM_LOW), np.abs(points - ROOM_HIGH)).min(axis=1)
+
+
+def test_sweep_begins_where_tilt_leaves_and_ends_where_it_rests_at_the_horizontal():
+    (sweep,) = run(make(), STILL)
+    assert sweep.start_stamp_s == pytest.approx(SWEEP_START)
+    assert sweep.stamp_s == pytest.approx(SWEEP_END)
+    assert sweep.scans == 81  # the last one with its first beam only
+    assert sweep.points.shape == sweep.origins.shape == (80 * GEOMETRY.count + 1, 3)
+    assert sweep.points.dtype == sweep.origins.dtype == np.float32
+
+
+@pytest.mark.parametrize(("pose", "inputs"), [(still, STILL), (moving, MOVING)])
+def test_points_lie_on_the_walls_also_when_base_and_mount_move(pose, inputs):
+    (sweep,) = run(make(), inputs)
+    assert wall_error(sweep, pose).max() < 1e-3
+
+
+def test_origins_are_where_the_beam_started():
+    (sweep,) = run(make(), MOVING)
+    time = 3.0 + GEOMETRY.beam_times[5]
+    T = inverse(moving(sweep.stamp_s)) @ moving(time) @ TILT.base_from_laser(tilt_at(time))[0]
+    index = 40 * GEOMETRY.count + 5
+    np.testing.assert_allclose(sweep.origins[index], T[:3, 3], atol=1e-5)
+    ranges = np.linalg.norm(sweep.points - sweep.origins, axis=1)[40 * GEOMETRY.count : 41 * GEOMETRY.count]
+    np.testing.assert_allclose(ranges, dict(MOVING["scan"])[3.0], rtol=1e-4)
+
+
+def test_tilt_with_roll_in_its_mount_is_carried_through():
+    crooked = TiltGeometry(transform_from_rpy((0.2, 0.0, 0.75), (0.05, -0.02, 0.1)), transform_from_rpy((0.03, 0.01, 0.04), (0.02, 0, 0)))
+    T = crooked.base_from_laser(np.array([0.7]))[0]
+    expected = crooked.T_base_mount @ transform_from_rpy((0, 0, 0), (0.0, 0.7, 0.0)) @ crooked.T_tilt_laser
+    np.testing.assert_allclose(T, expected, atol=1e-12)
+
+
+def test_nothing_is_given_out_before_scans_and_odometry_reach_the_end():
+    for silent in ("scan", "odometry"):
+        assembler = make()
+        assert run(assembler, STILL, keep=lambda topic, stamp, silent=silent: topic != silent or stamp < SWEEP_END - 1e-4) == []
+        rest = {silent: [row for row in STILL[silent] if row[0] >= SWEEP_END - 1e-4]}
+        assert len(run(assembler, rest)) == 1
+        assert assembler.poll() is None
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(st.randoms(use_true_random=False))
+def test_order_between_topics_does_not_matter(random):
+    (expected,) = run(make(), MOVING)
+    assembler = make()
+    queues = {topic: list(rows) for topic, rows in MOVING.items()}
+    sweeps = []
+    while any(queues.values()):
+        topic = random.choice([t for t, rows in queues.items() if rows])
+        for _ in range(random.choice([1, 3, 200])):
+            if queues[topic]:
+                feed(assembler, topic, *queues[topic].pop(0))
+        sweeps.append(assembler.poll())
+    (sweep,) = [s for s in sweeps if s is not None]
+    assert (sweep.stamp_s, sweep.start_stamp_s) == (expected.stamp_s, expected.start_stamp_s)
+    np.testing.assert_array_equal(sweep.points, expected.points)
+    np.testing.assert_array_equal(sweep.origins, expected.origins)
+
+
+def test_invalid_readings_and_empty_directions_give_no_points():
+    inputs = dict(STILL)
+    blank = np.where(np.arange(GEOMETRY.count) % 2, np.nan, np.inf)
+    inputs["scan"] = [(stamp, blank if 2.5 <= stamp < 3.0 else ranges) for stamp, ranges in STILL["scan"]]
+    (sweep,) = run(make(), inputs)
+    assert np.isfinite(sweep.points).all()
+    assert sweep.points.shape[0] == 60 * GEOMETRY.count + 1
+
+
+@pytest.mark.parametrize(("topic", "reason"), [("joint", "scan_without_joints"), ("odometry", "scan_without_odometry")])
+def test_scans_within_a_pause_of_the_other_inputs_are_dropped_and_counted(topic, reason):
+    assembler = make()
+    (sweep,) = run(assembler, STILL, keep=lambda t, stamp: t != topic or not 2.99 < stamp < 3.31)
+    assert 13 <= assembler.dropped[reason] <= 17
+    assert sweep.scans == 81 - assembler.dropped[reason]
+    assert wall_error(sweep, still).max() < 1e-3
+
+
+def test_odometry_that_starts_in_the_sweep_costs_the_scans_before_it():
+    assembler = make()
+    (sweep,) = run(assembler, STILL, keep=lambda t, stamp: t != "odometry" or stamp > 2.9)
+    assert assembler.dropped["scan_without_odometry"] > 30
+    assert wall_error(sweep, still).max() < 1e-3
+
+
+def test_sweep_without_any_usable_scan_is_counted():
+    assembler = make()
+    assert run(assembler, STILL, keep=lambda t, stamp: t != "scan" or stamp > 4.1) == []
+    assert assembler.dropped == {"sweep_empty": 1}
+
+
+def test_node_that_joins_in_the_middle_waits_for_the_next_sweep():
+    assembler = make()
+    assert run(assembler, STILL, keep=lambda t, stamp: stamp > 2.6) == []
+    assert assembler.dropped == {"sweep_without_start": 1}
+
+
+def test_sweep_that_never_returns_is_dropped():
+    assembler = make(max_duration_s=1.0)
+    assert run(assembler, STILL) == []
+    assert assembler.dropped == {"sweep_too_long": 1}
+    later = {topic: [(stamp + 5.0, value) for stamp, value in rows] for topic, rows in STILL.items()}
+    assert run(assembler, later) == []
+    assert assembler.dropped["sweep_too_long"] == 2
+
+
+def test_time_that_jumps_back_starts_afresh():
+    assembler = make()
+    run(assembler, STILL, keep=lambda t, stamp: stamp < 3.5)
+    (sweep,) = run(assembler, STILL)
+    assert assembler.dropped["time_jump"] >= 1
+    (expected,) = run(make(), STILL)
+    np.testing.assert_array_equal(sweep.points, expected.points)
+
+
+def test_repeated_and_unreadable_messages_are_dropped_and_counted():
+    assembler = make()
+    assembler.add_joint(1.0, 0.0)
+    assembler.add_joint(1.0, 0.0)
+    assembler.add_joint(1.1, math.nan)
+    assembler.add_odometry(1.0, np.full((4, 4), np.nan))
+    assembler.add_odometry(math.nan, np.eye(4))
+    assembler.add_scan(math.inf, np.ones(GEOMETRY.count))
+    reasons = ("joint_late", "joint_not_finite", "odometry_not_rigid", "odometry_not_finite", "scan_not_finite")
+    assert assembler.dropped == dict.fromkeys(reasons, 1)
+    with pytest.raises(ValueError, match=r"\(91,\)"):
+        assembler.add_scan(1.0, np.ones(3))
+
+
+def test_memory_stays_bounded_while_driving_and_when_a_topic_is_silent():
+    driving, silent = make(), make(buffer_s=31.0)
+    ranges = np.ones(GEOMETRY.count, dtype=np.float32)
+    for i in range(4000):
+        driving.add_joint(i * 0.025, 0.0)
+        for assembler in (driving, silent):
+            assembler.add_scan(i * 0.025, ranges)
+            assembler.add_odometry(i * 0.025, np.eye(4))
+    assert driving.buffered < 12
+    assert silent.buffered <= 2 * 1242
+    assert silent.dropped["scan_overflow"] > 0
+
+
+def test_two_sweeps_in_a_row_are_given_out_in_order():
+    later = {topic: [(stamp + 3.0, value) for stamp, value in rows if stamp > 1.6] for topic, rows in STILL.items()}
+    assembler = make()
+    for inputs in (STILL, later):
+        for topic, rows in inputs.items():
+            for stamp, value in rows:
+                feed(assembler, topic, stamp, value)
+    first, second = assembler.poll(), assembler.poll()
+    assert first is not None and second is not None and assembler.poll() is None
+    np.testing.assert_allclose(first.points, second.points, atol=1e-5)
+    assert second.stamp_s == pytest.approx(first.stamp_s + 3.0)
+
+
+def test_configuration_is_checked():
+    assert SweepAssemblyConfig().validate() == []
+    assert len(SweepAssemblyConfig(buffer_s=5.0, still_rate_rad_s=0.0).validate()) == 2
+    with pytest.raises(ValueError, match="buffer_s"):
+        make(buffer_s=5.0)

@@ -1,0 +1,145 @@
+"""Readings that are no surface become NaN; everything else passes unchanged."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rigid_geometry import transform_from_rpy
+from sweep_assembly import ScanFilter, ScanFilterConfig, ScanGeometry, TiltGeometry
+
+GEOMETRY = ScanGeometry(math.radians(-135.0), math.radians(0.25), 0.025 / 1440, 1081)
+TILT = TiltGeometry(transform_from_rpy((0.20, 0.0, 0.75)), transform_from_rpy((0.03, 0.0, 0.04)))
+ANGLES = GEOMETRY.angle_min + GEOMETRY.angle_increment * np.arange(GEOMETRY.count)
+STRAIGHT_DOWN = math.pi / 2
+INF, NAN = np.inf, np.nan
+
+
+def make_filter(**changes) -> ScanFilter:
+    return ScanFilter(ScanFilterConfig(**changes), GEOMETRY, TILT)
+
+
+def scan(fill: float = 5.0) -> np.ndarray:
+    return np.full(GEOMETRY.count, fill, dtype=np.float32)
+
+
+def wall_at_side(distance: float, noise: float = 0.0, seed: int = 1) -> np.ndarray:
+    """A long corridor wall on the left, nothing elsewhere."""
+    with np.errstate(divide="ignore"):
+        ranges = np.where(np.sin(ANGLES) > 1e-3, distance / np.sin(ANGLES), INF)
+    ranges += np.random.default_rng(seed).normal(0.0, noise, ranges.shape)
+    return np.where(ranges > 25.0, INF, ranges).astype(np.float32)
+
+
+def test_range_limits_and_special_values_follow_rep_117():
+    ranges = scan()
+    ranges[100:107] = [0.0, 0.05, -INF, INF, NAN, 31.0, 29.9]
+    out = make_filter(veiling_max_points=0).filter(ranges, 0.0)
+    np.testing.assert_array_equal(out[100:107], np.array([NAN, NAN, NAN, INF, NAN, INF, 29.9], dtype=np.float32))
+    assert out.dtype == np.float32
+    np.testing.assert_array_equal(out[:100], ranges[:100])
+
+
+def test_input_is_left_alone():
+    ranges = scan(0.01)
+    make_filter().filter(ranges, 0.0)
+    assert (ranges == np.float32(0.01)).all()
+
+
+@pytest.mark.parametrize(
+    ("row", "veiled"),
+    [
+        ([2, 2, 2, 3.1, 5, 5, 5], [3]),  # one point between edge and background
+        ([5, 5, 4, 3, 2, 2, 2], [2, 3]),  # the other edge, two points
+        ([2, 2, 2, 5, 5, 5, 5], []),  # a clean edge
+        ([5, 5, 5, 2, 5, 5, 5], []),  # a pole one beam wide
+        ([2, 2, 2, 3.1, INF, INF, INF], [3]),  # an edge before the sky
+        ([2, 2, 2, NAN, 5, 5, 5], []),
+        ([2, 2.05, 2.1, 2.15, 2.2, 2.25, 2.3], []),  # steps as small as the noise
+    ],
+)
+def test_points_between_an_edge_and_its_background_are_veiled(row, veiled):
+    ranges = scan(row[-1])
+    ranges[:500] = row[0]
+    ranges[500:507] = row
+    expected = ranges.copy()
+    expected[[500 + i for i in veiled]] = NAN
+    np.testing.assert_array_equal(make_filter().filter(ranges, 0.0), expected)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01, 0.03])
+def test_wall_seen_at_a_low_angle_survives_the_veiling_filter(noise):
+    ranges = wall_at_side(1.0, noise)
+    out = make_filter().filter(ranges, 0.0)
+    measured = np.isfinite(ranges)
+    lost = measured & np.isnan(out)
+    assert lost.sum() <= 0.03 * measured.sum()
+
+
+def test_own_body_is_removed_whatever_the_tilt():
+    down = make_filter().filter(scan(0.5), STRAIGHT_DOWN)
+    middle = GEOMETRY.count // 2
+    assert np.isnan(down[middle])  # 0.25 m above base_link, in the middle of the deck
+    ground = make_filter().filter(scan(0.95), math.radians(30.0))
+    assert np.isfinite(ground[middle])  # nose down 30 deg, 0.95 m ahead: in front of the bumper
+
+
+def test_body_box_agrees_with_points_moved_one_by_one():
+    rng = np.random.default_rng(3)
+    config = ScanFilterConfig(veiling_max_points=0)
+    for tilt in (0.0, 0.7, STRAIGHT_DOWN, 2.8, -0.5):
+        tilts = tilt + rng.uniform(-0.05, 0.05, GEOMETRY.count)
+        ranges = rng.uniform(0.2, 2.0, GEOMETRY.count).astype(np.float32)
+        out = ScanFilter(config, GEOMETRY, TILT).filter(ranges, tilts)
+        for beam in range(0, GEOMETRY.count, 7):
+            r = float(ranges[beam])
+            p = TILT.base_from_laser(tilts[beam])[0] @ [r * math.cos(ANGLES[beam]), r * math.sin(ANGLES[beam]), 0.0, 1.0]
+            inside = all(low <= v <= high for low, v, high in zip(config.body_min_m, p[:3], config.body_max_m, strict=True))
+            assert np.isnan(out[beam]) == inside
+
+
+def test_unknown_tilt_leaves_only_readings_beyond_the_body():
+    ranges = scan(0.4)
+    ranges[500:] = 6.0
+    out = make_filter().filter(ranges, NAN)
+    assert np.isnan(out[:500]).all() and (out[500:] == 6.0).all()
+
+
+def test_horizontal_scan_shows_near_returns_only():
+    ranges = scan(4.0)
+    ranges[10:13] = [1.5, NAN, INF]
+    out = make_filter().horizontal(ranges, 0.005)
+    np.testing.assert_array_equal(out[10:13], np.array([1.5, NAN, INF], dtype=np.float32))
+    assert np.isinf(out[13:]).all()
+
+
+@pytest.mark.parametrize("tilt", [0.02, -0.02, NAN])
+def test_tilted_scan_says_nothing_about_obstacles(tilt):
+    assert np.isnan(make_filter().horizontal(scan(1.0), tilt)).all()
+
+
+def test_scan_with_one_tilted_beam_is_not_horizontal():
+    tilts = np.zeros(GEOMETRY.count)
+    tilts[-1] = 0.02
+    assert np.isnan(make_filter().horizontal(scan(1.0), tilts)).all()
+
+
+def test_wrong_shapes_are_named():
+    with pytest.raises(ValueError, match=r"\(1081,\).*\(7,\)"):
+        make_filter().filter(np.ones(7), 0.0)
+    with pytest.raises(ValueError, match="tilt"):
+        make_filter().filter(scan(), np.zeros(7))
+
+
+def test_configuration_lists_every_violation():
+    config = ScanFilterConfig(min_range_m=2.0, max_range_m=1.0, body_min_m=(1.0, 0.0, 0.0))
+    assert len(config.validate()) == 2
+    with pytest.raises(ValueError, match="min_range_m"):
+        ScanFilter(config, GEOMETRY, TILT)
+    assert ScanFilterConfig().validate() == []
+
+
+@pytest.mark.parametrize("values", [(0.0, 0.0, 1e-5, 10), (NAN, 0.1, 1e-5, 10), (0.0, 0.1, -1.0, 10), (0.0, 0.1, 1e-5, 1)])
+def test_impossible_scan_geometry_is_refused(values):
+    with pytest.raises(ValueError):
+        ScanGeometry(*values)
