@@ -1,0 +1,27 @@
+"""The simulated robot and its worlds; stands where a real Husky, its drivers and a physics server would.
+
+`load_world` makes a world, `Simulation` puts a robot into it and advances both by ticks of 0.05 s. No ROS, no clock, no display.
+"""
+
+from pybullet_simulation.config import SimulationConfig
+from pybullet_simulation.records import Contact, ImuSample, JointSample, Scan, ScanGeometry, TickData, Truth, WheelOdometry
+from pybullet_simulation.simulation import Simulation
+from pybullet_simulation.world import HeightField, World
+from pybullet_simulation.worlds import WORLDS, load_world
+
+__all__ = [
+    "WORLDS",
+    "Contact",
+    "HeightField",
+    "ImuSample",
+    "JointSample",
+    "Scan",
+    "ScanGeometry",
+    "Simulation",
+    "SimulationConfig",
+    "TickData",
+    "Truth",
+    "WheelOdometry",
+    "World",
+    "load_world",
+]

@@ -1,0 +1,80 @@
+"""Parameters of the simulated robot and its sensors; the world is chosen by name and seed, not here."""
+
+from dataclasses import dataclass
+
+from stage_config import check_ranges, parameter
+
+
+@dataclass(frozen=True)
+class SimulationConfig:
+    """What the Husky, its drive and its sensors are like. Shapes, masses and mounting poses come from `urdf/husky.urdf`."""
+
+    physics_rate_hz: int = parameter(
+        200, "Hz", "steps of the physics; a multiple of 200, so that the 100 Hz of the IMU fall on steps", low=200, high=1000
+    )
+    settle_time_s: float = parameter(
+        1.0, "s", "time the robot gets to come to rest on its wheels before the first tick", low=0.0, high=10.0
+    )
+    friction: float = parameter(1.0, "-", "friction coefficient of wheels and ground, combined", low=0.1, high=2.0)
+    lateral_friction_ratio: float = parameter(0.5, "-", "sideways friction of a tyre as a share of the one along it", low=0.05, high=1.0)
+    wheel_torque_nm: float = parameter(60.0, "N m", "most torque of a wheel's motor", low=1.0, high=500.0)
+    max_speed_mps: float = parameter(1.0, "m/s", "commands are clipped to this forward speed", low=0.01, high=2.0)
+    max_turn_rate_rps: float = parameter(1.5, "rad/s", "commands are clipped to this turn rate", low=0.01, high=4.0)
+    max_acceleration_mps2: float = parameter(2.0, "m/s^2", "how fast the drive changes its forward speed", low=0.1, high=20.0)
+    max_turn_acceleration_rps2: float = parameter(5.0, "rad/s^2", "how fast the drive changes its turn rate", low=0.1, high=50.0)
+    track_factor: float = parameter(
+        1.16,
+        "-",
+        "effective over true track: what a skid steer loses in turns; used for commands and wheel odometry alike",
+        low=0.5,
+        high=3.0,
+    )
+    slip_bias_sigma: float = parameter(0.008, "-", "constant slip of a side of wheels, drawn once a run", low=0.0, high=0.2)
+    slip_sigma: float = parameter(0.015, "-", "changing slip of a side of wheels", low=0.0, high=0.2)
+    slip_correlation_s: float = parameter(2.0, "s", "time over which the changing slip stays alike", low=0.05, high=100.0)
+    imu_accel_bias_sigma_mps2: float = parameter(
+        0.02, "m/s^2", "bias of each accelerometer axis, drawn once a run; 0.02 tilts the level by some 0.16 deg", low=0.0, high=1.0
+    )
+    imu_accel_sigma_mps2: float = parameter(0.03, "m/s^2", "noise of an accelerometer sample", low=0.0, high=1.0)
+    imu_gyro_bias_sigma_rps: float = parameter(0.0015, "rad/s", "bias of each gyro axis, drawn once a run", low=0.0, high=0.1)
+    imu_gyro_sigma_rps: float = parameter(0.002, "rad/s", "noise of a gyro sample", low=0.0, high=0.1)
+    range_min_m: float = parameter(0.1, "m", "nearer returns are reported as -inf", low=0.01, high=1.0)
+    range_max_m: float = parameter(30.0, "m", "farther returns are reported as inf", low=1.0, high=100.0)
+    range_sigma_m: float = parameter(0.01, "m", "noise of a range up to 10 m", low=0.0, high=0.5)
+    range_sigma_far_m: float = parameter(0.03, "m", "noise of a range beyond 10 m", low=0.0, high=0.5)
+    veiling_probability: float = parameter(
+        0.2, "-", "share of the beams at a depth edge that return a range between both surfaces", low=0.0, high=1.0
+    )
+    veiling_jump_m: float = parameter(0.15, "m", "difference of neighbouring ranges that makes a depth edge", low=0.01, high=5.0)
+    tilt_encoder_sigma_rad: float = parameter(0.0001, "rad", "noise of the measured tilt", low=0.0, high=0.05)
+    sweep_start_rad: float = parameter(
+        2.88, "rad", "tilt at which the slow part of a sweep starts, looking down behind the robot", low=1.6, high=3.05
+    )
+    sweep_end_rad: float = parameter(-0.61, "rad", "tilt at which the slow part ends, looking up in front", low=-0.79, high=0.0)
+    sweep_min_rate_rps: float = parameter(
+        0.3, "rad/s", "tilt rate with the scan plane level: few ground lines far away", low=0.05, high=4.0
+    )
+    sweep_max_rate_rps: float = parameter(
+        2.4,
+        "rad/s",
+        "tilt rate with the scan plane upright; between the two it goes with sin^2(tilt), which spaces ground lines evenly",
+        low=0.05,
+        high=4.0,
+    )
+    slew_rate_rps: float = parameter(3.5, "rad/s", "tilt rate on the way to the start of a sweep and back to level", low=0.1, high=4.0)
+    tilt_acceleration_rps2: float = parameter(30.0, "rad/s^2", "acceleration of the tilt drive", low=1.0, high=500.0)
+    wheel_contact_slope_rad: float = parameter(
+        1.05, "rad", "a wheel on a surface steeper than this touches an obstacle, not ground", low=0.5, high=1.57
+    )
+    contact_force_min_n: float = parameter(1.0, "N", "weaker touches are not reported", low=0.0, high=1000.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences; empty when the configuration can be used."""
+        problems = check_ranges(self)
+        if self.physics_rate_hz % 200:
+            problems.append(f"physics_rate_hz = {self.physics_rate_hz} is no multiple of 200")
+        if self.sweep_min_rate_rps > self.sweep_max_rate_rps:
+            problems.append(f"sweep_min_rate_rps = {self.sweep_min_rate_rps} is above sweep_max_rate_rps = {self.sweep_max_rate_rps}")
+        if self.range_min_m >= self.range_max_m:
+            problems.append(f"range_min_m = {self.range_min_m} is not below range_max_m = {self.range_max_m}")
+        return problems

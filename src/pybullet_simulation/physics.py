@@ -1,0 +1,170 @@
+"""The physics: a Husky on its wheels in a world, by pybullet; forces and contacts in, poses and velocities out.
+
+The settings are the ones that were measured to make a skid steer behave: velocity motors, cylinders as such instead of hulls,
+less friction sideways, no cone friction (with it the turn rate depends on the heading in the world).
+"""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pybullet_simulation.config import SimulationConfig
+from pybullet_simulation.records import Contact
+from pybullet_simulation.robot_model import TILT_JOINT, WHEELS, RobotModel
+from pybullet_simulation.world import World
+from rigid_geometry import quat_xyzw_from_transform
+
+Array = NDArray[np.float64]
+
+MESH_FLAGS = 1 | 2  # concave, with internal edges: wheels do not catch on the edges between coplanar triangles
+
+
+@contextlib.contextmanager
+def _silent_stderr() -> Iterator[None]:
+    """pybullet announces its build on the C level when it is loaded; nobody who runs us wants to read that."""
+    saved, null = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(null, 2)
+        yield
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+        os.close(null)
+
+
+with _silent_stderr():
+    import pybullet
+
+
+@dataclass(frozen=True)
+class BodyState:
+    """Pose of base_link in the world and velocities in world axes: `linear` (3,) of the centre of mass, `angular` (3,)."""
+
+    R_world_base: Array
+    position: Array
+    centre_of_mass: Array
+    linear: Array
+    angular: Array
+
+
+class Physics:
+    """The robot in its world; every instance has a pybullet of its own."""
+
+    def __init__(self, config: SimulationConfig, robot: RobotModel, world: World) -> None:
+        """The robot stands just above its start. ValueError when pybullet cannot load the robot."""
+        self._config, self._steep_z = config, float(np.cos(config.wheel_contact_slope_rad))
+        self._client = pybullet.connect(pybullet.DIRECT)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=1.0 / config.physics_rate_hz, enableConeFriction=0, deterministicOverlappingPairs=1, physicsClientId=self._client
+        )
+        pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self._client)
+        self._add_world(world)
+        self._robot = self._add_robot(robot, world)
+        self._names = self._link_names()
+        self._joints = {self._joint(i): i for i in range(pybullet.getNumJoints(self._robot, physicsClientId=self._client))}
+        self._wheels = [self._joints[name] for name in WHEELS]
+        self._tilt = self._joints[TILT_JOINT]
+        self._com = np.array(pybullet.getDynamicsInfo(self._robot, -1, physicsClientId=self._client)[3])
+        self._set_friction()
+
+    def close(self) -> None:
+        """Ends this instance's pybullet."""
+        if self._client >= 0:
+            pybullet.disconnect(physicsClientId=self._client)
+            self._client = -1
+
+    def _joint(self, index: int) -> str:
+        return str(pybullet.getJointInfo(self._robot, index, physicsClientId=self._client)[1].decode())
+
+    def _link_names(self) -> dict[int, str]:
+        info = [
+            pybullet.getJointInfo(self._robot, i, physicsClientId=self._client)
+            for i in range(pybullet.getNumJoints(self._robot, physicsClientId=self._client))
+        ]
+        return {-1: "base_link"} | {i: str(one[12].decode()) for i, one in enumerate(info)}
+
+    def _add_world(self, world: World) -> None:
+        for solid in world.solids:
+            if solid.box is not None:
+                shape = {"shapeType": pybullet.GEOM_BOX, "halfExtents": solid.box.half_extents.tolist()}
+                self._add_static(shape, solid.box.T_world_box)
+            else:
+                self._add_static({"shapeType": pybullet.GEOM_MESH, "vertices": solid.vertices.tolist()}, np.eye(4))
+        for surface in world.surfaces:
+            mesh = {"vertices": surface.vertices.tolist(), "indices": surface.triangles.ravel().tolist()}
+            self._add_static({"shapeType": pybullet.GEOM_MESH, "flags": MESH_FLAGS, **mesh}, np.eye(4))
+
+    def _add_static(self, shape: dict[str, object], T_world_shape: Array) -> None:
+        collision = pybullet.createCollisionShape(physicsClientId=self._client, **shape)
+        position, quat = T_world_shape[:3, 3].tolist(), quat_xyzw_from_transform(T_world_shape).tolist()
+        body = pybullet.createMultiBody(0, collision, basePosition=position, baseOrientation=quat, physicsClientId=self._client)
+        pybullet.changeDynamics(body, -1, lateralFriction=self._config.friction, rollingFriction=0.0, physicsClientId=self._client)
+
+    def _add_robot(self, robot: RobotModel, world: World) -> int:
+        x, y, yaw = world.start_xyyaw
+        flags = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
+        try:
+            return int(
+                pybullet.loadURDF(
+                    str(robot.urdf_path),
+                    basePosition=[x, y, world.start_z + robot.ground_to_base_m + 0.02],
+                    baseOrientation=pybullet.getQuaternionFromEuler([0.0, 0.0, yaw]),
+                    flags=flags,
+                    physicsClientId=self._client,
+                )
+            )
+        except pybullet.error as error:
+            raise ValueError(f"pybullet cannot load the robot {robot.urdf_path}: {error}") from error
+
+    def _set_friction(self) -> None:
+        friction = [1.0, self._config.lateral_friction_ratio, 1.0]
+        for wheel in self._wheels:
+            pybullet.changeDynamics(
+                self._robot, wheel, lateralFriction=1.0, rollingFriction=0.0, anisotropicFriction=friction, physicsClientId=self._client
+            )
+
+    def set_wheel_speeds(self, speeds_rps: Array) -> None:
+        """Target speeds (4,) of the wheels in the order of `WHEELS`."""
+        pybullet.setJointMotorControlArray(
+            self._robot,
+            self._wheels,
+            pybullet.VELOCITY_CONTROL,
+            targetVelocities=speeds_rps.tolist(),
+            forces=[self._config.wheel_torque_nm] * 4,
+            physicsClientId=self._client,
+        )
+
+    def set_tilt(self, tilt_rad: float) -> None:
+        """Put the laser at a tilt: its drive is stiff, and its weight too small to move the robot."""
+        pybullet.resetJointState(self._robot, self._tilt, tilt_rad, 0.0, physicsClientId=self._client)
+
+    def step(self) -> BodyState:
+        """One step of the physics, and the state after it."""
+        pybullet.stepSimulation(physicsClientId=self._client)
+        return self.state()
+
+    def state(self) -> BodyState:
+        """The state now; pybullet gives the centre of mass, from which base_link follows."""
+        com, quat = pybullet.getBasePositionAndOrientation(self._robot, physicsClientId=self._client)
+        linear, angular = pybullet.getBaseVelocity(self._robot, physicsClientId=self._client)
+        R = np.array(pybullet.getMatrixFromQuaternion(quat)).reshape(3, 3)
+        return BodyState(R, np.array(com) - R @ self._com, np.array(com), np.array(linear), np.array(angular))
+
+    def wheel_angles(self) -> Array:
+        """(4,) angles of the wheels in rad, in the order of `WHEELS`."""
+        states = pybullet.getJointStates(self._robot, self._wheels, physicsClientId=self._client)
+        return np.array([state[0] for state in states])
+
+    def contacts(self, speed_mps: float) -> list[Contact]:
+        """What of the body touches anything, and what of the wheels touches something too steep to be ground."""
+        found = []
+        for point in pybullet.getContactPoints(bodyA=self._robot, physicsClientId=self._client):
+            other, link, normal, force = point[2], point[3], point[7], point[9]
+            is_ground = link in self._wheels and normal[2] > self._steep_z
+            if other != self._robot and not is_ground and force >= self._config.contact_force_min_n:
+                found.append(Contact(self._names[link], speed_mps, float(force)))
+        return found

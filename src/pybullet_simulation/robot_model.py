@@ -1,0 +1,94 @@
+"""The robot as its URDF describes it: mounting poses, wheels, and the body as a mesh that its own laser can see."""
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from rigid_geometry import transform_from_rpy
+
+Array = NDArray[np.float64]
+
+WHEELS = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
+TILT_JOINT = "tilt_joint"
+DEFAULT_URDF = Path(__file__).resolve().parents[2] / "urdf" / "husky.urdf"
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """Geometry of the robot in base_link, in metres; `body` is all that does not tilt."""
+
+    urdf_path: Path
+    T_base_mount: Array
+    T_tilt_laser: Array
+    T_base_imu: Array
+    wheel_radius_m: float
+    track_m: float
+    ground_to_base_m: float
+    body: trimesh.Trimesh
+
+
+def read_robot_model(urdf_path: Path = DEFAULT_URDF) -> RobotModel:
+    """The model in a URDF like ours; ValueError when it cannot be read or a joint that we need is missing."""
+    try:
+        robot = ElementTree.parse(urdf_path).getroot()
+    except (OSError, ElementTree.ParseError) as error:
+        raise ValueError(f"cannot read the robot description {urdf_path}: {error}") from error
+    poses = _joint_origins(robot)
+    missing = [name for name in (*WHEELS, TILT_JOINT, "tilt_mount_joint", "laser_joint", "imu_joint") if name not in poses]
+    if missing:
+        raise ValueError(f"{urdf_path} lacks the joints {', '.join(missing)}")
+    radius = _wheel_radius(robot)
+    return RobotModel(
+        urdf_path=Path(urdf_path),
+        T_base_mount=poses["tilt_mount_joint"][1] @ poses[TILT_JOINT][1],
+        T_tilt_laser=poses["laser_joint"][1],
+        T_base_imu=poses["imu_joint"][1],
+        wheel_radius_m=radius,
+        track_m=float(poses[WHEELS[0]][1][1, 3] - poses[WHEELS[1]][1][1, 3]),
+        ground_to_base_m=radius - float(poses[WHEELS[0]][1][2, 3]),
+        body=_body_mesh(robot, poses),
+    )
+
+
+def _origin(element: ElementTree.Element) -> Array:
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    xyz = [float(v) for v in origin.get("xyz", "0 0 0").split()]
+    roll, pitch, yaw = (float(v) for v in origin.get("rpy", "0 0 0").split())
+    return transform_from_rpy(xyz, (roll, pitch, yaw))
+
+
+def _joint_origins(robot: ElementTree.Element) -> dict[str, tuple[str, Array]]:
+    """Joint name -> (child link, T_parent_child at zero); our tree is flat but for the tilting laser."""
+    return {str(j.get("name")): (str(j.find("child").get("link")), _origin(j)) for j in robot.findall("joint")}  # type: ignore[union-attr]
+
+
+def _wheel_radius(robot: ElementTree.Element) -> float:
+    tyre = robot.find(f"link[@name='{WHEELS[0]}_link']/collision/geometry/cylinder")
+    if tyre is None:
+        raise ValueError(f"link {WHEELS[0]}_link has no cylinder as collision shape")
+    return float(str(tyre.get("radius")))
+
+
+def _shape_mesh(collision: ElementTree.Element) -> trimesh.Trimesh:
+    box, cylinder = collision.find("geometry/box"), collision.find("geometry/cylinder")
+    if box is not None:
+        return trimesh.creation.box([float(v) for v in str(box.get("size")).split()])
+    if cylinder is not None:
+        return trimesh.creation.cylinder(float(str(cylinder.get("radius"))), float(str(cylinder.get("length"))), sections=48)
+    raise ValueError("collision shapes of the robot are boxes and cylinders, nothing else")
+
+
+def _body_mesh(robot: ElementTree.Element, poses: dict[str, tuple[str, Array]]) -> trimesh.Trimesh:
+    tilting = {"tilt_link", "laser"}
+    T_base_link = {link: T for link, T in poses.values() if link not in tilting} | {"base_link": np.eye(4)}
+    meshes = []
+    for link in robot.findall("link"):
+        for collision in link.findall("collision") if link.get("name") in T_base_link else ():
+            meshes.append(_shape_mesh(collision).apply_transform(T_base_link[str(link.get("name"))] @ _origin(collision)))
+    return trimesh.util.concatenate(meshes)

@@ -1,0 +1,136 @@
+"""Where the robot can stand: ground under all of it, nothing inside or too near. Chooses the start, or judges the one asked for."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import open3d as o3d
+from numpy.typing import NDArray
+
+from pybullet_simulation.world import nearest_hits, raycasting_scene
+
+Array = NDArray[np.float64]
+
+LENGTH_M, WIDTH_M, HEIGHT_M = 0.99, 0.67, 1.00
+HEADROOM_M = 1.2
+UP = np.array([0.0, 0.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Demand:
+    """What a start must offer: free distance around the centre (None: just the footprint), slope and roughness of the ground."""
+
+    clearance_m: float | None
+    max_slope_rad: float
+    max_roughness_m: float
+
+
+CHOSEN = Demand(clearance_m=1.1, max_slope_rad=math.radians(3.0), max_roughness_m=0.03)
+ASKED_FOR = Demand(clearance_m=None, max_slope_rad=math.radians(20.0), max_roughness_m=0.10)
+
+
+class StandingTest:
+    """Answers whether, and at which height, the robot can stand at (x, y, yaw) in a mesh."""
+
+    def __init__(self, vertices: Array, triangles: NDArray[np.int32], closed: bool) -> None:
+        """`closed`: all triangles face outwards from solids, so that the inside of a solid can be told from the space above ground."""
+        self._scene = raycasting_scene(vertices, triangles)
+        corners = vertices[triangles]
+        self._normals_z = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+        self._top = float(vertices[:, 2].max()) + 1.0
+        self._closed = closed
+
+    def ground_levels(self, x: float, y: float) -> list[float]:
+        """Heights of the surfaces at (x, y) with headroom above them, lowest first; empty when there is none."""
+        ray = np.array([[x, y, self._top, 0.0, 0.0, -1.0]], np.float32)
+        found = self._scene.list_intersections(o3d.core.Tensor(ray))
+        heights = self._top - found["t_hit"].numpy().astype(float)
+        order = np.argsort(heights, kind="stable")
+        normals_z = self._normals_z[found["primitive_ids"].numpy()]
+        return self._with_headroom([(float(heights[i]), float(normals_z[i])) for i in order])
+
+    def _with_headroom(self, surfaces: list[tuple[float, float]]) -> list[float]:
+        levels = []
+        for i, (z, normal_z) in enumerate(surfaces):
+            above = next((s for s in surfaces[i + 1 :] if s[0] > z + 1e-3), None)
+            inside = self._closed and (normal_z < 0.0 or (above is not None and above[1] > 0.0))
+            if not inside and (above is None or above[0] > z + HEADROOM_M):
+                levels.append(z)
+        return levels
+
+    def obstruction(self, x: float, y: float, z: float, yaw: float, demand: Demand) -> str | None:
+        """Why the robot cannot stand on the ground at (x, y, z), or None when it can."""
+        offsets = _offsets(yaw, demand.clearance_m)
+        centre = np.array([x, y, z])
+        down = np.hstack([centre + offsets + 0.9 * UP, np.tile(-UP, (len(offsets), 1))]).astype(np.float32)
+        ground = centre + offsets + UP * (0.9 - nearest_hits(self._scene, down))[:, None]
+        if not np.isfinite(ground).all():
+            return "there is no ground under all of the robot"
+        plane, *_ = np.linalg.lstsq(np.column_stack([ground[:, :2] - centre[:2], np.ones(len(ground))]), ground[:, 2], rcond=None)
+        slope = math.atan(math.hypot(plane[0], plane[1]))
+        roughness = float(np.abs(ground[:, 2] - plane[2] - (ground[:, :2] - centre[:2]) @ plane[:2]).max())
+        if slope > demand.max_slope_rad or roughness > demand.max_roughness_m:
+            return f"it is inside an obstacle or on rough ground (slope {math.degrees(slope):.0f} deg, steps {roughness:.2f} m)"
+        return self._beside(centre, np.array([plane[0], plane[1]]), yaw, demand)
+
+    def _beside(self, centre: Array, gradient: Array, yaw: float, demand: Demand) -> str | None:
+        angles = np.linspace(0.0, 2.0 * math.pi, 90, endpoint=False)
+        directions = np.column_stack([np.cos(angles), np.sin(angles), gradient[0] * np.cos(angles) + gradient[1] * np.sin(angles)])
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        needed = _footprint_reach(angles - yaw) if demand.clearance_m is None else np.full(90, demand.clearance_m)
+        for height in (0.2, 0.4, 0.6, 0.8, HEIGHT_M):
+            rays = np.hstack([np.tile(centre + height * UP, (90, 1)), directions]).astype(np.float32)
+            if (nearest_hits(self._scene, rays) < needed).any():
+                return "it is inside or too near to a wall or obstacle"
+        return None
+
+
+def _footprint_reach(bearings: Array) -> Array:
+    """Distance from the centre to the outline of the footprint along bearings, with 2 cm to spare."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.minimum(LENGTH_M / 2 / np.abs(np.cos(bearings)), WIDTH_M / 2 / np.abs(np.sin(bearings))) + 0.02)
+
+
+def _offsets(yaw: float, clearance_m: float | None) -> Array:
+    """(N, 3) level offsets at which ground is needed: a disc of the clearance, or the footprint."""
+    if clearance_m is not None:
+        angles = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
+        radii = np.repeat(np.array([0.0, 0.4, 0.75, 1.0]) * clearance_m, 24)
+        return np.column_stack([radii * np.tile(np.cos(angles), 4), radii * np.tile(np.sin(angles), 4), np.zeros(96)])
+    u, v = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, 0.5, 9) * LENGTH_M, np.linspace(-0.5, 0.5, 7) * WIDTH_M))
+    return np.column_stack([u * math.cos(yaw) - v * math.sin(yaw), u * math.sin(yaw) + v * math.cos(yaw), np.zeros(u.size)])
+
+
+def check_start(test: StandingTest, start: tuple[float, float, float], ground_z: tuple[float, float] | None = None) -> float:
+    """Height of the ground at a start (x, y, yaw) that somebody asked for, the lowest level that will do.
+
+    `ground_z`: the range of heights in which ground may lie, if known. ValueError when there is no ground or the robot does not fit.
+    """
+    x, y, yaw = start
+    if not all(math.isfinite(v) for v in start):
+        raise ValueError(f"start {start!r} is not three finite numbers x y yaw")
+    levels = test.ground_levels(x, y)
+    usable = [z for z in levels if ground_z is None or ground_z[0] <= z <= ground_z[1]]
+    reasons = []
+    for z in usable:
+        reason = test.obstruction(x, y, z, yaw, ASKED_FOR)
+        if reason is None:
+            return z
+        reasons.append(reason)
+    why = reasons[0] if reasons else ("it is inside a wall or obstacle" if levels else "there is no ground with headroom")
+    raise ValueError(f"the robot cannot start at x {x:g} y {y:g}: {why}")
+
+
+def choose_start(
+    test: StandingTest, area: Array, rng: np.random.Generator, ground_z: tuple[float, float] | None = None, tries: int = 4000
+) -> tuple[tuple[float, float, float], float]:
+    """A start (x, y, yaw) on flat free ground in `area` (2, 2) (low xy, high xy), and its height. ValueError when none is found."""
+    for _ in range(tries):
+        x, y = (float(v) for v in rng.uniform(area[0], area[1]))
+        yaw = float(rng.uniform(-math.pi, math.pi))
+        for z in test.ground_levels(x, y):
+            if (ground_z is None or ground_z[0] <= z <= ground_z[1]) and test.obstruction(x, y, z, yaw, CHOSEN) is None:
+                return (x, y, yaw), z
+    raise ValueError(
+        f"no flat ground of {2 * (CHOSEN.clearance_m or 0):.1f} m width with headroom to start on was found in {tries} tries; give a start"
+    )

@@ -1,0 +1,67 @@
+"""How the laser tilts during a sweep: fast over the nose to behind the robot, slowly back to above the horizon, then level."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pybullet_simulation.config import SimulationConfig
+
+Array = NDArray[np.float64]
+
+STEP_S = 0.001
+
+
+@dataclass(frozen=True)
+class SweepProfile:
+    """Tilt (rad) and tilt rate (rad/s) over the time since the start of a sweep, (M,) each; it ends level and at rest."""
+
+    times_s: Array
+    tilts_rad: Array
+    rates_rps: Array
+
+    @property
+    def duration_s(self) -> float:
+        """Time from level to level."""
+        return float(self.times_s[-1])
+
+    def tilt_at(self, elapsed_s: ArrayLike) -> Array:
+        """Tilt at times since the start; level before and after."""
+        return np.interp(elapsed_s, self.times_s, self.tilts_rad)
+
+    def rate_at(self, elapsed_s: ArrayLike) -> Array:
+        """Tilt rate at times since the start; zero before and after."""
+        return np.interp(elapsed_s, self.times_s, self.rates_rps)
+
+
+def sweep_profile(config: SimulationConfig) -> SweepProfile:
+    """The profile of a config. On the slow part the rate goes with sin^2(tilt): a ground line lies h / tan(tilt) ahead, so lines are even."""
+
+    def slow(tilt: float) -> float:
+        return config.sweep_min_rate_rps + (config.sweep_max_rate_rps - config.sweep_min_rate_rps) * math.sin(tilt) ** 2
+
+    def slew(tilt: float) -> float:
+        return config.slew_rate_rps
+
+    tilts, rates = [0.0], [0.0]
+    for goal, law in ((config.sweep_start_rad, slew), (config.sweep_end_rad, slow), (0.0, slew)):
+        _append_move(tilts, rates, goal, law, config.tilt_acceleration_rps2)
+    return SweepProfile(np.arange(len(tilts)) * STEP_S, np.array(tilts), np.array(rates))
+
+
+def _append_move(tilts: list[float], rates: list[float], goal: float, law: Callable[[float], float], acceleration: float) -> None:
+    """Extend the samples by a move from rest to rest that follows the rate law as far as the acceleration allows."""
+    sign = 1.0 if goal > tilts[-1] else -1.0
+    tilt, speed = tilts[-1], 0.0
+    while True:
+        left = (goal - tilt) * sign
+        speed = min(speed + acceleration * STEP_S, law(tilt), math.sqrt(2.0 * acceleration * left))
+        if left <= speed * STEP_S or left < 1e-5:
+            break
+        tilt += sign * speed * STEP_S
+        tilts.append(tilt)
+        rates.append(sign * speed)
+    tilts.append(goal)
+    rates.append(0.0)

@@ -1,0 +1,69 @@
+"""The world: what the robot stands on and what its laser sees, as closed solids for the physics and triangles for the rays."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import open3d as o3d
+from numpy.typing import NDArray
+
+from pybullet_simulation.solids import Solid
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface that is not convex, such as terrain or a loaded mesh: vertices (V, 3) float64, triangles (T, 3) int32."""
+
+    vertices: Array
+    triangles: NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class HeightField:
+    """Heights (rows, columns) in m on a regular grid: heights[r, c] lies at (x0 + c * step, y0 + r * step)."""
+
+    heights: Array
+    x0: float
+    y0: float
+    step: float
+
+
+@dataclass(frozen=True)
+class World:
+    """All of a world in world coordinates (m, z up): its parts, their joint mesh, and where the robot starts.
+
+    `vertices` (V, 3) float64 and `triangles` (T, 3) int32 hold everything; the physics takes `solids` and `surfaces`.
+    `extent` (2, 3) is the lowest and highest corner, walls included; `start_z` the height of the ground at the start.
+    """
+
+    name: str
+    solids: tuple[Solid, ...]
+    surfaces: tuple[Surface, ...]
+    vertices: Array
+    triangles: NDArray[np.int32]
+    extent: Array
+    start_xyyaw: tuple[float, float, float]
+    start_z: float
+    heightfield: HeightField | None = None
+
+
+def joined(parts: Sequence[Solid | Surface]) -> tuple[Array, NDArray[np.int32]]:
+    """All parts as one mesh: vertices (V, 3) float64, triangles (T, 3) int32."""
+    offsets = np.cumsum([0, *(len(part.vertices) for part in parts)])[:-1]
+    triangles = [part.triangles + offset for part, offset in zip(parts, offsets, strict=True)]
+    return np.vstack([part.vertices for part in parts]), np.vstack(triangles).astype(np.int32)
+
+
+def raycasting_scene(vertices: Array, triangles: NDArray[np.int32]) -> o3d.t.geometry.RaycastingScene:
+    """A scene for rays against triangles, hit from both sides; one thread, for a tick's rays are too few to share."""
+    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    scene.add_triangles(np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(triangles, np.uint32))
+    return scene
+
+
+def nearest_hits(scene: o3d.t.geometry.RaycastingScene, rays: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N,) distance along each of (N, 6) rays (origin, unit direction) to the first hit; inf where there is none."""
+    hits: NDArray[np.float32] = scene.cast_rays(o3d.core.Tensor(rays), nthreads=1)["t_hit"].numpy()
+    return hits
