@@ -1,0 +1,65 @@
+"""The judge: scores a finished run against the true world, and draws what it left.
+
+From the world's mesh: the ground that the robot can reach (`reachable_ground`). From a run folder: coverage, map and trajectory error,
+collisions, tilt and falls (`evaluate_run`, `scores`), two pictures (`draw_pictures`) and a screen of text (`format_summary`).
+Nothing here is shared with the terrain classifier, nor with any other stage that is judged.
+"""
+
+from exploration_evaluation.config import EvaluationConfig, RobotShape
+from exploration_evaluation.mesh import read_cloud, read_mesh
+from exploration_evaluation.report import format_summary
+from exploration_evaluation.run_folder import (
+    evaluate_run,
+    read_arrays,
+    read_contacts,
+    read_json,
+    read_occupied,
+    read_trajectory,
+    write_json,
+)
+from exploration_evaluation.scores import (
+    ContactEpisode,
+    MapError,
+    Motion,
+    TrajectoryErrors,
+    align_poses,
+    align_positions,
+    contact_episodes,
+    coverage,
+    covered_cells,
+    divided_voxels,
+    map_error,
+    motion,
+    trajectory_errors,
+)
+from exploration_evaluation.truth import ReachableGround, reachable_ground
+
+__all__ = [
+    "ContactEpisode",
+    "EvaluationConfig",
+    "MapError",
+    "Motion",
+    "ReachableGround",
+    "RobotShape",
+    "TrajectoryErrors",
+    "align_poses",
+    "align_positions",
+    "contact_episodes",
+    "coverage",
+    "covered_cells",
+    "divided_voxels",
+    "evaluate_run",
+    "format_summary",
+    "map_error",
+    "motion",
+    "reachable_ground",
+    "read_arrays",
+    "read_cloud",
+    "read_contacts",
+    "read_json",
+    "read_mesh",
+    "read_occupied",
+    "read_trajectory",
+    "trajectory_errors",
+    "write_json",
+]

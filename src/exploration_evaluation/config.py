@@ -1,0 +1,49 @@
+"""What the judge assumes: the robot's body, and the tolerances of the scores. Every default of this stage is here."""
+
+from dataclasses import dataclass
+
+from stage_config import check_ranges, parameter
+
+
+@dataclass(frozen=True)
+class RobotShape:
+    """The body whose reach is judged, as a cylinder that turns in place."""
+
+    circumscribed_radius_m: float = parameter(0.60, "m", "free distance the centre needs to turn in place", low=0.05, high=5.0)
+    inscribed_radius_m: float = parameter(0.335, "m", "ground this near to a reachable centre lies under the body", low=0.0, high=5.0)
+    height_m: float = parameter(1.00, "m", "highest part of the robot above the ground", low=0.1, high=5.0)
+    headroom_m: float = parameter(1.10, "m", "free height above ground that the robot can stand on", low=0.1, high=5.0)
+    ground_clearance_m: float = parameter(0.13, "m", "height from which a thing beside the ground touches the body", low=0.0, high=1.0)
+    max_slope_rad: float = parameter(0.4363, "rad", "steepest ground that is driven", low=0.01, high=1.4)
+    max_step_m: float = parameter(0.10, "m", "highest step between neighbouring cells of ground", low=0.0, high=1.0)
+
+    def validate(self) -> list[str]:
+        """All violations of ranges, and radii or heights in the wrong order."""
+        found = check_ranges(self)
+        if self.inscribed_radius_m > self.circumscribed_radius_m:
+            found.append(f"inscribed_radius_m = {self.inscribed_radius_m} is above circumscribed_radius_m = {self.circumscribed_radius_m}")
+        if self.headroom_m < self.height_m:
+            found.append(f"headroom_m = {self.headroom_m} is below height_m = {self.height_m}")
+        if self.ground_clearance_m < self.max_step_m:
+            found.append(f"ground_clearance_m = {self.ground_clearance_m} is below max_step_m = {self.max_step_m}")
+        return found
+
+
+@dataclass(frozen=True)
+class EvaluationConfig:
+    """Resolution of the truth and tolerances of the scores."""
+
+    cell_m: float = parameter(0.10, "m", "edge of a cell of ground in the truth", low=0.02, high=1.0)
+    coverage_horizontal_m: float = parameter(
+        0.12, "m", "farthest mapped voxel, along x or y, that covers a cell of ground", low=0.0, high=1.0
+    )
+    coverage_vertical_m: float = parameter(0.15, "m", "farthest mapped voxel, along z, that covers a cell of ground", low=0.0, high=1.0)
+    map_resolution_m: float = parameter(0.08, "m", "finest voxel of the map, to which pruned ones are divided", low=0.01, high=1.0)
+    max_cloud_points: int = parameter(400_000, "-", "points of the cloud that are measured against the true mesh", low=100)
+    contact_gap_s: float = parameter(1.0, "s", "pause after which a contact counts as another collision", low=0.0)
+    fall_tilt_rad: float = parameter(0.87, "rad", "tilt of the body beyond which it has fallen", low=0.3, high=3.1)
+    fall_speed_mps: float = parameter(1.5, "m/s", "downward speed beyond which the body falls (0.11 m of free fall)", low=0.3)
+
+    def validate(self) -> list[str]:
+        """All violations of ranges."""
+        return check_ranges(self)

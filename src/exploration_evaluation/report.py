@@ -1,0 +1,84 @@
+"""A summary as text that fits one screen; what is not known is said, never left out."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+_UNKNOWN = "unknown"
+_MISSING_SHOWN = 6
+
+
+def format_summary(summary: Mapping[str, Any]) -> str:
+    """At most 24 lines of 100 columns about a summary as `evaluate_run` returns it; absent keys read "unknown"."""
+    lines = [_headline(summary), ""]
+    lines += [f"  {name:<15}{text}" for name, text in _rows(summary)]
+    missing = list(summary.get("missing") or ())
+    if missing:
+        lines += ["", "  not known:", *(f"    {text}"[:100] for text in missing[:_MISSING_SHOWN])]
+    if len(missing) > _MISSING_SHOWN:
+        lines.append(f'    and {len(missing) - _MISSING_SHOWN} more, see "missing" in summary.json')
+    return "\n".join(lines)
+
+
+def _headline(summary: Mapping[str, Any]) -> str:
+    verdict = {True: "SUCCESS", False: "FAILED"}.get(summary.get("success"), "UNDECIDED")  # type: ignore[arg-type]
+    reason = summary.get("stop_reason") or "no stop reason"
+    return f"{verdict}  {summary.get('world') or 'unknown world'}, seed {_value(summary, 'seed')}: {reason}"[:100]
+
+
+def _rows(s: Mapping[str, Any]) -> list[tuple[str, str]]:
+    return [
+        ("coverage", f"{_share(s, 'coverage')} of {_value(s, 'reachable_area_m2', '.1f', ' m2')} of reachable ground"),
+        ("map error", f"RMS {_cm(s, 'map_rmse_m')}, 95 % under {_cm(s, 'map_p95_m')}, tilted by {_degrees(s, 'map_tilt_rad')}"),
+        ("trajectory", f"ATE {_cm(s, 'trajectory_ate_m')}, from the first pose {_cm(s, 'trajectory_origin_error_m')}"),
+        ("collisions", _collisions(s)),
+        ("tilt", f"at most {_degrees(s, 'max_tilt_rad')}, fell: {_value(s, 'fell')}"),
+        ("driven", f"{_value(s, 'distance_m', '.1f', ' m')} in {_clock(s, 'sim_time_s')} simulated, {_clock(s, 'wall_time_s')} wall time"),
+        ("sweeps", f"{_value(s, 'sweeps')}, {_value(s, 'loop_closures')} loop closures, {_value(s, 'refused_matches')} matches refused"),
+        ("classification", f"local {_classified(s, 'local')}, global {_classified(s, 'global')}"),
+        ("version", _value(s, "version")),
+    ]
+
+
+def _value(s: Mapping[str, Any], key: str, form: str = "", unit: str = "") -> str:
+    value = s.get(key)
+    if value is None or (isinstance(value, float) and not math.isfinite(value)):
+        return _UNKNOWN
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:{form}}{unit}" if not form or isinstance(value, (int, float)) else f"{value}{unit}"
+
+
+def _scaled(s: Mapping[str, Any], key: str, factor: float, form: str, unit: str) -> str:
+    value = s.get(key)
+    return _value({key: value * factor}, key, form, unit) if isinstance(value, (int, float)) else _UNKNOWN
+
+
+def _share(s: Mapping[str, Any], key: str) -> str:
+    return _scaled(s, key, 100.0, ".1f", " %")
+
+
+def _cm(s: Mapping[str, Any], key: str) -> str:
+    return _scaled(s, key, 100.0, ".1f", " cm")
+
+
+def _degrees(s: Mapping[str, Any], key: str) -> str:
+    return _scaled(s, key, 180.0 / math.pi, ".1f", " deg")
+
+
+def _clock(s: Mapping[str, Any], key: str) -> str:
+    value = s.get(key)
+    if not isinstance(value, (int, float)) or not math.isfinite(value):
+        return _UNKNOWN
+    return f"{int(value) // 60}:{int(value) % 60:02d} min"
+
+
+def _collisions(s: Mapping[str, Any]) -> str:
+    count = _value(s, "collisions")
+    if not s.get("collisions"):
+        return count
+    return f"{count}, at up to {_value(s, 'collision_top_speed_mps', '.2f', ' m/s')} and {_value(s, 'collision_top_force_n', '.0f', ' N')}"
+
+
+def _classified(s: Mapping[str, Any], scope: str) -> str:
+    return f"{_value(s, f'{scope}_classifications')} in {_value(s, f'{scope}_classification_time_s', '.2f', ' s')}"

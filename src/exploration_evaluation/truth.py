@@ -1,0 +1,324 @@
+"""The ground that the robot can reach, from the world's true mesh alone.
+
+First step of the judge: it needs no run, and it shares nothing with the terrain classifier that it judges. The mesh is
+pierced by vertical rays on a grid, and every surface with enough room above it becomes a node, so that floors over
+floors are kept apart. Nodes of neighbouring columns are linked when the step between them can be climbed. Everything
+that ends a link (a wall, a drop, a low ceiling) and everything too steep is a barrier; a robot centre keeps its
+circumscribed radius from barriers, and what such centres reach from the start is the reachable ground (thesis 7.2:
+ground on which the robot cannot turn in place does not count).
+
+Surfaces count with either side up, because the winding of meshes found in the wild cannot be relied upon; the inside
+of a solid is kept out by its side faces, which end all links to it.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from exploration_evaluation.config import RobotShape
+from exploration_evaluation.mesh import RayScene, checked_mesh
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+_MAX_COLUMNS = 16_000_000
+_RAYS_AT_ONCE = 400_000
+# Rays through cell centres would run along the edges of meshes with round coordinates, where a hit is a matter of luck.
+_OFF_CENTRE = (0.0037, 0.0023)
+_SAME_SURFACE_M = 0.01
+_STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])  # +x, -x, +y, -y: opposite directions are neighbours
+_BODY_HEIGHTS = 5
+_HALF_WHEELBASE_M = 0.2
+_START_SEARCH_M = 1.5
+
+
+@dataclass(frozen=True)
+class ReachableGround:
+    """Ground that the robot can reach; areas are horizontal projections, each level counted for itself.
+
+    points (N, 3): cells of ground, world frame, over which the robot's centre can be and turn in place.
+    covered_points (K, 3): cells under the body (its inscribed circle) in any of these places; they include `points`.
+    """
+
+    points: Floats
+    covered_points: Floats
+    cell_area_m2: float
+
+    @property
+    def area_m2(self) -> float:
+        """Area of the places of the centre."""
+        return len(self.points) * self.cell_area_m2
+
+    @property
+    def covered_area_m2(self) -> float:
+        """Area of the ground under the body."""
+        return len(self.covered_points) * self.cell_area_m2
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Columns over the mesh: column c has indices (c // ny, c % ny); cells are aligned to multiples of their size."""
+
+    origin: Floats
+    nx: int
+    ny: int
+    cell: float
+
+    def centres(self) -> Floats:
+        """(nx * ny, 2) where the columns' rays go down."""
+        c = np.arange(self.nx * self.ny)
+        return self.origin + (np.column_stack([c // self.ny, c % self.ny]) + 0.5) * self.cell + np.array(_OFF_CENTRE) * self.cell
+
+    def columns_of(self, xy: Floats) -> Ints:
+        """(N,) column of each (N, 2) point, -1 outside."""
+        i, j = np.floor((xy - self.origin) / self.cell).astype(np.int64).T
+        inside = (i >= 0) & (i < self.nx) & (j >= 0) & (j < self.ny)
+        return np.where(inside, i * self.ny + j, -1)
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    """Surfaces with headroom, ordered by column and height; `first[c]:first[c + 1]` are those of column c."""
+
+    xyz: Floats
+    column: Ints
+    first: Ints
+    slope: Floats
+
+
+def reachable_ground(
+    vertices: ArrayLike, triangles: ArrayLike, start_xyz: ArrayLike, robot: RobotShape | None = None, cell_m: float = 0.10
+) -> ReachableGround:
+    """The ground of a mesh that a robot can reach from a start and turn on, level by level.
+
+    vertices (V, 3) metres and triangles (T, 3) indices in the world frame; start_xyz (3,) a point of the robot at its
+    start, not below the ground and at most half a metre above it. ValueError for a mesh that is none, one too large
+    for the grid, or when there is no ground, or no room, at the start.
+    """
+    robot = robot or RobotShape()
+    mesh = checked_mesh(vertices, triangles)
+    scene = RayScene(*mesh)
+    grid = _grid_over(mesh[0], cell_m)
+    nodes = _without_steep(grid, _surfaces(scene, grid, mesh, robot), robot)
+    ends, links = _ends_of_ground(scene, grid, nodes, robot)
+    barriers = np.vstack([ends, _thin_things(grid, nodes, mesh, robot)])
+    level_m = robot.circumscribed_radius_m * math.tan(robot.max_slope_rad) + robot.max_step_m
+    room = ~_near(grid, nodes, barriers, robot.circumscribed_radius_m - 1e-6, level_m)
+    start = _start_node(nodes, links, room, np.asarray(start_xyz, dtype=np.float64))
+    components = _components(links, room)
+    reached = room & (components == components[start])
+    covered = _near(grid, nodes, nodes.xyz[reached], robot.inscribed_radius_m + 1e-6, level_m)
+    return ReachableGround(nodes.xyz[reached], nodes.xyz[covered | reached], grid.cell**2)
+
+
+def _grid_over(vertices: Floats, cell: float) -> _Grid:
+    if not (math.isfinite(cell) and cell > 0):
+        raise ValueError(f"a cell needs a positive size in metres, not {cell}")
+    low = np.floor(vertices[:, :2].min(axis=0) / cell + 1e-6)
+    nx, ny = np.maximum(1, np.ceil(vertices[:, :2].max(axis=0) / cell - 1e-6) - low).astype(int)
+    if int(nx) * int(ny) > _MAX_COLUMNS:
+        raise ValueError(f"the world has {nx} x {ny} columns of {cell} m; at most {_MAX_COLUMNS} are judged")
+    return _Grid(low * cell, int(nx), int(ny), cell)
+
+
+def _surfaces(scene: RayScene, grid: _Grid, mesh: tuple[Floats, Ints], robot: RobotShape) -> _Nodes:
+    """All surfaces with headroom, steep ones too."""
+    column, z, triangle = _vertical_hits(scene, grid, float(mesh[0][:, 2].max()) + 1.0)
+    above_is_same_column = np.append(column[1:] == column[:-1], False)
+    gap = np.where(above_is_same_column, np.append(z[1:], np.inf) - z, np.inf)
+    # Of faces that coincide (a box on a floor) the topmost stands for all.
+    distinct = gap > _SAME_SURFACE_M
+    column, z, triangle, gap = column[distinct], z[distinct], triangle[distinct], gap[distinct]
+    floor = gap >= robot.headroom_m
+    column, z = column[floor], z[floor]
+    return _indexed(grid, np.column_stack([grid.centres()[column], z]), column, _slopes(*mesh)[triangle[floor]])
+
+
+def _indexed(grid: _Grid, xyz: Floats, column: Ints, slope: Floats) -> _Nodes:
+    return _Nodes(xyz, column, np.searchsorted(column, np.arange(grid.nx * grid.ny + 1)).astype(np.int64), slope)
+
+
+def _vertical_hits(scene: RayScene, grid: _Grid, top_z: float) -> tuple[Ints, Floats, Ints]:
+    """Column, height and triangle of every crossing, ordered by column and height."""
+    centres = grid.centres()
+    columns, heights, triangles = [], [], []
+    for begin in range(0, len(centres), _RAYS_AT_ONCE):
+        xy = centres[begin : begin + _RAYS_AT_ONCE]
+        down = np.tile([top_z, 0.0, 0.0, -1.0], (len(xy), 1))
+        ray, depth, triangle = scene.crossings(np.column_stack([xy, down]))
+        columns.append(ray + begin)
+        heights.append(top_z - depth)
+        triangles.append(triangle)
+    column, z = np.concatenate(columns), np.concatenate(heights)
+    order = np.lexsort((z, column))
+    return column[order], z[order], np.concatenate(triangles)[order]
+
+
+def _slopes(vertices: Floats, triangles: Ints) -> Floats:
+    """(T,) angle of each triangle against the horizontal, whichever side is up; vertical where it has no area."""
+    a, b, c = (vertices[triangles[:, k]] for k in range(3))
+    normals = np.cross(b - a, c - a)
+    length = np.linalg.norm(normals, axis=1)
+    return np.arccos(np.clip(np.abs(normals[:, 2]) / np.where(length > 0, length, np.inf), 0.0, 1.0))
+
+
+def _neighbour_columns(grid: _Grid, column: Ints, direction: int) -> Ints:
+    i, j = column // grid.ny + _STEPS[direction, 0], column % grid.ny + _STEPS[direction, 1]
+    inside = (i >= 0) & (i < grid.nx) & (j >= 0) & (j < grid.ny)
+    return np.where(inside, i * grid.ny + j, -1)
+
+
+def _links(grid: _Grid, nodes: _Nodes, max_step_m: float) -> Ints:
+    """(M, 4) the node nearest in height in each neighbouring column, -1 where the step is too high."""
+    links = np.full((len(nodes.column), 4), -1, dtype=np.int64)
+    for direction in range(4):
+        neighbour = _neighbour_columns(grid, nodes.column, direction)
+        begin, end = nodes.first[neighbour], np.where(neighbour < 0, 0, nodes.first[neighbour + 1])
+        best = np.full(len(links), max_step_m + 1e-4)
+        for layer in range(int(max(0, (end - begin).max(initial=0)))):
+            there = np.flatnonzero(begin + layer < end)
+            step = np.abs(nodes.xyz[begin[there] + layer, 2] - nodes.xyz[there, 2])
+            nearer = step < best[there]
+            best[there[nearer]] = step[nearer]
+            links[there[nearer], direction] = begin[there[nearer]] + layer
+    return links
+
+
+def _mean_slope(z: Floats, links: Ints, cell: float, reach: int) -> Floats:
+    """(M,) slope averaged over `reach` cells to either side, as far as the ground is connected."""
+    gradient = np.zeros((2, len(z)))
+    for axis in range(2):
+        ends, run = [], np.zeros(len(z))
+        for direction in (2 * axis, 2 * axis + 1):
+            at = np.arange(len(z))
+            for _ in range(reach):
+                onward = links[at, direction]
+                run += onward >= 0
+                at = np.where(onward >= 0, onward, at)
+            ends.append(z[at])
+        gradient[axis] = (ends[0] - ends[1]) / (np.maximum(run, 1) * cell)
+    return np.arctan(np.hypot(gradient[0], gradient[1]))
+
+
+def _without_steep(grid: _Grid, surfaces: _Nodes, robot: RobotShape) -> _Nodes:
+    """The ground that is left: not steep over a wheelbase, nor in itself and beside itself.
+
+    A pebble's flank, lower than a step, is steep in itself only and stays.
+    """
+    limit = robot.max_slope_rad + 1e-3
+    z, links = surfaces.xyz[:, 2], _links(grid, surfaces, robot.max_step_m)
+    steep = (surfaces.slope > limit) & (_mean_slope(z, links, grid.cell, 1) > limit)
+    steep |= _mean_slope(z, links, grid.cell, max(1, round(_HALF_WHEELBASE_M / grid.cell))) > limit
+    return _indexed(grid, surfaces.xyz[~steep], surfaces.column[~steep], surfaces.slope[~steep])
+
+
+def _ends_of_ground(scene: RayScene, grid: _Grid, nodes: _Nodes, robot: RobotShape) -> tuple[Floats, Ints]:
+    """(B, 3) points, at their node's height, where ground ends or something stands on it; and the (M, 4) links that are left.
+
+    Short horizontal rays at several heights of the body find things between the columns, and find them exactly;
+    where nothing stands (a drop, or a slope too steep) the ground ends half way.
+    """
+    links = _links(grid, nodes, robot.max_step_m)
+    points, kept = [], links.copy()
+    for direction in range(4):
+        linked = links[:, direction] >= 0
+        rise = np.where(linked, nodes.xyz[links[:, direction], 2] - nodes.xyz[:, 2], 0.0)
+        free = _free_fraction(scene, nodes.xyz, np.column_stack([np.tile(_STEPS[direction] * grid.cell, (len(rise), 1)), rise]), robot)
+        ended = ~linked | (free <= 1.0)
+        kept[ended, direction] = -1
+        share = np.where(free <= 1.0, free, 0.5)[ended]
+        end = nodes.xyz[ended].copy()
+        end[:, :2] += share[:, None] * _STEPS[direction] * grid.cell
+        points.append(end)
+    return np.vstack(points), kept
+
+
+def _free_fraction(scene: RayScene, ground: Floats, steps: Floats, robot: RobotShape) -> Floats:
+    """(M,) part of each (M, 3) step from a point of the ground that the body's side can go freely; inf for all of it."""
+    free = np.full(len(ground), np.inf)
+    for height in np.linspace(robot.ground_clearance_m, robot.height_m, _BODY_HEIGHTS):
+        free = np.minimum(free, scene.first_hits(np.column_stack([ground + [0.0, 0.0, height], steps])))
+    return np.where(free <= 1.0, free, np.inf)
+
+
+def _thin_things(grid: _Grid, nodes: _Nodes, mesh: tuple[Floats, Ints], robot: RobotShape) -> Floats:
+    """(B, 3) barriers where edges of steep faces rise out of the ground: posts so thin that all rays miss them."""
+    column, xyz = _samples_of_steep_edges(grid, mesh, robot.max_slope_rad)
+    begin, end = nodes.first[column], nodes.first[column + 1]
+    found = []
+    for layer in range(int(max(0, (end - begin).max(initial=0)))):
+        there = begin + layer < end
+        ground = nodes.xyz[begin[there] + layer, 2]
+        above = xyz[there, 2] - ground
+        stands = (above > robot.ground_clearance_m) & (above <= robot.height_m)
+        found.append(np.column_stack([xyz[there][stands, :2], ground[stands]]))
+    return np.vstack([np.empty((0, 3)), *found])
+
+
+def _samples_of_steep_edges(grid: _Grid, mesh: tuple[Floats, Ints], max_slope_rad: float) -> tuple[Ints, Floats]:
+    """Column and (S, 3) position of points every half cell along the edges of steep triangles."""
+    vertices, triangles = mesh
+    steep = triangles[_slopes(vertices, triangles) > max_slope_rad]
+    edges = np.unique(np.sort(np.vstack([steep[:, [0, 1]], steep[:, [1, 2]], steep[:, [2, 0]]]), axis=1), axis=0)
+    a, b = vertices[edges[:, 0]], vertices[edges[:, 1]]
+    pieces = np.maximum(1, np.ceil(np.linalg.norm(b - a, axis=1) / (0.5 * grid.cell))).astype(np.int64)
+    edge = np.repeat(np.arange(len(edges)), pieces + 1)
+    number = np.arange(len(edge)) - np.repeat(np.cumsum(pieces + 1) - (pieces + 1), pieces + 1)
+    xyz = a[edge] + (number / pieces[edge])[:, None] * (b - a)[edge]
+    column = grid.columns_of(xyz[:, :2])
+    return column[column >= 0], xyz[column >= 0]
+
+
+def _near(grid: _Grid, nodes: _Nodes, seeds: Floats, radius_m: float, level_m: float) -> Mask:
+    """(M,) nodes within a horizontal distance of any of the (S, 3) seeds that lies on about the same level."""
+    near = np.zeros(len(nodes.column), dtype=np.bool_)
+    shape = np.array([grid.nx, grid.ny], dtype=np.int64)
+    _mark_near(nodes.xyz, nodes.first, np.ascontiguousarray(seeds), grid.origin, shape, grid.cell, radius_m, level_m, near)
+    return near
+
+
+@njit(cache=True)
+def _mark_near(
+    xyz: Floats, first: Ints, seeds: Floats, origin: Floats, shape: Ints, cell: float, radius: float, level: float, near: Mask
+) -> None:
+    reach = int(radius / cell) + 1
+    for s in range(seeds.shape[0]):
+        i0 = int(math.floor((seeds[s, 0] - origin[0]) / cell))
+        j0 = int(math.floor((seeds[s, 1] - origin[1]) / cell))
+        for i in range(max(0, i0 - reach), min(shape[0], i0 + reach + 1)):
+            for j in range(max(0, j0 - reach), min(shape[1], j0 + reach + 1)):
+                for n in range(first[i * shape[1] + j], first[i * shape[1] + j + 1]):
+                    dx, dy = xyz[n, 0] - seeds[s, 0], xyz[n, 1] - seeds[s, 1]
+                    if dx * dx + dy * dy <= radius * radius and abs(xyz[n, 2] - seeds[s, 2]) <= level:
+                        near[n] = True
+
+
+def _components(links: Ints, usable: Mask) -> Ints:
+    """(M,) number of the connected piece of each node, over links between usable ones."""
+    a = np.repeat(np.arange(len(links)), 4)
+    b = links.ravel()
+    both = (b >= 0) & usable[a] & usable[b]
+    graph = coo_array((np.ones(int(both.sum()), dtype=np.int8), (a[both], b[both])), shape=(len(links), len(links)))
+    return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _start_node(nodes: _Nodes, links: Ints, room: Mask, start_xyz: Floats) -> int:
+    """The place of the centre nearest to the start, on ground that is connected with it."""
+    if start_xyz.shape != (3,) or not np.isfinite(start_xyz).all():
+        raise ValueError(f"a start is a finite x, y, z, not {start_xyz!r}")
+    away = np.linalg.norm(nodes.xyz[:, :2] - start_xyz[:2], axis=1)
+    below = start_xyz[2] - nodes.xyz[:, 2]
+    under = np.flatnonzero((away < 0.3) & (below > -0.1) & (below < 0.5))
+    if not len(under):
+        raise ValueError(f"no ground to stand on at the start {start_xyz.round(2).tolist()}")
+    piece = _components(links, np.ones(len(room), dtype=np.bool_))
+    places = np.flatnonzero(room & (away <= _START_SEARCH_M) & (piece == piece[under[np.argmin(away[under])]]))
+    if not len(places):
+        raise ValueError(f"no room to turn within {_START_SEARCH_M} m of the start {start_xyz.round(2).tolist()}")
+    return int(places[np.argmin(away[places])])

@@ -1,0 +1,161 @@
+"""Reachable ground of hand-made worlds against areas found on paper (robot: 0.60 m to turn, 0.335 m body, 0.1 m cells)."""
+
+import math
+
+import numpy as np
+import pytest
+from hand_made_worlds import box, join, plate, ramp, room, wall
+
+from exploration_evaluation import RobotShape, reachable_ground
+
+START = (2.0, 2.0, 0.132)
+
+
+def test_flat_room_leaves_the_floor_without_a_margin_of_the_turning_radius():
+    ground = reachable_ground(*room(4, 4), START)
+    assert ground.area_m2 == pytest.approx(2.8 * 2.8)
+    assert ground.cell_area_m2 == pytest.approx(0.01)
+    # The body's circle reaches three whole cells farther; at the corners 6 of 9 cells (0,1),(0,2).. lie within 0.335 m.
+    assert ground.covered_area_m2 == pytest.approx((28 * 28 + 4 * 28 * 3 + 4 * 6) * 0.01)
+
+
+def test_covered_ground_includes_every_place_of_the_centre():
+    ground = reachable_ground(*room(4, 4), START)
+    covered = {tuple(p) for p in ground.covered_points.round(4)}
+    assert all(tuple(p) in covered for p in ground.points.round(4))
+
+
+@pytest.mark.parametrize("divider", [box((4.0, 0, 0), (4.2, 4, 2)), box((4.0, 0, -0.5), (4.2, 4, 2)), wall(4.0, 0, 4.0, 4)])
+def test_wall_across_the_room_leaves_the_start_s_half(divider):
+    assert reachable_ground(*join(room(8, 4), divider), START).area_m2 == pytest.approx(2.8 * 2.8)
+
+
+def test_wall_with_a_wide_door_opens_the_other_half_and_a_narrow_one_does_not():
+    wide = join(room(8, 4), wall(4, 0, 4, 1.2), wall(4, 2.8, 4, 4))
+    narrow = join(room(8, 4), wall(4, 0, 4, 1.6), wall(4, 2.4, 4, 4))
+    both_halves_and_passage = 2 * 2.8 * 2.8 + 1.2 * 0.4
+    assert reachable_ground(*wide, START).area_m2 == pytest.approx(both_halves_and_passage, abs=0.35)  # round door posts
+    assert reachable_ground(*narrow, START).area_m2 == pytest.approx(2.8 * 2.8, abs=0.25)
+
+
+def test_ramp_of_15_degrees_is_climbed_onto_the_upper_plate():
+    top = 4 * math.tan(math.radians(15))
+    ground = reachable_ground(*join(plate(0, 0, 4, 4), ramp(4, 0, 8, 4, 0, top), plate(8, 0, 12, 4, top)), START)
+    assert ground.area_m2 == pytest.approx((12 - 1.2) * 2.8)
+    assert ground.points[:, 2].max() == pytest.approx(top, abs=1e-4)
+
+
+def test_ramp_of_35_degrees_is_a_barrier():
+    top = 4 * math.tan(math.radians(35))
+    ground = reachable_ground(*join(plate(0, 0, 4, 4), ramp(4, 0, 8, 4, 0, top), plate(8, 0, 12, 4, top)), START)
+    assert ground.area_m2 == pytest.approx(2.8 * 2.8)
+
+
+@pytest.mark.parametrize(("height", "reached"), [(0.08, True), (0.14, False), (1.5, False)])
+def test_plateau_is_reached_only_over_a_low_step(height, reached):
+    ground = reachable_ground(*join(room(8, 4), box((4, 0, 0), (8, 4, height))), START)
+    assert ground.area_m2 == pytest.approx(6.8 * 2.8 if reached else 2.8 * 2.8)
+
+
+def test_cliff_edges_keep_the_turning_radius_without_walls():
+    assert reachable_ground(*plate(0, 0, 4, 4), START).area_m2 == pytest.approx(2.8 * 2.8)
+
+
+def bridge_world(clearance=2.0):
+    """A floor of 12 x 8 m crossed by a bridge 3 m wide at y 2.5..5.5, with a ramp up to it from x 2 to x 6."""
+    return join(room(12, 8), ramp(2, 2.5, 6, 5.5, 0, 1.6), plate(6, 2.5, 12, 5.5, 1.6), plate(9, 6, 12, 8, clearance))
+
+
+def test_bridge_counts_over_and_under():
+    ground = reachable_ground(*bridge_world(), (1.0, 1.0, 0.132))
+    x, y, z = ground.points.T
+    deck = (x > 7) & (x < 11) & (abs(y - 4) < 1.5)
+    assert (z[deck] > 1.5).sum() == pytest.approx(40 * 18)  # 3 m wide, 0.6 m from either edge
+    assert (z[deck] < 0.1).sum() == pytest.approx(40 * 30)  # the floor beneath it, all of it
+    assert not ((x > 2.7) & (x < 4) & (abs(y - 4) < 1.4) & (z < 0.1)).any()  # too low under the ramp's foot
+
+
+def test_low_ceiling_takes_the_ground_beneath_it():
+    high = reachable_ground(*join(room(4, 4), plate(0, 0, 4, 4, 1.2)), START)
+    assert high.area_m2 == pytest.approx(2.8 * 2.8)
+    with pytest.raises(ValueError, match="no ground"):
+        reachable_ground(*join(room(4, 4), plate(0, 0, 4, 4, 1.0)), START)
+
+
+def test_post_thinner_than_the_grid_is_seen():
+    # Nothing of it lies on a line through cell centres.
+    post = box((2.985, 2.985, 0), (3.015, 3.015, 1.5))
+    ground = reachable_ground(*join(room(6, 6), post), (1, 1, 0.132))
+    away = np.linalg.norm(ground.points[:, :2] - 3.0, axis=1)
+    assert away.min() >= 0.6 - 0.03
+    assert ground.area_m2 == pytest.approx(4.8 * 4.8 - math.pi * 0.615**2, abs=0.1)
+
+
+def test_pebble_lower_than_a_step_is_driven_over():
+    pebble = (
+        np.array([[2, 2, 0], [2.1, 2, 0], [2, 2.1, 0], [1.9, 2, 0], [2, 1.9, 0], [2, 2, 0.06]]) + [0.55, 0.45, 0],
+        np.array([[1, 2, 5], [2, 3, 5], [3, 4, 5], [4, 1, 5]]),
+    )
+    assert reachable_ground(*join(room(4, 4), pebble), START).area_m2 == pytest.approx(2.8 * 2.8)
+
+
+def test_winding_does_not_matter():
+    vertices, triangles = bridge_world()
+    there = reachable_ground(vertices, triangles, (1, 1, 0.132))
+    back = reachable_ground(vertices, triangles[:, ::-1].copy(), (1, 1, 0.132))
+    np.testing.assert_allclose(there.points, back.points, atol=1e-5)
+
+
+def test_world_moved_by_whole_cells_moves_the_ground():
+    vertices, triangles = bridge_world()
+    here = reachable_ground(vertices, triangles, (1, 1, 0.132))
+    moved = reachable_ground(vertices + [-7.0, 3.0, 0.5], triangles, (-6, 4, 0.632))
+    assert len(here.points) == len(moved.points)
+    np.testing.assert_allclose(moved.points - [-7.0, 3.0, 0.5], here.points, atol=1e-4)
+
+
+def test_world_turned_by_an_odd_angle_keeps_its_area_within_the_grid_s_error():
+    vertices, triangles = room(6, 6)
+    c, s = math.cos(0.4), math.sin(0.4)
+    turned = vertices @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]).T
+    start = np.array([3 * c - 3 * s, 3 * s + 3 * c, 0.132])
+    assert reachable_ground(turned, triangles, start).area_m2 == pytest.approx(4.8 * 4.8, rel=0.02)
+
+
+def test_larger_robot_reaches_less():
+    small = reachable_ground(*bridge_world(), (1, 1, 0.132), RobotShape(circumscribed_radius_m=0.5))
+    large = reachable_ground(*bridge_world(), (1, 1, 0.132), RobotShape(circumscribed_radius_m=0.9))
+    assert large.area_m2 < small.area_m2
+
+
+def test_start_near_a_wall_finds_room_beside_it_but_not_behind_it():
+    world = join(room(8, 4), wall(4, 0, 4, 4))
+    assert reachable_ground(*world, (3.8, 2, 0.132)).points[:, 0].max() < 4
+    assert reachable_ground(*world, (4.2, 2, 0.132)).points[:, 0].min() > 4
+
+
+@pytest.mark.parametrize("start", [(20, 2, 0.1), (2, 2, 3.0), (2, 2, -1.0)])
+def test_start_without_ground_is_refused(start):
+    with pytest.raises(ValueError, match="no ground"):
+        reachable_ground(*room(4, 4), start)
+
+
+def test_start_in_a_cell_too_small_to_turn_is_refused():
+    with pytest.raises(ValueError, match="no room"):
+        reachable_ground(*room(1, 1), (0.5, 0.5, 0.132))
+
+
+@pytest.mark.parametrize(
+    ("vertices", "triangles", "text"),
+    [
+        (np.zeros((0, 3)), np.zeros((1, 3), int), "vertices"),
+        (np.full((3, 3), np.nan), np.array([[0, 1, 2]]), "vertices"),
+        (np.eye(3), np.zeros((0, 3), int), "triangles"),
+        (np.eye(3), np.array([[0, 1, 3]]), "index"),
+        (np.eye(3), np.array([[0.0, 1.0, 2.0]]), "triangles"),
+        (np.eye(3) * 1e6, np.array([[0, 1, 2]]), "columns"),
+    ],
+)
+def test_mesh_that_is_none_is_refused(vertices, triangles, text):
+    with pytest.raises(ValueError, match=text):
+        reachable_ground(vertices, triangles, START)
