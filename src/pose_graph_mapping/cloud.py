@@ -1,0 +1,218 @@
+"""Point clouds with the beam origin and normal of every point, and the voxel averaging that registration, mapper and store share.
+
+Everything here is serial and sums in the order of the points, so that the same input gives the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import small_gicp
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+from rigid_geometry import transform_points
+
+Array = NDArray[np.float64]
+
+_MAX_CELL = 1 << 20
+
+
+def _as_rows(name: str, values: ArrayLike) -> Array:
+    rows = np.ascontiguousarray(values, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] != 3:
+        raise ValueError(f"{name} must have shape (N, 3), not {rows.shape}")
+    return rows
+
+
+def moved_points(T_target_points: Array, points: Array) -> Array:
+    """(N, 3) points in the frame `target`."""
+    return np.asarray(transform_points(T_target_points, points), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """Points of one frame, metres; ValueError for a wrong shape or anything not finite.
+
+    points (N, 3); origins (N, 3): where each beam started, or None when not known; normals (N, 3): unit, turned to the
+    beam's origin, zero where the neighbours did not tell, or None when not estimated yet; dropped: points left out before.
+    """
+
+    points: Array
+    origins: Array | None = None
+    normals: Array | None = None
+    dropped: int = 0
+
+    def __post_init__(self) -> None:
+        for name in ("points", "origins", "normals"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, self._checked(name))
+
+    def _checked(self, name: str) -> Array:
+        rows = _as_rows(name, getattr(self, name))
+        bad = int(np.count_nonzero(~np.isfinite(rows).all(axis=1)))
+        if bad:
+            raise ValueError(f"{bad} of {len(rows)} {name} are not finite; PointCloud.of_finite drops and counts them")
+        if len(rows) != len(self.points):
+            raise ValueError(f"{len(rows)} {name} for {len(self.points)} points")
+        return rows
+
+    @classmethod
+    def of_finite(cls, points: ArrayLike, origins: ArrayLike | None = None) -> PointCloud:
+        """A cloud of the finite rows; `dropped` counts the others."""
+        rows = _as_rows("points", points)
+        starts = None if origins is None else _as_rows("origins", origins)
+        if starts is not None and len(starts) != len(rows):
+            raise ValueError(f"{len(starts)} origins for {len(rows)} points")
+        finite = np.isfinite(rows).all(axis=1)
+        if starts is not None:
+            finite &= np.isfinite(starts).all(axis=1)
+        kept = cls(rows[finite], None if starts is None else starts[finite])
+        return cls(kept.points, kept.origins, None, int(np.count_nonzero(~finite)))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def transformed(self, T_target_cloud: Array) -> PointCloud:
+        """The same cloud in the frame `target`."""
+        origins = None if self.origins is None else moved_points(T_target_cloud, self.origins)
+        normals = None if self.normals is None else self.normals @ T_target_cloud[:3, :3].T
+        return PointCloud(moved_points(T_target_cloud, self.points), origins, normals, self.dropped)
+
+    def selected(self, mask: NDArray[np.bool_]) -> PointCloud:
+        """The points where `mask` (N,) is true."""
+        return PointCloud(
+            self.points[mask],
+            None if self.origins is None else self.origins[mask],
+            None if self.normals is None else self.normals[mask],
+            self.dropped,
+        )
+
+
+def merged(clouds: Sequence[PointCloud]) -> PointCloud:
+    """One cloud of many in the same frame; origins and normals survive only when all have them. ValueError for none."""
+    if not clouds:
+        raise ValueError("merged needs at least one cloud")
+    origins = [c.origins for c in clouds if c.origins is not None]
+    normals = [c.normals for c in clouds if c.normals is not None]
+    return PointCloud(
+        np.concatenate([c.points for c in clouds]),
+        np.concatenate(origins) if len(origins) == len(clouds) else None,
+        np.concatenate(normals) if len(normals) == len(clouds) else None,
+        sum(c.dropped for c in clouds),
+    )
+
+
+@njit(cache=True)
+def _voxel_index(points: Array, inverse_voxel: float, voxel_of: NDArray[np.int32]) -> int:
+    """Number the occupied voxels in the order in which they first appear (open addressing, linear probing)."""
+    size = 1024
+    while size < 2 * len(points):
+        size *= 2
+    keys = np.full(size, -1, dtype=np.int64)
+    slots = np.empty(size, dtype=np.int32)
+    mask = np.uint64(size - 1)
+    count = 0
+    for i in range(len(points)):
+        key = np.int64(0)
+        for axis in range(3):
+            key = (key << 21) | (np.int64(np.floor(points[i, axis] * inverse_voxel)) + 1048576)
+        at = (np.uint64(key) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(32)) & mask
+        while keys[at] != -1 and keys[at] != key:
+            at = (at + np.uint64(1)) & mask
+        if keys[at] == -1:
+            keys[at] = key
+            slots[at] = count
+            count += 1
+        voxel_of[i] = slots[at]
+    return count
+
+
+@njit(cache=True)
+def _voxel_mean(values: Array, voxel_of: NDArray[np.int32], count: int) -> Array:
+    sums = np.zeros((count, 3))
+    members = np.zeros(count)
+    for i in range(len(values)):
+        voxel = voxel_of[i]
+        members[voxel] += 1.0
+        for axis in range(3):
+            sums[voxel, axis] += values[i, axis]
+    for voxel in range(count):
+        for axis in range(3):
+            sums[voxel, axis] /= members[voxel]
+    return sums
+
+
+def voxel_downsample(cloud: PointCloud, voxel_m: float) -> PointCloud:
+    """The mean point, beam origin and direction of the normal of every occupied voxel, in order of first appearance.
+
+    ValueError when `voxel_m` is not positive or a point lies more than 2^20 voxels from the origin.
+    """
+    if not voxel_m > 0.0:
+        raise ValueError(f"voxel_m must be positive, not {voxel_m}")
+    if len(cloud) and np.abs(cloud.points).max() >= (_MAX_CELL - 1) * voxel_m:
+        raise ValueError(f"points up to {np.abs(cloud.points).max():.3g} m away do not fit a grid of {voxel_m} m voxels")
+    voxel_of = np.empty(len(cloud), dtype=np.int32)
+    count = _voxel_index(cloud.points, 1.0 / voxel_m, voxel_of)
+    return PointCloud(
+        _voxel_mean(cloud.points, voxel_of, count),
+        None if cloud.origins is None else _voxel_mean(cloud.origins, voxel_of, count),
+        None if cloud.normals is None else normalised(_voxel_mean(cloud.normals, voxel_of, count)),
+        cloud.dropped,
+    )
+
+
+def normalised(vectors: Array) -> Array:
+    """(N, 3) vectors of length one; those near zero, and of no direction therefore, become zero."""
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.where(lengths > 1e-6, vectors / np.maximum(lengths, 1e-6), 0.0)
+
+
+def with_normals(cloud: PointCloud, neighbours: int) -> PointCloud:
+    """The cloud with the normal of the plane through each point's neighbours, turned to the beam's origin where that is known."""
+    if len(cloud) == 0:
+        return PointCloud(cloud.points, cloud.origins, np.zeros((0, 3)), cloud.dropped)
+    estimate = small_gicp.PointCloud(cloud.points)
+    small_gicp.estimate_normals_covariances(estimate, num_neighbors=neighbours, num_threads=1)
+    normals = np.asarray(estimate.normals())[:, :3]
+    if cloud.origins is not None:
+        away = np.einsum("ij,ij->i", normals, cloud.origins - cloud.points) < 0.0
+        normals = np.where(away[:, None], -normals, normals)
+    return PointCloud(cloud.points, cloud.origins, normals, cloud.dropped)
+
+
+def vertex_cloud(cloud: PointCloud, voxel_m: float, neighbours: int) -> PointCloud:
+    """What is kept of a sweep for later matches: voxel means with normals, so that areas are merged without new estimates."""
+    return with_normals(voxel_downsample(cloud, voxel_m), neighbours)
+
+
+def reference_cloud(reference: PointCloud, voxel_m: float, neighbours: int) -> PointCloud:
+    """`vertex_cloud` of every standpoint in a merged cloud on its own: averaging over sweeps would mix origins and both sides of walls.
+
+    A cloud that has normals, and so went through this as sweeps, is returned as it is.
+    """
+    if reference.normals is not None or len(reference) == 0:
+        return reference
+    if reference.origins is None:
+        return vertex_cloud(reference, voxel_m, neighbours)
+    _, index = viewpoints(reference.origins)
+    return merged([vertex_cloud(reference.selected(index == k), voxel_m, neighbours) for k in np.unique(index)])
+
+
+def viewpoints(origins: Array, radius_m: float = 0.5, most: int = 64) -> tuple[Array, NDArray[np.int32]]:
+    """The standpoints that beams were sent from: centres (K, 3), and for every origin the index of its standpoint, -1 beyond `most`.
+
+    Greedy in the order of the origins; a sweep's own origins lie within centimetres, sweeps metres apart.
+    """
+    index = np.full(len(origins), -1, dtype=np.int32)
+    centres = []
+    for k in range(most):
+        free = np.flatnonzero(index < 0)
+        if len(free) == 0:
+            break
+        near = free[np.linalg.norm(origins[free] - origins[free[0]], axis=1) <= radius_m]
+        index[near] = k
+        centres.append(origins[near].mean(axis=0))
+    return np.array(centres).reshape(-1, 3), index

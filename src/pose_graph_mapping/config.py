@@ -1,0 +1,114 @@
+"""Parameters of the 3-D mapping stage: one dataclass for the ICP matcher, one for the mapper. The only home of their defaults."""
+
+import math
+from dataclasses import dataclass
+
+from stage_config import check_ranges, parameter
+
+
+@dataclass(frozen=True)
+class RegistrationConfig:
+    """What `match_clouds` does; `chain_*` concern only the method "thesis_chain" (figure 5.7)."""
+
+    method: str = parameter("gicp", "-", "registration behind match_clouds", choices=("gicp", "thesis_chain"))
+    voxel_m: float = parameter(0.10, "m", "edge of the voxels both clouds are averaged in", low=0.01, high=1.0)
+    normal_neighbours: int = parameter(20, "-", "neighbours of a normal; fewer are useless at centimetres of noise", low=5, high=100)
+    coarse_distance_m: float = parameter(1.0, "m", "largest distance of matched points, first stage", low=0.01)
+    fine_distance_m: float = parameter(0.3, "m", "largest distance of matched points, second stage", low=0.01)
+    max_iterations: int = parameter(40, "-", "most iterations of a stage", low=1, high=1000)
+    facing_away_cos: float = parameter(
+        -0.1, "-", "reference points whose normal makes a cosine below this with the sensor are left out", low=-1.0, high=0.0
+    )
+    yaw_starts_rad: tuple[float, ...] = parameter(
+        (-0.35, 0.35, -0.7, 0.7, -1.05, 1.05),
+        "rad",
+        "headings tried around a guess that was refused; empty: none",
+        low=-math.pi,
+        high=math.pi,
+    )
+    yaw_start_voxel_m: float = parameter(0.4, "m", "voxels of that search", low=0.05, high=2.0)
+    yaw_start_distance_m: float = parameter(2.0, "m", "largest distance of matched points in that search", low=0.1)
+
+    degenerate_eigenvalue: float = parameter(
+        1.5, "-", "Hessian eigenvalue by inlier under which a direction is unconstrained (0.5 is nothing)", low=0.0
+    )
+    degenerate_sigma_m: float = parameter(
+        2.0, "m", "sigma given to an unconstrained direction, at the distance of a typical point", low=0.01
+    )
+    covariance_scale: float = parameter(0.01, "-", "factor of the inverse Hessian", low=0.0)
+    floor_rotation_rad: float = parameter(math.radians(0.12), "rad", "sigma of a match that no number of points improves", low=1e-5)
+    floor_translation_m: float = parameter(0.006, "m", "the same for translation", low=1e-5)
+
+    min_points: int = parameter(200, "-", "fewest points of a cloud after voxelling", low=10)
+    overlap_distance_m: float = parameter(0.2, "m", "a reading point with a reference point this near overlaps", low=0.01)
+    min_overlap: float = parameter(0.2, "-", "least share of overlapping reading points", low=0.0, high=1.0)
+    max_contradiction: float = parameter(0.003, "-", "largest share of points in space the other cloud saw free", low=0.0, high=1.0)
+    free_space_margin_m: float = parameter(0.15, "m", "a point contradicts when it is nearer than seen by more than this ..", low=0.0)
+    free_space_margin_ratio: float = parameter(0.02, "-", ".. plus this share of the range", low=0.0, high=1.0)
+    free_space_viewpoints: int = parameter(6, "-", "most standpoints of the reference that are checked, nearest first", low=1, high=100)
+
+    chain_min_range_m: float = parameter(0.3, "m", "shorter beams are dropped", low=0.0)
+    chain_max_range_m: float = parameter(30.0, "m", "longer beams are dropped", low=0.1)
+    chain_reduction: str = parameter("voxel", "-", "density filter", choices=("voxel", "random"))
+    chain_random_ratio: float = parameter(0.15, "-", "share of points a random reduction keeps", low=0.001, high=1.0)
+    chain_random_seed: int = parameter(1, "-", "seed of the random reduction, the same in every match", low=0)
+    chain_trim_ratio: float = parameter(0.7, "-", "share of nearest matches that are used", low=0.01, high=1.0)
+    chain_max_distance_m: float = parameter(1.0, "m", "matches farther apart are outliers", low=0.01)
+    chain_max_normal_angle_rad: float = parameter(
+        math.radians(50), "rad", "matches whose normals differ by more are outliers", low=0.0, high=math.pi
+    )
+    chain_min_translation_m: float = parameter(0.0005, "m", "smaller mean steps end the iteration ..", low=0.0)
+    chain_min_rotation_rad: float = parameter(0.0001, "rad", ".. if they turn less than this too", low=0.0)
+    chain_smooth_length: int = parameter(3, "-", "number of steps in that mean", low=1, high=20)
+    chain_degenerate_share: float = parameter(
+        0.005, "-", "eigenvalue by match (1: every point holds it) under which a direction is unconstrained", low=0.0, high=1.0
+    )
+
+    def validate(self) -> list[str]:
+        """Every violation, as sentences; empty when the values can be used."""
+        found = check_ranges(self)
+        if self.fine_distance_m > self.coarse_distance_m:
+            found.append(f"fine_distance_m = {self.fine_distance_m} is above coarse_distance_m = {self.coarse_distance_m}")
+        if self.chain_min_range_m >= self.chain_max_range_m:
+            found.append(f"chain_min_range_m = {self.chain_min_range_m} is not below chain_max_range_m = {self.chain_max_range_m}")
+        return found
+
+
+@dataclass(frozen=True)
+class MappingConfig:
+    """Algorithms 1 and 2, the graph and what is saved."""
+
+    graph_dist_m: float = parameter(8.0, "m", "clouds of vertices this near along the graph make the area cloud (Alg. 1)", low=0.1)
+    num_icp_tries: int = parameter(
+        3, "-", "tries of a match: area, last sweep alone, area of twice the distance (Alg. 1, line 15)", low=1, high=3
+    )
+    vertex_voxel_m: float = parameter(0.10, "m", "voxels of the cloud kept with a vertex", low=0.01, high=1.0)
+    vertex_normal_neighbours: int = parameter(20, "-", "neighbours of a normal of that cloud", low=5, high=100)
+    min_sweep_points: int = parameter(200, "-", "sweeps with fewer finite points are an error", low=10)
+    max_correction_m: float = parameter(1.5, "m", "a match that moves the prediction by more is refused", low=0.01)
+    max_correction_rad: float = parameter(0.9, "rad", "a match that turns the prediction by more is refused", low=0.01, high=math.pi)
+
+    odometry_sigma_m: float = parameter(0.02, "m", "translation sigma of an odometry edge at no motion", low=1e-4)
+    odometry_sigma_per_m: float = parameter(0.05, "m/m", "what a metre driven adds", low=0.0)
+    odometry_sigma_per_rad: float = parameter(0.03, "m/rad", "what a radian turned adds", low=0.0)
+    odometry_tilt_sigma_rad: float = parameter(math.radians(1.0), "rad", "roll and pitch sigma of an odometry edge", low=1e-4)
+    odometry_yaw_sigma_rad: float = parameter(math.radians(1.0), "rad", "yaw sigma of an odometry edge at no motion", low=1e-4)
+    odometry_yaw_per_rad: float = parameter(0.10, "rad/rad", "what a radian turned adds", low=0.0)
+    odometry_yaw_per_m: float = parameter(0.01, "rad/m", "what a metre driven adds", low=0.0)
+    gravity_sigma_rad: float = parameter(
+        math.radians(0.5), "rad", "sigma of the measured up direction where the caller gives none", low=1e-4
+    )
+
+    loop_min_dist_m: float = parameter(8.0, "m", "least distance along the graph of a loop candidate (Alg. 2)", low=0.0)
+    loop_max_dist_m: float = parameter(5.0, "m", "largest straight distance of a loop candidate (Alg. 2)", low=0.1)
+    loop_group_neighbours: int = parameter(2, "-", "nearest neighbours that candidates are grouped by (Alg. 2, line 4)", low=1, high=20)
+    loop_group_dist_m: float = parameter(4.0, "m", "neighbours farther apart never share a group", low=0.1)
+    loop_min_dist_match: int = parameter(3, "-", "least number of vertices between both ends of a loop (Alg. 2, line 7)", low=1)
+    loop_match_success: float = parameter(0.5, "-", "least match ratio of a loop (Alg. 2, line 16)", low=0.0, high=1.0)
+    loop_cauchy_k: float = parameter(1.0, "-", "scale of the robust loss of loop edges, in sigmas", low=0.01)
+
+    map_voxel_m: float = parameter(0.04, "m", "voxels of the saved cloud", low=0.01, high=1.0)
+
+    def validate(self) -> list[str]:
+        """Every violation, as sentences; empty when the values can be used."""
+        return check_ranges(self)

@@ -1,0 +1,117 @@
+"""Algorithm 2: look for places seen before around the last vertex, match, and tie the graph together.
+
+Called by the mapper after every new vertex (Algorithm 1, line 20). Edges are robust and come only of matches without any doubt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from pose_graph_mapping.cloud import PointCloud
+from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph
+from pose_graph_mapping.registration import RegistrationResult, Verdict
+from rigid_geometry import inverse, rotation_angle
+
+Array = NDArray[np.float64]
+Match = Callable[[PointCloud, PointCloud, Array], RegistrationResult]
+
+
+def find_vertices_in_range(graph: PoseGraph, last_vertex: int, min_dist_m: float, max_dist_m: float) -> list[int]:
+    """Vertices at least `min_dist_m` from the last one along edges, and at most `max_dist_m` in a straight line (line 3)."""
+    along = graph.distances_from(last_vertex)
+    positions = graph.poses()[:, :3, 3]
+    straight = np.linalg.norm(positions - positions[last_vertex], axis=1)
+    return [int(k) for k in np.flatnonzero((along >= min_dist_m) & (straight <= max_dist_m)) if k != last_vertex]
+
+
+def add_neighbours(graph: PoseGraph, vertex_set: Sequence[int], last_vertex: int, min_dist_m: float, max_dist_m: float) -> list[int]:
+    """The set with the graph neighbours of its members, as long as they too are `min_dist_m` away along edges (line 4).
+
+    A neighbour may lie one more `max_dist_m` away: it widens a group, the match itself starts from the closest member.
+    """
+    along = graph.distances_from(last_vertex)
+    positions = graph.poses()[:, :3, 3]
+    near = np.linalg.norm(positions - positions[last_vertex], axis=1) <= 2.0 * max_dist_m
+    found = set(vertex_set)
+    for vertex_id in vertex_set:
+        found.update(k for k in graph.neighbours(vertex_id) if along[k] >= min_dist_m and near[k] and k != last_vertex)
+    return sorted(found)
+
+
+def find_groups(graph: PoseGraph, vertex_set: Sequence[int], neighbours: int, group_dist_m: float) -> list[list[int]]:
+    """Connected sets under "is among the k nearest, and nearer than `group_dist_m`" (line 5), ascending, in the order of their first."""
+    if not vertex_set:
+        return []
+    ids = np.array(sorted(vertex_set))
+    positions = graph.poses()[ids, :3, 3]
+    distance, index = cKDTree(positions).query(positions, k=np.arange(1, min(neighbours + 1, len(ids)) + 1))
+    rows, columns = np.nonzero(distance <= group_dist_m)
+    joined = coo_array((np.ones(len(rows)), (rows, index[rows, columns])), shape=(len(ids), len(ids)))
+    _, label = connected_components(joined, directed=False)
+    return [[int(k) for k in ids[label == group]] for group in dict.fromkeys(label.tolist())]
+
+
+def find_closest_vertex(graph: PoseGraph, group: Sequence[int], last_vertex: int) -> int:
+    """The member nearest to the last vertex in a straight line (line 7)."""
+    positions = graph.poses()[:, :3, 3]
+    return min(group, key=lambda k: (float(np.linalg.norm(positions[k] - positions[last_vertex])), k))
+
+
+def beyond_correction(T_guess: Array, T_found: Array, config: MappingConfig) -> str | None:
+    """Why a match moves its guess more than any error of odometry would; None when it does not."""
+    moved = inverse(T_guess) @ T_found
+    metres, radians = float(np.linalg.norm(moved[:3, 3])), rotation_angle(moved)
+    if metres > config.max_correction_m or radians > config.max_correction_rad:
+        allowed = f"{config.max_correction_m} m, {config.max_correction_rad} rad"
+        return f"moves the prediction by {metres:.2f} m, {radians:.2f} rad; allowed are {allowed}"
+    return None
+
+
+@dataclass(frozen=True)
+class LoopClosure:
+    """What a search found: the vertex at the other end, and the result of the match, whether it became an edge or not."""
+
+    closest_vertex: int
+    result: RegistrationResult
+    closed: bool
+
+
+def detect_loop_closures(graph: PoseGraph, clouds: Sequence[PointCloud], match: Match, config: MappingConfig) -> list[LoopClosure]:
+    """Algorithm 2 for the last vertex of `graph`; adds the edges, optimises, and returns one entry a group that was matched.
+
+    clouds: of every vertex, in its body frame. Line numbers below are the algorithm's.
+    """
+    graph.optimise()  # 2
+    last = len(graph) - 1
+    vertex_set = find_vertices_in_range(graph, last, config.loop_min_dist_m, config.loop_max_dist_m)  # 3
+    vertex_set = add_neighbours(graph, vertex_set, last, config.loop_min_dist_m, config.loop_max_dist_m)  # 4
+    found = []
+    for group in find_groups(graph, vertex_set, config.loop_group_neighbours, config.loop_group_dist_m):  # 5, 6
+        closest = find_closest_vertex(graph, group, last)  # 7
+        if last - closest > config.loop_min_dist_match:  # 8
+            found.append(_try_to_close(graph, clouds, match, config, closest))  # 9 to 21
+    return found
+
+
+def _try_to_close(graph: PoseGraph, clouds: Sequence[PointCloud], match: Match, config: MappingConfig, closest: int) -> LoopClosure:
+    """Lines 9 to 21. Both clouds stay in their own frames: the match itself then returns the edge (lines 17 and 18 in one)."""
+    last = len(graph) - 1
+    delta_estimate = inverse(graph.pose(closest)) @ graph.pose(last)  # 17
+    result = match(clouds[closest], clouds[last], delta_estimate)  # 9 to 15
+    closed = (
+        result.verdict is Verdict.ACCEPTED
+        and result.match_ratio > config.loop_match_success  # 16
+        and beyond_correction(delta_estimate, result.T_reference_reading, config) is None
+    )
+    if closed:
+        graph.add_edge(closest, last, result.T_reference_reading, result.covariance, EdgeKind.LOOP)  # 18, 19
+        graph.optimise()  # 20
+    return LoopClosure(closest, result, closed)

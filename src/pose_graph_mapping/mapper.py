@@ -1,0 +1,223 @@
+"""Algorithm 1: every sweep becomes a vertex, placed by a match against the area around the last one.
+
+Between sweep assembly and fused odometry on one side, terrain and planning on the other. The matcher is passed in, so that a service
+call, a registration of this package or a fake can stand there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from pose_graph_mapping.cloud import PointCloud, merged, vertex_cloud
+from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.loop_closure import LoopClosure, Match, beyond_correction, detect_loop_closures
+from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph, as_covariance, unit_up
+from pose_graph_mapping.registration import RegistrationResult, Verdict
+from rigid_geometry import as_transform, inverse, rotation_angle
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class MappingUpdate:
+    """What a sweep changed.
+
+    vertex_poses (V, 4, 4) T_map_base; result of the match, None for the first sweep; match_used: an edge came of it;
+    tries: how many matches were called; last_vertex_correction_m: how far the previous vertex had moved since it was placed
+    (Algorithm 1, line 11); loop_closures: new loop edges, loop_results: all that were tried; max_vertex_motion_m and .._rad: of the
+    older vertices by this update; points_dropped: points of the sweep that were not finite.
+    """
+
+    vertex_id: int
+    vertex_poses: Array
+    T_map_odom: Array
+    result: RegistrationResult | None
+    match_used: bool
+    tries: int
+    last_vertex_correction_m: float
+    loop_closures: int
+    loop_results: tuple[LoopClosure, ...]
+    max_vertex_motion_m: float
+    max_vertex_motion_rad: float
+    points_dropped: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """The pose of a new vertex, with the match that gave it."""
+
+    T_map_base: Array
+    result: RegistrationResult
+    used: bool
+    tries: int
+
+
+def levelled(T_odom_base: Array, up_base: Array) -> Array:
+    """`T_odom_base` turned by the least rotation about its own origin that makes the measured up direction the map's z axis."""
+    up = T_odom_base[:3, :3] @ unit_up(up_base)
+    if up[2] < 0.0:
+        raise ValueError(f"the robot would stand on its head: up in the odometry frame is {up}")
+    T = T_odom_base.copy()
+    axis = np.cross(up, [0.0, 0.0, 1.0])
+    sine = float(np.linalg.norm(axis))
+    if sine > 1e-12:
+        T[:3, :3] = Rotation.from_rotvec(axis / sine * np.arctan2(sine, up[2])).as_matrix() @ T_odom_base[:3, :3]
+    return T
+
+
+def odometry_covariance(T_last_current: Array, config: MappingConfig) -> Array:
+    """(6, 6) covariance of an odometry edge, grown with the distance driven and the angle turned."""
+    metres, radians = float(np.linalg.norm(T_last_current[:3, 3])), rotation_angle(T_last_current)
+    shift = config.odometry_sigma_m + config.odometry_sigma_per_m * metres + config.odometry_sigma_per_rad * radians
+    yaw = config.odometry_yaw_sigma_rad + config.odometry_yaw_per_rad * radians + config.odometry_yaw_per_m * metres
+    tilt = config.odometry_tilt_sigma_rad
+    return np.diag(np.square([tilt, tilt, yaw, shift, shift, shift]))
+
+
+class PoseGraphMapper:
+    """Graph-based mapping (thesis 5.4): owns the graph and a light cloud of every vertex."""
+
+    def __init__(self, config: MappingConfig, match: Match) -> None:
+        problems = config.validate()
+        if problems:
+            raise ValueError("; ".join(problems))
+        self._config, self._match = config, match
+        self.graph = PoseGraph(config.loop_cauchy_k)
+        self._clouds: list[PointCloud] = []
+        self._stamps_s: list[float] = []
+        self._T_odom_last = np.eye(4)
+        self._old_last_vertex_estimate = np.eye(4)
+
+    @property
+    def stamps_s(self) -> tuple[float, ...]:
+        """The stamp of every vertex, seconds."""
+        return tuple(self._stamps_s)
+
+    def add_sweep(
+        self,
+        stamp_s: float,
+        points_base: ArrayLike,
+        origins_base: ArrayLike,
+        T_odom_base: ArrayLike,
+        odom_covariance: ArrayLike | None = None,
+        gravity_base: ArrayLike | None = None,
+        gravity_sigma_rad: float | None = None,
+    ) -> MappingUpdate:
+        """Algorithm 1 for one sweep; line numbers in the code are its.
+
+        points_base, origins_base (N, 3) at the stamp; T_odom_base (4, 4); odom_covariance (6, 6) of the motion since the last sweep,
+        rotation first, in the body frame, which is added to the model of distance and turning; gravity_base (3,): up as the resting IMU
+        measured it. ValueError for a stamp that does not increase, too few finite points, or anything that is no transform, covariance or
+        direction; nothing is changed then.
+        """
+        sweep = PointCloud.of_finite(points_base, origins_base)
+        T_odom_base = as_transform(T_odom_base)
+        covariance = None if odom_covariance is None else as_covariance(odom_covariance)
+        up = None if gravity_base is None else unit_up(gravity_base)
+        self._check(stamp_s, sweep, gravity_sigma_rad)
+        before = self.graph.poses()
+        cloud = vertex_cloud(sweep, self._config.vertex_voxel_m, self._config.vertex_normal_neighbours)
+        correction = self._last_vertex_correction()
+        placed = self._first_vertex(T_odom_base, up) if not len(self.graph) else self._next_vertex(cloud, T_odom_base, covariance)
+        self._clouds.append(cloud)
+        self._stamps_s.append(float(stamp_s))
+        if up is not None:
+            self.graph.add_gravity(len(self.graph) - 1, up, gravity_sigma_rad or self._config.gravity_sigma_rad)
+        self._old_last_vertex_estimate = self.graph.pose(len(self.graph) - 1)  # 4, 19
+        self._T_odom_last = T_odom_base  # 5
+        loops = detect_loop_closures(self.graph, self._clouds, self._match, self._config)  # 20
+        return self._update(before, placed, correction, tuple(loops), sweep.dropped)
+
+    def area_cloud(self, distance_m: float) -> PointCloud:
+        """The clouds of all vertices within `distance_m` of the last one along the graph, merged, in the map frame."""
+        near = np.flatnonzero(self.graph.distances_from(len(self.graph) - 1) <= distance_m)
+        return merged([self._clouds[k].transformed(self.graph.pose(int(k))) for k in near])
+
+    def map_cloud(self) -> PointCloud:
+        """The light clouds of all vertices in the map frame; ValueError before the first sweep."""
+        return merged([cloud.transformed(T) for cloud, T in zip(self._clouds, self.graph.poses(), strict=True)])
+
+    def T_map_odom(self) -> Array:
+        """(4, 4) correction of the odometry frame by the last vertex; ValueError before the first sweep (lines 21 to 23)."""
+        return self.graph.pose(len(self.graph) - 1) @ inverse(self._T_odom_last)
+
+    def _check(self, stamp_s: float, sweep: PointCloud, gravity_sigma_rad: float | None) -> None:
+        if not np.isfinite(stamp_s) or (self._stamps_s and stamp_s <= self._stamps_s[-1]):
+            raise ValueError(f"stamps must increase: {stamp_s} after {self._stamps_s[-1:]}")
+        if len(sweep) < self._config.min_sweep_points:
+            raise ValueError(f"a sweep of {len(sweep)} finite points ({sweep.dropped} dropped), {self._config.min_sweep_points} wanted")
+        if gravity_sigma_rad is not None and not gravity_sigma_rad > 0.0:
+            raise ValueError(f"gravity_sigma_rad must be positive, not {gravity_sigma_rad}")
+
+    def _first_vertex(self, T_odom_base: Array, up: Array | None) -> _Placed | None:
+        """Lines 2 to 6, levelled where gravity is known: a tilted first pose tilts the whole map."""
+        self.graph.add_vertex(T_odom_base if up is None else levelled(T_odom_base, up))  # 3
+        return None
+
+    def _next_vertex(self, cloud: PointCloud, T_odom_base: Array, covariance: Array | None) -> _Placed:
+        """Lines 8 to 18, with an odometry edge whatever the match says: it holds what the match leaves open."""
+        last = len(self.graph) - 1
+        relative_odom = inverse(self._T_odom_last) @ T_odom_base  # 8, 10
+        # 11 to 13. The correction takes the last vertex from where it was placed to where it is now. As printed, line 12 applies it to the
+        # estimate that has it already; it belongs to the old one.
+        last_vertex_lc_corr = inverse(self._old_last_vertex_estimate) @ self.graph.pose(last)
+        trans_curr_pc = as_transform(self._old_last_vertex_estimate @ last_vertex_lc_corr @ relative_odom)
+        placed = self._matched(cloud, trans_curr_pc)  # 9, 14 to 17
+        current = self.graph.add_vertex(placed.T_map_base)  # 18
+        grown = odometry_covariance(relative_odom, self._config) + (0.0 if covariance is None else covariance)
+        self.graph.add_edge(last, current, relative_odom, grown, EdgeKind.ODOMETRY)
+        if placed.used:
+            T_last_current = inverse(self.graph.pose(last)) @ placed.T_map_base
+            self.graph.add_edge(last, current, T_last_current, placed.result.covariance, EdgeKind.MATCH)
+        return placed
+
+    def _matched(self, cloud: PointCloud, T_predicted: Array) -> _Placed:
+        """Lines 9 and 14 to 17: up to three tries, each against another reference, until one is not refused.
+
+        The cloud stays in the body frame and the prediction is the guess, which is lines 14 and 17 in one: the match returns T_map_base.
+        A sweep that nothing matches keeps the prediction.
+        """
+        attempts = []
+        for factor in (1.0, 0.0, 2.0)[: self._config.num_icp_tries]:  # 15
+            area = self.area_cloud(factor * self._config.graph_dist_m)  # 9
+            attempts.append(self._plausible(self._match(area, cloud, T_predicted), T_predicted))  # 16
+            if attempts[-1].verdict is not Verdict.REFUSED:
+                return _Placed(as_transform(attempts[-1].T_reference_reading), attempts[-1], True, len(attempts))
+        return _Placed(T_predicted, attempts[0], False, len(attempts))
+
+    def _plausible(self, result: RegistrationResult, T_predicted: Array) -> RegistrationResult:
+        """The result, refused when it moves the prediction too far: only the prior can reject a symmetry."""
+        reason = beyond_correction(T_predicted, result.T_reference_reading, self._config)
+        if result.verdict is Verdict.REFUSED or reason is None:
+            return result
+        return dataclasses.replace(result, verdict=Verdict.REFUSED, reason=reason)
+
+    def _last_vertex_correction(self) -> float:
+        if not len(self.graph):
+            return 0.0
+        return float(np.linalg.norm(self.graph.pose(len(self.graph) - 1)[:3, 3] - self._old_last_vertex_estimate[:3, 3]))
+
+    def _update(
+        self, before: Array, placed: _Placed | None, correction: float, loops: tuple[LoopClosure, ...], dropped: int
+    ) -> MappingUpdate:
+        poses = self.graph.poses()
+        moved = [inverse(old) @ new for old, new in zip(before, poses, strict=False)]
+        return MappingUpdate(
+            vertex_id=len(poses) - 1,
+            vertex_poses=poses,
+            T_map_odom=self.T_map_odom(),
+            result=None if placed is None else placed.result,
+            match_used=placed is not None and placed.used,
+            tries=0 if placed is None else placed.tries,
+            last_vertex_correction_m=correction,
+            loop_closures=sum(loop.closed for loop in loops),
+            loop_results=loops,
+            max_vertex_motion_m=max((float(np.linalg.norm(T[:3, 3])) for T in moved), default=0.0),
+            max_vertex_motion_rad=max((rotation_angle(T) for T in moved), default=0.0),
+            points_dropped=dropped,
+        )
