@@ -1,0 +1,223 @@
+#include "sweep_voxels.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace octree_binding {
+
+// ---- sets of voxels
+
+static std::uint64_t spread_by_three(std::uint64_t v) {  // 13 bits, two zeros between them
+  std::uint64_t out = 0;
+  for (int i = 0; i < 13; ++i) out |= (v >> i & 1) << (3 * i);
+  return out;
+}
+
+std::uint64_t VoxelBlocks::position(const Voxel& v) {
+  const auto block = [](int index) { return static_cast<std::uint64_t>(index + kKeyOffset) >> 3; };
+  return block(v.x) | block(v.y) << 13 | block(v.z) << 26;
+}
+
+std::size_t VoxelBlocks::slot_of(std::uint64_t position) const {
+  const std::size_t mask = slots_.size() - 1;
+  std::size_t slot = (position * 0x9e3779b97f4a7c15u >> 20) & mask;
+  while (slots_[slot] != kNone && positions_[slots_[slot]] != position) slot = (slot + 1) & mask;
+  return slot;
+}
+
+void VoxelBlocks::grow() {
+  slots_.assign(slots_.size() * 2, kNone);
+  for (std::uint32_t i = 0; i < positions_.size(); ++i) slots_[slot_of(positions_[i])] = i;
+}
+
+VoxelBlock& VoxelBlocks::at(const Voxel& v) {
+  const std::uint64_t wanted = position(v);
+  if (wanted == last_position_) return blocks_[last_];
+  if (2 * blocks_.size() >= slots_.size()) grow();
+  std::uint32_t& slot = slots_[slot_of(wanted)];
+  if (slot == kNone) {
+    slot = static_cast<std::uint32_t>(blocks_.size());
+    positions_.push_back(wanted);
+    blocks_.emplace_back();
+    blocks_.back().order =
+        spread_by_three(wanted & 0x1fff) | spread_by_three(wanted >> 13 & 0x1fff) << 1 | spread_by_three(wanted >> 26) << 2;
+  }
+  last_position_ = wanted;
+  last_ = slot;
+  return blocks_[slot];
+}
+
+const VoxelBlock* VoxelBlocks::find(const Voxel& v) const {
+  const std::uint32_t found = slots_[slot_of(position(v))];
+  return found == kNone ? nullptr : &blocks_[found];
+}
+
+bool VoxelBlocks::is_hit(const Voxel& v) const {
+  const VoxelBlock* block = find(v);
+  return block && test(block->hit, bit(v));
+}
+
+void VoxelBlocks::sort() {
+  std::sort(blocks_.begin(), blocks_.end(), [](const VoxelBlock& a, const VoxelBlock& b) { return a.order < b.order; });
+}
+
+// ---- rays
+
+namespace {
+
+struct Ray {  // in units of voxels
+  double from[3], along[3];
+  double length;      // metres, of `along`
+  Voxel first, last;  // within the bounds
+  bool hit;           // `last` holds the surface; else the ray leaves the bounds or its range ends there
+  bool carve_last;    // the ray goes through `last` and on
+};
+
+Voxel voxel_at(const double* u) {
+  return {static_cast<int>(std::floor(u[0])), static_cast<int>(std::floor(u[1])), static_cast<int>(std::floor(u[2]))};
+}
+
+bool in_tree(const double* u) {
+  return std::all_of(u, u + 3, [](double c) { return c >= -kKeyOffset && c < kKeyOffset; });
+}
+
+// The part [begin, end] of the ray's parameter that lies within the bounds; false when none does.
+bool clip(const Ray& ray, const VoxelBox& bounds, double& begin, double& end) {
+  begin = 0, end = 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double low = bounds.lo[axis] - ray.from[axis], high = bounds.hi[axis] + 1 - ray.from[axis];
+    if (ray.along[axis] == 0) {
+      if (low > 0 || high <= 0) return false;
+      continue;
+    }
+    const double a = low / ray.along[axis], b = high / ray.along[axis];
+    begin = std::max(begin, std::min(a, b));
+    end = std::min(end, std::max(a, b));
+  }
+  return begin < end || (begin == 0 && end == 0);
+}
+
+Voxel voxel_on(const Ray& ray, double t, const VoxelBox& bounds) {
+  double u[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    // clamped before it is rounded: the clipped end lies on the border of the bounds
+    u[axis] = std::clamp(ray.from[axis] + t * ray.along[axis], double(bounds.lo[axis]), bounds.hi[axis] + 0.5);
+  }
+  return voxel_at(u);
+}
+
+// The ray from an origin to a point, shortened to range and bounds; false when nothing of it is left.
+bool make_ray(const float* origin, const float* point, const SweepRules& rules, Ray& ray) {
+  double squared = 0, target[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    ray.from[axis] = origin[axis] * (1 / rules.resolution);  // as octomap computes its keys
+    target[axis] = point[axis] * (1 / rules.resolution);
+    ray.along[axis] = target[axis] - ray.from[axis];
+    squared += ray.along[axis] * ray.along[axis];
+  }
+  ray.length = std::sqrt(squared) * rules.resolution;
+  const bool too_far = ray.length > rules.max_range;
+  if (too_far) {
+    const double scale = rules.max_range / ray.length;
+    for (int axis = 0; axis < 3; ++axis) target[axis] = ray.from[axis] + (ray.along[axis] *= scale);
+    ray.length = rules.max_range;
+  }
+  const bool ends_inside = in_tree(target) && rules.bounds.contains(voxel_at(target));
+  ray.hit = ends_inside && !too_far;
+  ray.carve_last = !ends_inside;
+  double begin, end;
+  if (!clip(ray, rules.bounds, begin, end)) {
+    if (!ray.hit) return false;
+    begin = 1;  // it touches the bounds in its end point only
+  }
+  ray.last = ends_inside ? voxel_at(target) : voxel_on(ray, end, rules.bounds);
+  ray.first = begin < 1 ? voxel_on(ray, begin, rules.bounds) : ray.last;
+  return true;
+}
+
+// Axes along which the surface at the end of the ray does not rise towards where the ray came from: it lies in the layer
+// of its end voxel there, and so may do so in the voxels of that layer that the ray crosses at a grazing angle.
+std::array<bool, 3> surface_layers(const Ray& ray, const VoxelBlocks& voxels) {
+  std::array<bool, 3> layers{};
+  for (int axis = 0; axis < 3; ++axis) {
+    Voxel below = ray.last, above = ray.last;
+    --below[axis], ++above[axis];
+    const double d = ray.along[axis];
+    layers[axis] = (d >= 0 && !voxels.is_hit(below)) || (d <= 0 && !voxels.is_hit(above));
+  }
+  return layers;
+}
+
+// Marks the voxels that the ray goes through, without the last one, as free (Amanatides and Woo 1987).
+void carve(const Ray& ray, const SweepRules& rules, VoxelBlocks& voxels) {
+  constexpr double kNever = std::numeric_limits<double>::infinity();
+  std::array<bool, 3> layers{};
+  if (ray.hit && rules.grazing > 0) layers = surface_layers(ray, voxels);
+  const double guarded_from = 1 - rules.grazing / ray.length;
+  Voxel at = ray.first;
+  int step[3];
+  double next[3], delta[3], entered = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    step[axis] = at[axis] < ray.last[axis] ? 1 : -1;
+    const bool moves = at[axis] != ray.last[axis];
+    next[axis] = moves ? (at[axis] + (step[axis] > 0) - ray.from[axis]) / ray.along[axis] : kNever;
+    delta[axis] = moves ? step[axis] / ray.along[axis] : kNever;
+  }
+  while (!(at == ray.last)) {
+    if (entered >= guarded_from) {
+      for (int axis = 0; axis < 3; ++axis) {
+        if (layers[axis] && at[axis] == ray.last[axis]) return;  // and so it stays up to the end
+      }
+    }
+    VoxelBlocks::set(voxels.at(at).free, VoxelBlocks::bit(at));
+    const int axis = next[0] <= next[1] ? (next[0] <= next[2] ? 0 : 2) : (next[1] <= next[2] ? 1 : 2);
+    entered = next[axis];
+    at[axis] += step[axis];
+    next[axis] = at[axis] == ray.last[axis] ? kNever : next[axis] + delta[axis];
+  }
+  if (ray.carve_last) VoxelBlocks::set(voxels.at(at).free, VoxelBlocks::bit(at));
+}
+
+// The first ray to every end voxel; hits are marked on the way.
+std::vector<Ray> rays_of(const float* points, const float* origins, std::size_t n, const SweepRules& rules, SweepVoxels& out) {
+  const auto finite = [](const float* p) { return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]); };
+  std::vector<Ray> rays;
+  Ray ray;
+  for (std::size_t i = 0; i < n; ++i, points += 3, origins += 3) {
+    if (!finite(points) || !finite(origins)) {
+      ++out.dropped;
+      continue;
+    }
+    if (!make_ray(origins, points, rules, ray)) continue;
+    VoxelBlock& block = out.voxels.at(ray.last);
+    BlockBits& ends = ray.hit ? block.hit : block.carved_to;
+    const unsigned bit = VoxelBlocks::bit(ray.last);
+    if (VoxelBlocks::test(ends, bit)) continue;
+    VoxelBlocks::set(ends, bit);
+    rays.push_back(ray);
+  }
+  return rays;
+}
+
+std::size_t count(const BlockBits& bits) {
+  std::size_t sum = 0;
+  for (std::uint64_t word : bits) sum += __builtin_popcountll(word);
+  return sum;
+}
+
+}  // namespace
+
+SweepVoxels trace_sweep(const float* points, const float* origins, std::size_t n, const SweepRules& rules) {
+  SweepVoxels out;
+  for (const Ray& ray : rays_of(points, origins, n, rules, out)) carve(ray, rules, out.voxels);
+  for (VoxelBlock& block : out.voxels.blocks()) {
+    for (int word = 0; word < 8; ++word) block.free[word] &= ~block.hit[word];
+    out.free += count(block.free);
+    out.occupied += count(block.hit);
+  }
+  out.voxels.sort();
+  return out;
+}
+
+}  // namespace octree_binding

@@ -1,0 +1,27 @@
+// From the points of a sweep to the voxels that it saw free and occupied.
+#pragma once
+
+#include <cstddef>
+
+#include "voxel_blocks.h"
+
+namespace octree_binding {
+
+struct SweepRules {
+  double resolution;
+  double max_range;  // metres; points beyond it only carve, up to it
+  double grazing;    // metres before a hit in which the layer of the surface itself is not carved; 0 turns that off
+  VoxelBox bounds;   // nothing outside is touched
+};
+
+struct SweepVoxels {
+  VoxelBlocks voxels;        // `free` and `hit` are disjoint, sorted in octree order
+  std::size_t free = 0;      // voxels
+  std::size_t occupied = 0;  // voxels
+  std::size_t dropped = 0;   // points or origins that are not finite
+};
+
+// points, origins: n triples of metres. One ray is cast for every end voxel, that of its first point; occupied wins over free.
+SweepVoxels trace_sweep(const float* points, const float* origins, std::size_t n, const SweepRules& rules);
+
+}  // namespace octree_binding

@@ -1,0 +1,227 @@
+"""Sweeps in the octree against brute force: every voxel of a tiny map, every ray, by slabs in numpy."""
+
+import math
+
+import numpy as np
+import pytest
+
+from octomap_server_3dnav.column_runs import VoxelState
+from octomap_server_3dnav.octree import InsertionReport, OctreeMap, SensorModel
+
+RES = 0.1
+PLAIN = SensorModel(grazing_m=0.0)
+FREE, OCCUPIED, UNKNOWN = VoxelState.FREE, VoxelState.OCCUPIED, VoxelState.UNKNOWN
+
+
+def centers(*indices: tuple[int, int, int]) -> np.ndarray:
+    """Points in the middle of voxels given by index."""
+    return ((np.array(indices, dtype=float) + 0.5) * RES).astype(np.float32)
+
+
+def one_ray(octree: OctreeMap, start: tuple[int, int, int], end: tuple[int, int, int], **options) -> InsertionReport:
+    return octree.insert_sweep(centers(end), centers(start), **options)
+
+
+def random_sweep(seed: int, n: int = 40) -> tuple[np.ndarray, np.ndarray]:
+    """Rays from a few places among points in a cube of 16 voxels around the origin."""
+    rng = np.random.default_rng(seed)
+    places = rng.uniform(-0.3, 0.3, (4, 3))
+    return rng.uniform(-0.8, 0.8, (n, 3)).astype(np.float32), places[rng.integers(0, 4, n)].astype(np.float32)
+
+
+def crossed_length(start: np.ndarray, end: np.ndarray, lows: np.ndarray) -> np.ndarray:
+    """Metres of the segment within each cube of RES at `lows` (N, 3)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        a, b = (lows - start) / (end - start), (lows + RES - start) / (end - start)
+    t0, t1 = np.minimum(a, b).max(axis=1).clip(0, 1), np.maximum(a, b).min(axis=1).clip(0, 1)
+    return np.maximum(t1 - t0, 0) * np.linalg.norm(end - start)
+
+
+class BruteForce:
+    """Free and occupied sets of a sweep on a grid of 20 voxels cubed; `near` are voxels that a rounding error may decide."""
+
+    low = -10
+
+    def __init__(self, points: np.ndarray, origins: np.ndarray, max_range: float = math.inf, bounds: np.ndarray | None = None) -> None:
+        self.indices = np.stack(np.meshgrid(*[np.arange(20) + self.low] * 3, indexing="ij"), -1).reshape(-1, 3)
+        allowed = np.ones(len(self.indices), bool)
+        if bounds is not None:
+            allowed = ((self.indices >= bounds[0]) & (self.indices <= bounds[1])).all(axis=1)
+        self.free, self.near, self.occupied = (np.zeros(len(self.indices), bool) for _ in range(3))
+        for point, origin in zip(points.astype(float), origins.astype(float), strict=True):
+            self._cast(point, origin, max_range)
+        self.occupied &= allowed
+        self.free &= allowed & ~self.occupied
+
+    def _cast(self, point: np.ndarray, origin: np.ndarray, max_range: float) -> None:
+        length = np.linalg.norm(point - origin)
+        end = origin + (point - origin) * min(1.0, max_range / length)
+        is_end = (self.indices == np.floor(end / RES)).all(axis=1)
+        crossed = crossed_length(origin, end, self.indices * RES)
+        self.occupied |= is_end & (length <= max_range)
+        self.free |= ~is_end & (crossed > 1e-6)
+        self.near |= ~is_end & (crossed > 0) & (crossed <= 1e-6)
+
+    def assert_same(self, octree: OctreeMap) -> None:
+        states = octree.states_at((self.indices + 0.5) * RES)
+        expected = np.where(self.occupied, OCCUPIED, np.where(self.free, FREE, UNKNOWN))
+        wrong = (states != expected) & ~self.near
+        assert not wrong.any(), f"{wrong.sum()} voxels, the first {self.indices[wrong][0]}: {states[wrong][0]} for {expected[wrong][0]}"
+
+
+def unique_ends(points: np.ndarray) -> np.ndarray:
+    """Row of the first point in every voxel."""
+    return np.sort(np.unique(np.floor(points.astype(float) / RES), axis=0, return_index=True)[1])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_sweep_marks_the_voxels_that_brute_force_finds(seed):
+    points, origins = random_sweep(seed)
+    octree = OctreeMap(RES, PLAIN)
+    report = octree.insert_sweep(points, origins)
+    first = unique_ends(points)
+    oracle = BruteForce(points[first], origins[first])
+    oracle.assert_same(octree)
+    assert report.occupied == oracle.occupied.sum() and abs(report.free - oracle.free.sum()) <= oracle.near.sum()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_bounds_cut_every_ray_to_the_box(seed):
+    points, origins = random_sweep(seed)
+    bounds = np.array([[-4, -6, -3], [5, 2, 4]])
+    octree = OctreeMap(RES, PLAIN)
+    octree.insert_sweep(points, origins, bounds=(bounds[0] * RES, (bounds[1] + 1) * RES))
+    inside = ((np.floor(points.astype(float) / RES) >= bounds[0]) & (np.floor(points.astype(float) / RES) <= bounds[1])).all(axis=1)
+    first = np.concatenate([np.flatnonzero(inside)[unique_ends(points[inside])], np.flatnonzero(~inside)])
+    oracle = BruteForce(points[first], origins[first], bounds=bounds)
+    states = octree.states_at((oracle.indices + 0.5) * RES)
+    assert np.array_equal(states == OCCUPIED, oracle.occupied)
+    missing = oracle.free & ~oracle.near & (states != FREE)  # of rays that leave by the same voxel only the first is cast
+    assert not ((states == FREE) & ~oracle.free & ~oracle.near).any() and missing.sum() <= 0.05 * oracle.free.sum()
+
+
+def test_ray_from_outside_the_bounds_frees_only_what_lies_inside():
+    octree = OctreeMap(RES, PLAIN)
+    report = one_ray(octree, (-5, 0, 0), (9, 0, 0), bounds=([0.0, 0.0, 0.0], [0.3, 0.1, 0.1]))
+    assert report == InsertionReport(free=3, occupied=0, dropped=0)
+    assert octree.states_at(centers((-1, 0, 0), (0, 0, 0), (2, 0, 0), (3, 0, 0))).tolist() == [UNKNOWN, FREE, FREE, UNKNOWN]
+
+
+def test_point_beyond_the_range_frees_its_ray_up_to_the_range_and_occupies_nothing():
+    octree = OctreeMap(RES, PLAIN)
+    report = one_ray(octree, (0, 0, 0), (9, 0, 0), max_range_m=0.5)
+    assert report == InsertionReport(free=5, occupied=0, dropped=0)
+    assert octree.states_at(centers((4, 0, 0), (5, 0, 0), (9, 0, 0))).tolist() == [FREE, UNKNOWN, UNKNOWN]
+
+
+def test_hit_wins_over_rays_through_it_within_a_sweep_in_any_order():
+    points, origins = centers((3, 0, 0), (8, 0, 0)), centers((0, 0, 0), (0, 0, 0))
+    for order in ([0, 1], [1, 0]):
+        octree = OctreeMap(RES, PLAIN)
+        assert octree.insert_sweep(points[order], origins[order]) == InsertionReport(free=7, occupied=2, dropped=0)
+        assert octree.states_at(centers((3, 0, 0))).tolist() == [OCCUPIED]
+
+
+@pytest.mark.parametrize(("hits", "misses_until_free"), [(1, 3), (2, 5), (9, 9)])
+def test_moved_obstacle_vanishes_after_as_many_sweeps_as_the_log_odds_say(hits, misses_until_free):
+    octree = OctreeMap(RES, PLAIN)
+    for _ in range(hits):
+        one_ray(octree, (0, 0, 0), (5, 0, 0))
+    for misses in range(1, misses_until_free + 1):
+        one_ray(octree, (0, 0, 0), (9, 0, 0))
+        expected = FREE if misses == misses_until_free else OCCUPIED
+        assert octree.states_at(centers((5, 0, 0))).tolist() == [expected], misses
+
+
+def test_many_points_in_one_voxel_count_as_one_hit():
+    octree, single = OctreeMap(RES), OctreeMap(RES)
+    rng = np.random.default_rng(0)
+    cluster = (centers((5, 5, 0)) + rng.uniform(-0.04, 0.04, (100, 3))).astype(np.float32)
+    octree.insert_sweep(cluster, np.zeros_like(cluster))
+    single.insert_sweep(cluster[:1], np.zeros((1, 3), np.float32))
+    assert octree.to_full() == single.to_full()
+
+
+def test_points_and_origins_that_are_not_finite_are_dropped_and_counted():
+    points = np.array([[1, 0, 0], [np.nan, 0, 0], [1, 1, np.inf], [0, 1, 0]], np.float32)
+    origins = np.array([[0, 0, 0], [0, 0, 0], [0, 0, 0], [np.nan, 0, 0]], np.float32)
+    octree, clean = OctreeMap(RES), OctreeMap(RES)
+    assert octree.insert_sweep(points, origins).dropped == 3
+    clean.insert_sweep(points[:1], origins[:1])
+    assert octree.to_full() == clean.to_full()
+
+
+def test_point_at_its_own_origin_is_a_hit_without_a_ray():
+    assert one_ray(OctreeMap(RES), (2, 2, 2), (2, 2, 2)) == InsertionReport(free=0, occupied=1, dropped=0)
+
+
+def test_points_outside_the_trees_reach_free_up_to_its_border():
+    octree = OctreeMap(RES)
+    report = octree.insert_sweep(np.array([[1e9, 0.05, 0.05]], np.float32), np.array([[3276.05, 0.05, 0.05]], np.float32))
+    assert report == InsertionReport(free=8, occupied=0, dropped=0)
+    empty = octree.insert_sweep(np.array([[1e9, 5e9, 0]], np.float32), np.array([[1e9, 0, 0]], np.float32))
+    assert empty == InsertionReport(0, 0, 0)
+
+
+def test_empty_sweep_changes_nothing():
+    octree = OctreeMap(RES)
+    assert octree.insert_sweep(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)) == InsertionReport(0, 0, 0)
+    assert octree.node_count == 0 and octree.to_full() == b"" and octree.to_binary() == b""
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_same_sweeps_give_the_same_tree_bit_by_bit(seed):
+    first, second = OctreeMap(0.05), OctreeMap(0.05)
+    for octree in (first, second):
+        for sweep in range(3):
+            octree.insert_sweep(*random_sweep(10 * seed + sweep, n=500))
+    assert first.to_full() == second.to_full()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_bulk_insertion_has_the_log_odds_of_single_updates(seed):
+    """Values at every voxel after several sweeps, against clamped sums; bulk updates of whole cubes and pruning change none."""
+    model = SensorModel(grazing_m=0.0)
+    logit = {name: math.log(p / (1 - p)) for name, p in vars(model).items() if p}
+    octree, total = OctreeMap(RES, model), None
+    for sweep in range(6):
+        points, origins = random_sweep(seed + 100 * sweep, n=300)
+        alone = OctreeMap(RES, model)
+        alone.insert_sweep(points, origins)
+        octree.insert_sweep(points, origins)
+        indices = BruteForce(points[:0], origins[:0]).indices
+        states = alone.states_at((indices + 0.5) * RES)
+        total = np.full(len(states), np.nan) if total is None else total
+        update = np.select([states == FREE, states == OCCUPIED], [logit["miss"], logit["hit"]], 0.0)
+        total = np.where(states == UNKNOWN, total, np.clip(np.nan_to_num(total) + update, logit["min"], logit["max"]))
+    expected = np.select([np.isnan(total), total >= 0], [UNKNOWN, OCCUPIED], FREE)
+    assert np.array_equal(octree.states_at((indices + 0.5) * RES), expected)
+
+
+@pytest.mark.parametrize(
+    ("points", "origins", "options", "words"),
+    [
+        (np.zeros((4, 2)), np.zeros((4, 2)), {}, "points_map must be"),
+        (np.zeros((4, 3)), np.zeros((3, 3)), {}, "one row a beam"),
+        (np.zeros(3), np.zeros(3), {}, "points_map must be"),
+        (np.zeros((1, 3)), np.zeros((1, 3)), {"max_range_m": 0.0}, "max_range_m"),
+        (np.zeros((1, 3)), np.zeros((1, 3)), {"max_range_m": math.nan}, "max_range_m"),
+        (np.zeros((1, 3)), np.zeros((1, 3)), {"bounds": ([0, 0, 1], [1, 1, 0])}, "lo <= hi"),
+        (np.zeros((1, 3)), np.zeros((1, 3)), {"bounds": ([0, 0], [1, 1])}, "three metres"),
+    ],
+)
+def test_sweep_of_wrong_shape_or_range_is_refused(points, origins, options, words):
+    with pytest.raises(ValueError, match=words):
+        OctreeMap(RES).insert_sweep(points, origins, **options)
+
+
+@pytest.mark.parametrize("model", [SensorModel(hit=0.4), SensorModel(miss=0.6), SensorModel(grazing_m=-1.0), SensorModel(max=math.nan)])
+def test_sensor_model_that_cannot_be_is_refused(model):
+    with pytest.raises(ValueError, match="="):
+        OctreeMap(RES, model)
+
+
+@pytest.mark.parametrize("resolution", [0.0, -0.1, math.nan, math.inf])
+def test_resolution_that_cannot_be_is_refused(resolution):
+    with pytest.raises(ValueError, match="resolution"):
+        OctreeMap(resolution)
