@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.records import Contact
 from pybullet_simulation.robot_model import TILT_JOINT, WHEELS, RobotModel
-from pybullet_simulation.world import World
+from pybullet_simulation.world import Surface, World
 from rigid_geometry import quat_xyzw_from_transform
 
 Array = NDArray[np.float64]
 
 MESH_FLAGS = 1 | 2  # concave, with internal edges: wheels do not catch on the edges between coplanar triangles
+TRIANGLES_AT_ONCE = 20_000
 
 
 @contextlib.contextmanager
@@ -95,7 +96,13 @@ class Physics:
             else:
                 self._add_static({"shapeType": pybullet.GEOM_MESH, "vertices": solid.vertices.tolist()}, np.eye(4))
         for surface in world.surfaces:
-            mesh = {"vertices": surface.vertices.tolist(), "indices": surface.triangles.ravel().tolist()}
+            self._add_surface(surface)
+
+    def _add_surface(self, surface: Surface) -> None:
+        """In pieces, for pybullet takes only so many triangles at once."""
+        for first in range(0, len(surface.triangles), TRIANGLES_AT_ONCE):
+            used, local = np.unique(surface.triangles[first : first + TRIANGLES_AT_ONCE], return_inverse=True)
+            mesh = {"vertices": surface.vertices[used].tolist(), "indices": local.ravel().tolist()}
             self._add_static({"shapeType": pybullet.GEOM_MESH, "flags": MESH_FLAGS, **mesh}, np.eye(4))
 
     def _add_static(self, shape: dict[str, object], T_world_shape: Array) -> None:

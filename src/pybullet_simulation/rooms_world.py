@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from pybullet_simulation.clutter import Propose, place, plan_bounds
 from pybullet_simulation.solids import Solid, box, cylinder, walls_around
 
 LOW_XY, HIGH_XY = (-5.0, -4.0), (5.0, 4.0)
@@ -14,7 +15,8 @@ AT_DOORWAY_M = 1.9
 
 def rooms_solids(rng: np.random.Generator) -> list[Solid]:
     """Ground, walls with doorways of 1.8 m, and clutter that leaves every passage at least 1.6 m wide."""
-    ground = box("ground", (*(v - 1.0 for v in LOW_XY), -0.5), (*(v + 1.0 for v in HIGH_XY), 0.0))
+    margin = np.array([WALL_M, WALL_M])
+    ground = box("ground", (*(LOW_XY - margin), -0.5), (*(HIGH_XY + margin), 0.0))
     return [ground, *walls_around(LOW_XY, HIGH_XY, -BURIED_M, WALL_HEIGHT_M, WALL_M), *_inner_walls(), *_clutter(rng)]
 
 
@@ -34,41 +36,32 @@ def _inner_walls() -> list[Solid]:
 
 
 def _clutter(rng: np.random.Generator) -> list[Solid]:
-    """In each room things against the outer walls and one pillar or crate in the open; nothing in the corridor but at its ends."""
+    """In each room things against the outer wall and a pillar or box in the open; the corridor stays empty."""
+    keep_off = [(np.array([d, d]), AT_DOORWAY_M) for d in DOORWAYS]
     solids: list[Solid] = []
     for name, side in (("north", 1.0), ("south", -1.0)):
-        for i in range(int(rng.integers(2, 4))):
-            solids += _placed(rng, solids, lambda r, n=f"{name}_{i}", s=side: _against_wall(r, n, s))
-        solids += _placed(rng, solids, lambda r, n=name, s=side: _in_the_open(r, n, s))
+        crates = [_against_wall(f"crate_{name}_{i}", side) for i in range(int(rng.integers(2, 4)))]
+        for propose in (*crates, _in_the_open(name, side)):
+            solids += place(rng, propose, [*keep_off, *((plan_bounds([s]), FREE_GAP_M) for s in solids)])
     return solids
 
 
-def _placed(rng: np.random.Generator, others: list[Solid], propose) -> list[Solid]:  # type: ignore[no-untyped-def]
-    """The first proposal that is far enough from doorways and other clutter; none after 50 tries."""
-    for _ in range(50):
-        solid: Solid = propose(rng)
-        low, high = solid.vertices[:, :2].min(axis=0), solid.vertices[:, :2].max(axis=0)
-        doors = all(np.linalg.norm(np.clip(d, low, high) - d) > AT_DOORWAY_M for d in DOORWAYS)
-        if doors and all(_gap(low, high, other) > FREE_GAP_M for other in others):
-            return [solid]
-    return []
+def _against_wall(name: str, side: float) -> Propose:
+    def propose(rng: np.random.Generator) -> list[Solid]:
+        depth, width, height = rng.uniform(0.25, 0.6), rng.uniform(0.4, 1.2), rng.uniform(0.4, 1.6)
+        x = rng.uniform(-2.8 + width / 2, 4.99 - width / 2)
+        low_y, high_y = sorted((side * 4.0, side * (4.0 - depth)))
+        return [box(name, (x - width / 2, low_y, -BURIED_M), (x + width / 2, high_y, height))]
+
+    return propose
 
 
-def _gap(low, high, other: Solid) -> float:  # type: ignore[no-untyped-def]
-    other_low, other_high = other.vertices[:, :2].min(axis=0), other.vertices[:, :2].max(axis=0)
-    return float(np.linalg.norm(np.maximum(0.0, np.maximum(other_low - high, low - other_high))))
+def _in_the_open(name: str, side: float) -> Propose:
+    def propose(rng: np.random.Generator) -> list[Solid]:
+        x, y = rng.uniform(-1.2, 3.2), side * rng.uniform(1.95, 2.15)
+        if rng.uniform() < 0.5:
+            return [cylinder(f"pillar_{name}", x, y, -BURIED_M, WALL_HEIGHT_M, rng.uniform(0.1, 0.2))]
+        half = rng.uniform(0.12, 0.22)
+        return [box(f"box_{name}", (x - half, y - half, -BURIED_M), (x + half, y + half, rng.uniform(0.5, 1.2)))]
 
-
-def _against_wall(rng: np.random.Generator, name: str, side: float) -> Solid:
-    depth, width, height = rng.uniform(0.25, 0.6), rng.uniform(0.4, 1.2), rng.uniform(0.4, 1.6)
-    x = rng.uniform(-2.8 + width / 2, 4.99 - width / 2)
-    ys = sorted((side * 4.0, side * (4.0 - depth)))
-    return box(f"crate_{name}", (x - width / 2, ys[0], -BURIED_M), (x + width / 2, ys[1], height))
-
-
-def _in_the_open(rng: np.random.Generator, name: str, side: float) -> Solid:
-    x, y = rng.uniform(-1.2, 3.2), side * rng.uniform(1.95, 2.15)
-    if rng.uniform() < 0.5:
-        return cylinder(f"pillar_{name}", x, y, -BURIED_M, WALL_HEIGHT_M, rng.uniform(0.1, 0.2))
-    half = rng.uniform(0.12, 0.22)
-    return box(f"box_{name}", (x - half, y - half, -BURIED_M), (x + half, y + half, rng.uniform(0.5, 1.2)))
+    return propose
