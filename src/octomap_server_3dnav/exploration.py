@@ -1,0 +1,227 @@
+"""Where to go next (thesis algorithm 3 as a whole, 6.2.2): local terrain first, then the whole map, the cheapest frontier with a path.
+
+The last step of the octomap stage: `ExplorationPlanner.decide` after every sweep at a goal, `still_valid` after a sweep on the way. Frontiers that stay what they
+are although the robot looked at them, or that driving failed to reach, are set aside after a bounded number of tries: every run ends.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+from rigid_geometry import as_transform, yaw_of
+from rigid_geometry.transforms import Transform
+from stage_config import check_ranges, parameter
+
+from octomap_server_3dnav.column_runs import ColumnRuns
+from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
+from octomap_server_3dnav.planner import Path, PlannerConfig, plan_path, trim_path
+from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
+
+RunsWithin = Callable[[float | None], ColumnRuns]
+
+
+class DecisionKind(Enum):
+    """What the robot is to do."""
+
+    GOAL = "goal"
+    EXPLORED = "explored"
+    TRAPPED = "trapped"
+
+
+class Validity(Enum):
+    """Whether a plan still holds after a sweep on the way."""
+
+    VALID = "valid"
+    PATH_BLOCKED = "path blocked"
+    FRONTIER_GONE = "frontier gone"
+
+
+@dataclass(frozen=True)
+class ExplorationConfig:
+    """The search for the next goal; the parts it is made of have their own configurations."""
+
+    local_radius_m: float = parameter(6.0, "m", "terrain that is searched for frontiers before the whole map is", low=1.0, high=100.0)
+    place_radius_m: float = parameter(0.6, "m", "frontiers within this distance of each other are the same place", low=0.05, high=5.0)
+    near_m: float = parameter(1.6, "m", "a sweep taken within this distance of a frontier was a look at it", low=0.1, high=10.0)
+    max_looks: int = parameter(2, "-", "looks that did not change a frontier before it is set aside", low=1, high=20)
+    max_failures: int = parameter(2, "-", "failed drives to a frontier before it is set aside", low=1, high=20)
+    max_goals: int = parameter(6, "-", "goals at one frontier, whatever came of them, before it is set aside", low=1, high=100)
+    closer_factor: float = parameter(0.6, "-", "the path is trimmed to this share at every further look", low=0.1, high=1.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        problems = check_ranges(self)
+        if self.max_goals < max(self.max_looks, self.max_failures):
+            problems.append(f"max_goals = {self.max_goals!r} is below max_looks or max_failures")
+        return problems
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What to do and why.
+
+    `path` (K, 3) in map, trimmed, None unless kind is GOAL; `goal` (x, y, z, yaw) in map, its yaw facing `frontier` (3,). `scope` is "local"
+    or "global", the terrain that decided; `open_frontiers` were left to visit in it, this one included; `set_aside` are given up in the whole run.
+    """
+
+    kind: DecisionKind
+    reason: str
+    terrain: Terrain
+    scope: str
+    open_frontiers: int
+    set_aside: int
+    path: NDArray[np.float64] | None = None
+    goal: tuple[float, float, float, float] | None = None
+    frontier: tuple[float, float, float] | None = None
+    full_path: NDArray[np.float64] | None = None
+
+
+@dataclass
+class _Place:
+    """What happened so far at a frontier."""
+
+    xyz: tuple[float, float, float]
+    goals: int = 0
+    looks: int = 0
+    failures: list[str] = field(default_factory=list)
+
+
+class ExplorationPlanner:
+    """Chooses goals until nothing reachable is unknown; remembers what was tried where, nothing else."""
+
+    def __init__(
+        self,
+        config: ExplorationConfig | None = None,
+        terrain: TerrainConfig | None = None,
+        frontier: FrontierConfig | None = None,
+        planner: PlannerConfig | None = None,
+    ) -> None:
+        """ValueError lists every violation of the four configurations."""
+        self.config = config or ExplorationConfig()
+        self.terrain_config = terrain or TerrainConfig()
+        self.frontier_config = frontier or FrontierConfig()
+        self.planner_config = planner or PlannerConfig()
+        problems = [p for c in (self.config, self.terrain_config, self.frontier_config, self.planner_config) for p in c.validate()]
+        if problems:
+            raise ValueError("\n".join(problems))
+        self._places: list[_Place] = []
+
+    def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
+        """Frontiers given up so far, each with the reason."""
+        return [(p.xyz, reason) for p in self._places if (reason := self._why_aside(p))]
+
+    def report_failure(self, frontier_xyz: tuple[float, float, float], reason: str) -> None:
+        """Driving to the goal of this frontier failed; after `max_failures` it is set aside. ValueError when it is not three numbers."""
+        if len(frontier_xyz) != 3 or not np.isfinite(frontier_xyz).all():
+            raise ValueError(f"a frontier is three finite numbers, not {frontier_xyz!r}")
+        self._place(frontier_xyz).failures.append(reason)
+
+    def decide(self, runs_within: RunsWithin | ColumnRuns, T_map_base: Transform) -> Decision:
+        """The next goal, or why there is none, for the robot at `T_map_base` after a sweep.
+
+        `runs_within` gives the columns at least within a radius in metres around the robot (None: all), or is the whole map itself.
+        ValueError for a transform that is not rigid.
+        """
+        T_map_base = as_transform(T_map_base)
+        for radius in (self.config.local_radius_m, None):
+            runs = runs_within if isinstance(runs_within, ColumnRuns) else runs_within(radius)
+            terrain = classify(runs, T_map_base, self.terrain_config, radius)
+            scope = "global" if radius is None else "local"
+            if terrain.departure is None and radius is None:
+                return self._decision(DecisionKind.TRAPPED, self._why_trapped(terrain), terrain, scope, 0)
+            decision = self._goal_in(terrain, T_map_base, scope)
+            if decision is not None:
+                return decision
+        return self._decision(DecisionKind.EXPLORED, self._why_explored(), terrain, scope, 0)
+
+    def still_valid(self, terrain: Terrain, path: NDArray[np.floating], frontier_xyz: tuple[float, float, float]) -> Validity:
+        """Whether the rest of `path` (K, 3) is still free in `terrain`, taken after a sweep on the way, and its frontier still one.
+
+        What lies outside the terrain counts as unchanged. The part that the robot stands on may be inflated.
+        """
+        if not self._path_is_free(terrain, np.asarray(path, dtype=np.float64)):
+            return Validity.PATH_BLOCKED
+        robot, target = np.asarray(terrain.robot_xyz), np.asarray(frontier_xyz)
+        if terrain.radius_m is not None and np.linalg.norm(target[:2] - robot[:2]) > terrain.radius_m - self.config.place_radius_m:
+            return Validity.VALID
+        frontiers = terrain.centers(terrain.nodes_of(TerrainClass.FRONTIER))
+        near = np.linalg.norm(frontiers - target, axis=1) <= self.config.place_radius_m
+        return Validity.VALID if np.count_nonzero(near) >= self.frontier_config.min_voxels else Validity.FRONTIER_GONE
+
+    def _path_is_free(self, terrain: Terrain, path: NDArray[np.float64]) -> bool:
+        from_robot = np.linalg.norm(path[:, :2] - np.asarray(terrain.robot_xyz[:2]), axis=1)
+        ahead = path[int(np.argmin(from_robot)) :]
+        for point in ahead[np.linalg.norm(ahead[:, :2] - np.asarray(terrain.robot_xyz[:2]), axis=1) > self.config.place_radius_m]:
+            node = terrain.surface_near(point)
+            if node is not None and terrain.label[node] != TerrainClass.TRAVERSABLE:
+                return False
+        return True
+
+    def _goal_in(self, terrain: Terrain, T_map_base: Transform, scope: str) -> Decision | None:
+        frontiers = find_frontiers(terrain, T_map_base, self.frontier_config, self.planner_config)
+        self._count_looks(frontiers, T_map_base)
+        left = [f for f in frontiers if not self._is_aside(f.xyz)]
+        for count, frontier in enumerate(left):
+            path = plan_path(terrain, frontier.node, self.planner_config)
+            if path is not None:
+                return self._goal(terrain, T_map_base, scope, frontier, path, len(left) - count)
+            self._place(frontier.xyz).failures.append("no path")
+        return None
+
+    def _goal(self, terrain: Terrain, T_map_base: Transform, scope: str, frontier: Frontier, path: Path, left: int) -> Decision:
+        place = self._place(frontier.xyz)
+        place.goals += 1
+        distance = self.planner_config.trim_m * self.config.closer_factor**place.looks
+        trimmed = trim_path(path, np.asarray(frontier.xyz), distance)
+        x, y, z = (float(v) for v in trimmed.points[-1])
+        yaw = facing_yaw((x, y), frontier.xyz) if math.hypot(frontier.xyz[0] - x, frontier.xyz[1] - y) > 1e-6 else yaw_of(T_map_base)
+        reason = f"frontier of {len(frontier.voxels)} voxels, {frontier.distance_m:.1f} m away"
+        decision = self._decision(DecisionKind.GOAL, reason, terrain, scope, left)
+        return replace(decision, path=trimmed.points, goal=(x, y, z, yaw), frontier=frontier.xyz, full_path=path.points)
+
+    def _decision(self, kind: DecisionKind, reason: str, terrain: Terrain, scope: str, left: int) -> Decision:
+        return Decision(kind, reason, terrain, scope, left, len(self.set_aside()))
+
+    def _count_looks(self, frontiers: list[Frontier], T_map_base: Transform) -> None:
+        """A frontier that was a goal, and still is one after a sweep from near, was looked at in vain."""
+        for place in {id(p): p for f in frontiers if (p := self._known_place(f.xyz))}.values():
+            near = math.dist(place.xyz, (T_map_base[0, 3], T_map_base[1, 3], T_map_base[2, 3])) <= self.config.near_m
+            if near and place.goals > place.looks:
+                place.looks += 1
+
+    def _known_place(self, xyz: tuple[float, float, float]) -> _Place | None:
+        near = [(math.dist(p.xyz, xyz), i) for i, p in enumerate(self._places)]
+        best = min(near, default=None)
+        return self._places[best[1]] if best and best[0] <= self.config.place_radius_m else None
+
+    def _place(self, xyz: tuple[float, float, float]) -> _Place:
+        place = self._known_place(xyz)
+        if place is None:
+            place = _Place((float(xyz[0]), float(xyz[1]), float(xyz[2])))
+            self._places.append(place)
+        return place
+
+    def _is_aside(self, xyz: tuple[float, float, float]) -> bool:
+        place = self._known_place(xyz)
+        return place is not None and self._why_aside(place) is not None
+
+    def _why_aside(self, place: _Place) -> str | None:
+        if len(place.failures) >= self.config.max_failures:
+            return f"not reached in {len(place.failures)} tries: {place.failures[-1]}"
+        if place.looks >= self.config.max_looks:
+            return f"unchanged after {place.looks} looks from near"
+        if place.goals >= self.config.max_goals:
+            return f"still open after {place.goals} goals"
+        return None
+
+    def _why_explored(self) -> str:
+        aside = len(self.set_aside())
+        return "no reachable frontier is left in the whole map" + (f"; {aside} set aside" if aside else "")
+
+    def _why_trapped(self, terrain: Terrain) -> str:
+        if terrain.start is None:
+            return "no ground beneath the robot from which enough traversable ground can be reached"
+        return "all ground around the robot is too near to obstacles or cliffs"

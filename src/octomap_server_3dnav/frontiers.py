@@ -1,0 +1,164 @@
+"""Frontiers as targets (thesis 5.5): frontier voxels are clustered, split to what one sweep can look at, and sorted by cost.
+
+After `terrain.classify`, before a path is planned. The cost is the thesis's: distance + angle * weight.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from rigid_geometry import angle_difference, yaw_of
+from rigid_geometry.transforms import Transform
+from scipy.spatial import cKDTree
+from stage_config import check_ranges, parameter
+
+from octomap_server_3dnav.planner import PlannerConfig, distances_over_ground
+from octomap_server_3dnav.terrain import Terrain, TerrainClass
+
+
+@dataclass(frozen=True)
+class FrontierConfig:
+    """Which frontiers are worth a look, and which one first."""
+
+    min_voxels: int = parameter(6, "voxels", "smaller clusters are ignored", low=1, high=1000)
+    min_inflated_voxels: int = parameter(15, "voxels", "the same for clusters that lie wholly beside inflated ground", low=1, high=1000)
+    approach_m: float = parameter(1.0, "m", "farthest traversable ground from which such a cluster is looked at", low=0.0, high=5.0)
+    target_radius_m: float = parameter(1.0, "m", "extent of one target: larger clusters are split", low=0.1, high=10.0)
+    angle_weight_m_per_rad: float = parameter(0.5, "m/rad", "cost of turning to a frontier (thesis: distance + angle * weight)", low=0.0, high=20.0)
+    frontier_distance: str = parameter("path", "-", "distance over the ground, or straight as in the thesis", choices=("path", "euclidean"))
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        return check_ranges(self)
+
+
+@dataclass(frozen=True)
+class Frontier:
+    """A place worth a look: xyz of its middle voxel in map, the traversable node nearest to it, its voxels (node indices), its cost."""
+
+    xyz: tuple[float, float, float]
+    node: int
+    voxels: tuple[int, ...]
+    distance_m: float
+    cost: float
+    inflated: bool
+
+
+@njit(cache=True)
+def _cluster_labels(ix: Any, iy: Any, z: Any, order: Any, reach: Any, rise: Any) -> Any:
+    """(F,) cluster of each voxel: linked when at most `reach` apart on x and y and `rise` in z; `order` sorts by ix."""
+    cluster = np.full(ix.size, -1, np.int64)
+    stack = np.empty(ix.size, np.int64)
+    rank = np.empty(ix.size, np.int64)
+    for i in range(order.size):
+        rank[order[i]] = i
+    count = 0
+    for seed in order:
+        if cluster[seed] >= 0:
+            continue
+        cluster[seed], stack[0], top = count, seed, 1
+        while top > 0:
+            top -= 1
+            a = stack[top]
+            for way in (-1, 1):
+                i = rank[a] + way
+                while 0 <= i < order.size and abs(ix[order[i]] - ix[a]) <= reach:
+                    b = order[i]
+                    if cluster[b] < 0 and abs(iy[b] - iy[a]) <= reach and abs(z[b] - z[a]) <= rise:
+                        cluster[b], stack[top] = count, b
+                        top += 1
+                    i += way
+        count += 1
+    return cluster
+
+
+def cluster_voxels(voxels: NDArray[np.integer], reach: int = 2, rise: int = 3) -> NDArray[np.int64]:
+    """(F,) cluster number of (F, 3) voxel indices; voxels are linked when at most `reach` apart in x and y and `rise` in z."""
+    voxels = np.asarray(voxels, dtype=np.int64).reshape(-1, 3)
+    order = np.lexsort((voxels[:, 2], voxels[:, 1], voxels[:, 0]))
+    return np.asarray(_cluster_labels(voxels[:, 0].copy(), voxels[:, 1].copy(), voxels[:, 2].copy(), order, reach, rise))
+
+
+def _approach_nodes(terrain: Terrain, frontier: NDArray[np.int64], approach_m: float, distance: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(F,) the reached traversable node from which each frontier voxel is approached, -1 when none is within `approach_m`."""
+    parents = terrain.neighbours[frontier]
+    parent_distance = np.where(parents >= 0, distance[parents], np.inf)
+    best = np.argmin(parent_distance, axis=1)
+    node = np.where(np.isfinite(parent_distance.min(axis=1)), parents[np.arange(len(parents)), best], -1).astype(np.int64)
+    missing = np.flatnonzero(node < 0)
+    usable = np.flatnonzero(np.isfinite(distance))
+    if missing.size and usable.size:
+        node[missing] = _nearest(terrain.centers(frontier[missing]), terrain.centers(usable), usable, approach_m)
+    return node
+
+
+def _nearest(points: NDArray[np.float32], centers: NDArray[np.float32], nodes: NDArray[np.int64], within_m: float) -> NDArray[np.int64]:
+    found = cKDTree(centers).query(points, distance_upper_bound=within_m)[1]
+    return np.where(found < nodes.size, nodes[np.minimum(found, nodes.size - 1)], -1)
+
+
+def _costs(terrain: Terrain, frontier: NDArray[np.int64], distance: NDArray[np.float64], T_map_base: Transform, weight: float) -> NDArray[np.float64]:
+    offset = terrain.centers(frontier)[:, :2].astype(np.float64) - T_map_base[:2, 3]
+    yaw = np.arctan2(offset[:, 1], offset[:, 0])
+    here = yaw_of(T_map_base)
+    angle = np.array([abs(angle_difference(float(a), here)) for a in yaw])
+    return np.asarray(distance + weight * angle)
+
+
+def _split(xyz: NDArray[np.float32], cost: NDArray[np.float64], radius_m: float) -> list[NDArray[np.int64]]:
+    """Groups of voxels around the cheapest one left, until none is left."""
+    left = np.lexsort((np.arange(cost.size), np.round(cost, 6)))
+    groups = []
+    while left.size:
+        near = np.linalg.norm(xyz[left] - xyz[left[0]], axis=1) <= radius_m
+        groups.append(left[near])
+        left = left[~near]
+    return groups
+
+
+def find_frontiers(terrain: Terrain, T_map_base: Transform, config: FrontierConfig, planner: PlannerConfig) -> list[Frontier]:
+    """The frontiers that traversable ground leads to, cheapest first (thesis: cost = distance + angle * weight).
+
+    A cluster counts when one of its voxels lies beside ground that the second flood reached; one that lies wholly beside inflated ground must be larger,
+    and traversable ground must come near it. Clusters larger than one sweep can look at are split into several targets.
+    """
+    frontier = terrain.nodes_of(TerrainClass.FRONTIER)
+    if not frontier.size or terrain.departure is None:
+        return []
+    distance = distances_over_ground(terrain, planner)
+    node = _approach_nodes(terrain, frontier, config.approach_m, distance)
+    xyz = terrain.centers(frontier)
+    gap = np.linalg.norm(xyz - terrain.centers(np.maximum(node, 0)), axis=1)
+    straight = np.linalg.norm(xyz - np.asarray(terrain.robot_xyz, dtype=np.float32), axis=1)
+    length = np.where(node >= 0, distance[node] + gap, np.inf) if config.frontier_distance == "path" else np.where(node >= 0, straight, np.inf)
+    cost = _costs(terrain, frontier, length, T_map_base, config.angle_weight_m_per_rad)
+    cluster = cluster_voxels(np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[frontier])
+    found = []
+    for number in range(int(cluster.max()) + 1):
+        members = np.flatnonzero(cluster == number)
+        inflated = not terrain.reached[frontier[members]].any()
+        usable = members[np.isfinite(cost[members])]
+        if members.size < (config.min_inflated_voxels if inflated else config.min_voxels) or not usable.size:
+            continue
+        for group in _split(xyz[usable], cost[usable], config.target_radius_m):
+            found.append(_target(frontier, xyz, node, length, cost, usable[group], inflated))
+    return sorted(found, key=lambda f: (round(f.cost, 6), f.xyz))
+
+
+def _target(
+    frontier: NDArray[np.int64], xyz: NDArray[np.float32], node: NDArray[np.int64], length: NDArray[np.float64], cost: NDArray[np.float64],
+    members: NDArray[np.int64], inflated: bool,
+) -> Frontier:  # fmt: skip
+    """One target: the member nearest to the middle, approached by its own node."""
+    middle = members[np.argmin(np.round(np.linalg.norm(xyz[members] - xyz[members].mean(axis=0), axis=1), 5))]
+    x, y, z = (float(v) for v in xyz[middle])
+    voxels = tuple(int(v) for v in np.sort(frontier[members]))
+    return Frontier((x, y, z), int(node[middle]), voxels, float(length[middle]), float(cost[members].min()), inflated)
+
+
+def facing_yaw(from_xyz: NDArray[np.floating] | tuple[float, ...], to_xyz: NDArray[np.floating] | tuple[float, ...]) -> float:
+    """Yaw in map of the direction from one point to another."""
+    return math.atan2(to_xyz[1] - from_xyz[1], to_xyz[0] - from_xyz[0])

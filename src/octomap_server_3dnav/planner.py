@@ -1,0 +1,237 @@
+"""Paths on the navigation graph (thesis 5.5.1, 6.2.2): A*, shortcuts over the surface, trimming before the frontier.
+
+After a frontier was chosen, before the path goes to move_base. The search moves over the four edges of a voxel and over a diagonal whose
+both corners are open; inflated voxels cost infinity, but on the way out of the inflation when the robot stands in it.
+"""
+
+import heapq
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from stage_config import check_ranges, parameter
+
+from octomap_server_3dnav.surface_graph import diagonal
+from octomap_server_3dnav.terrain import Terrain, TerrainClass
+
+SHORTCUT_NODES = 80  # how far ahead a shortcut is looked for: 6 m at 8 cm, and keeps it linear in the length of the path
+
+
+@dataclass(frozen=True)
+class PlannerConfig:
+    """What a path costs and how it is handed on."""
+
+    climb_weight: float = parameter(0.3, "-", "extra cost of a metre of height, up or down", low=0.0, high=50.0)
+    escape_cost: float = parameter(5.0, "-", "cost factor of inflated ground on the way out of it", low=1.0, high=1000.0)
+    waypoint_spacing_m: float = parameter(0.15, "m", "distance between the points of a path", low=0.02, high=2.0)
+    trim_m: float = parameter(0.9, "m", "distance from the frontier at which a path ends", low=0.0, high=5.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        return check_ranges(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A path over the ground: points (K, 3) in map in metres, about evenly spaced, and its length over the ground."""
+
+    points: NDArray[np.float64]
+
+    @property
+    def length_m(self) -> float:
+        """Length of the polyline."""
+        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+
+
+@njit(cache=True)
+def _neighbour(graph: Any, s: Any, move: Any) -> Any:
+    return graph[s, move] if move < 4 else diagonal(graph, s, move - 4)
+
+
+@njit(cache=True)
+def _edge_cost(a: Any, b: Any, length: Any, z: Any, cost: Any, climb: Any) -> Any:
+    """Cost of an edge in voxels: its length in space times the mean factor of its ends, and what its climb costs."""
+    rise = abs(np.float64(z[b]) - np.float64(z[a]))
+    return np.sqrt(length * length + rise * rise) * 0.5 * (cost[a] + cost[b]) + climb * rise
+
+
+@njit(cache=True)
+def _search(graph: Any, ix: Any, iy: Any, z: Any, cost: Any, climb: Any, source: Any, goal: Any) -> Any:
+    """Costs from `source` (N,) and predecessors; A* with the straight distance when `goal` is a node, Dijkstra when it is -1.
+
+    Equal costs are settled by the smaller node index, so that the result is the same every time.
+    """
+    total = np.full(cost.size, np.inf)
+    before = np.full(cost.size, -1, np.int32)
+    closed = np.zeros(cost.size, np.bool_)
+    total[source] = 0.0
+    heap = [(0.0, np.int64(source))]
+    while len(heap) > 0:
+        _, s = heapq.heappop(heap)
+        if closed[s]:
+            continue
+        closed[s] = True
+        if s == goal:
+            break
+        for move in range(8):
+            n = _neighbour(graph, s, move)
+            if n < 0 or closed[n] or not np.isfinite(cost[n]):
+                continue
+            reached = total[s] + _edge_cost(s, n, 1.0 if move < 4 else np.sqrt(2.0), z, cost, climb)
+            if reached < total[n]:
+                total[n], before[n] = reached, s
+                ahead = 0.0
+                if goal >= 0:
+                    ahead = np.sqrt(np.float64((ix[n] - ix[goal]) ** 2 + (iy[n] - iy[goal]) ** 2 + (np.int64(z[n]) - np.int64(z[goal])) ** 2))
+                heapq.heappush(heap, (reached + ahead, np.int64(n)))
+    return total, before
+
+
+@njit(cache=True)
+def _line(graph: Any, ix: Any, iy: Any, a: Any, b: Any, out: Any) -> Any:
+    """Number of nodes on the straight line over the surface from a to b, written to `out`; 0 when the surface has a gap on it."""
+    dx, dy = np.int64(ix[b] - ix[a]), np.int64(iy[b] - iy[a])
+    steps = max(abs(dx), abs(dy))
+    out[0], node, x, y = a, a, np.int64(ix[a]), np.int64(iy[a])
+    for i in range(1, steps + 1):
+        tx, ty = ix[a] + int(np.round(i * dx / steps)), iy[a] + int(np.round(i * dy / steps))
+        mx, my = tx - x, ty - y
+        if mx != 0 and my != 0:
+            move = 4 + (0 if mx > 0 and my > 0 else 1 if mx < 0 and my > 0 else 2 if mx < 0 else 3)
+        else:
+            move = 0 if mx > 0 else 2 if mx < 0 else 1 if my > 0 else 3
+        node = _neighbour(graph, node, move)
+        if node < 0:
+            return 0
+        x, y = tx, ty
+        out[i] = node
+    return steps + 1 if node == b else 0
+
+
+@njit(cache=True)
+def _line_cost(nodes: Any, count: Any, ix: Any, iy: Any, z: Any, cost: Any, climb: Any) -> Any:
+    """Cost of a straight line: that of its edges, scaled from the staircase of voxels to the length of the line."""
+    total, stairs = 0.0, 0.0
+    for i in range(1, count):
+        a, b = nodes[i - 1], nodes[i]
+        length = np.sqrt(np.float64((ix[a] - ix[b]) ** 2 + (iy[a] - iy[b]) ** 2))
+        stairs += length
+        total += _edge_cost(a, b, length, z, cost, climb)
+    a, b = nodes[0], nodes[count - 1]
+    return total * np.sqrt(np.float64((ix[a] - ix[b]) ** 2 + (iy[a] - iy[b]) ** 2)) / max(stairs, 1e-9)
+
+
+@njit(cache=True)
+def _shortcut(graph: Any, ix: Any, iy: Any, z: Any, cost: Any, climb: Any, chain: Any, ahead: Any) -> Any:
+    """Indices into `chain` of the nodes that stay when straight lines that cost no more replace what lies between them."""
+    along = np.zeros(chain.size)
+    for i in range(1, chain.size):
+        a, b = chain[i - 1], chain[i]
+        length = np.sqrt(np.float64((ix[a] - ix[b]) ** 2 + (iy[a] - iy[b]) ** 2))
+        along[i] = along[i - 1] + _edge_cost(a, b, length, z, cost, climb)
+    kept = [0]
+    line = np.empty(chain.size + 1, np.int32)
+    i = 0
+    while i < chain.size - 1:
+        best = i + 1
+        for j in range(i + 2, min(i + ahead, chain.size - 1) + 1):
+            count = _line(graph, ix, iy, chain[i], chain[j], line)
+            if count > 0 and _line_cost(line, count, ix, iy, z, cost, climb) <= along[j] - along[i] + 1e-9:
+                best = j
+        kept.append(best)
+        i = best
+    return np.array(kept)
+
+
+def _chain(before: NDArray[np.int32], source: int, goal: int) -> NDArray[np.int64]:
+    nodes = [goal]
+    while nodes[-1] != source:
+        nodes.append(int(before[nodes[-1]]))
+    return np.array(nodes[::-1], dtype=np.int64)
+
+
+def _nodes_between(terrain: Terrain, cost: NDArray[np.float32], source: int, goal: int, config: PlannerConfig) -> NDArray[np.int64] | None:
+    total, before = _search(terrain.neighbours, terrain.ix, terrain.iy, terrain.z, cost, config.climb_weight, source, goal)
+    return _chain(before, source, goal) if math.isfinite(total[goal]) else None
+
+
+def _escape_cost(terrain: Terrain, config: PlannerConfig) -> NDArray[np.float32]:
+    """Costs with a finite price on inflated ground, for the way out of it; obstacles and cliffs stay closed."""
+    return np.where(terrain.label == TerrainClass.INFLATION, np.float32(config.escape_cost), terrain.cost)
+
+
+def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np.float64]:
+    """(N,) length in metres of the cheapest way from the robot to every node, as cost without its factors; inf where there is none.
+
+    The way out of the inflation, if the robot stands in it, counts as straight.
+    """
+    if terrain.departure is None:
+        return np.full(terrain.label.size, np.inf)
+    plain = np.where(np.isfinite(terrain.cost), np.float32(1.0), np.float32(np.inf))
+    total, _ = _search(terrain.neighbours, terrain.ix, terrain.iy, terrain.z, plain, 0.0, terrain.departure, -1)
+    centers = terrain.centers(np.array([terrain.departure]))[0]
+    return np.asarray(total * terrain.resolution + math.dist(centers[:2], terrain.robot_xyz[:2]))
+
+
+def _smooth(terrain: Terrain, cost: NDArray[np.float32], chain: NDArray[np.int64], config: PlannerConfig) -> NDArray[np.float64]:
+    """(K, 3) corners of the path after shortcuts, with the height of every voxel on the way."""
+    graph, ix, iy, z = terrain.neighbours, terrain.ix, terrain.iy, terrain.z
+    kept = chain[_shortcut(graph, ix, iy, z, cost, config.climb_weight, chain, SHORTCUT_NODES)]
+    line = np.empty(chain.size + 1, dtype=np.int32)
+    parts = [terrain.centers(kept[:1]).astype(np.float64)]
+    for a, b in zip(kept[:-1], kept[1:], strict=True):
+        count = _line(graph, ix, iy, a, b, line)
+        ends = terrain.centers(np.array([a, b])).astype(np.float64)
+        t = np.linspace(0.0, 1.0, count)[1:, None]
+        xy = ends[0, :2] * (1 - t) + ends[1, :2] * t
+        parts.append(np.column_stack([xy, terrain.centers(line[1:count])[:, 2]]))
+    return np.concatenate(parts)
+
+
+def _resample(corners: NDArray[np.float64], spacing_m: float) -> NDArray[np.float64]:
+    """Evenly spaced points on a polyline, ends kept, heights averaged over a few voxels so that they do not jump by one."""
+    along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(corners[:, :2], axis=0), axis=1))]
+    if along[-1] < 1e-9:
+        return corners[:1]
+    window = min(5, corners.shape[0] - 1 + corners.shape[0] % 2)
+    half = window // 2
+    z = np.convolve(np.pad(corners[:, 2], half, mode="edge"), np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
+    at = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / spacing_m) + 1))
+    return np.column_stack([np.interp(at, along, corners[:, 0]), np.interp(at, along, corners[:, 1]), np.interp(at, along, z)])
+
+
+def plan_path(terrain: Terrain, goal_node: int, config: PlannerConfig, start_node: int | None = None) -> Path | None:
+    """The cheapest path from the robot (or `start_node`) to a traversable node, or None when there is none.
+
+    A robot that stands in the inflation first leaves it by the cheapest way over inflated ground, never over an obstacle or a cliff.
+    ValueError when a node index does not exist. Thesis 5.5.1 (A* with the straight distance as heuristic).
+    """
+    for node in (goal_node, start_node):
+        if node is not None and not 0 <= node < terrain.label.size:
+            raise ValueError(f"node {node} is none of the terrain's {terrain.label.size} nodes")
+    source = terrain.start if start_node is None else start_node
+    if source is None or terrain.departure is None or not math.isfinite(terrain.cost[goal_node]):
+        return None
+    corners = []
+    if not math.isfinite(terrain.cost[source]):
+        cost = _escape_cost(terrain, config)
+        way_out = _nodes_between(terrain, cost, source, terrain.departure, config)
+        if way_out is None:
+            return None
+        corners.append(_smooth(terrain, cost, way_out, config))
+        source = terrain.departure
+    nodes = _nodes_between(terrain, terrain.cost, source, goal_node, config)
+    if nodes is None:
+        return None
+    corners.append(_smooth(terrain, terrain.cost, nodes, config)[len(corners) :])
+    return Path(_resample(np.concatenate(corners), config.waypoint_spacing_m))
+
+
+def trim_path(path: Path, frontier_xyz: NDArray[np.floating], distance_m: float) -> Path:
+    """The path up to its last point that is at least `distance_m` from the frontier, seen from above; its first point when none is."""
+    gap = np.hypot(path.points[:, 0] - frontier_xyz[0], path.points[:, 1] - frontier_xyz[1])
+    far = np.flatnonzero(gap >= distance_m)
+    return Path(path.points[: (int(far[-1]) if far.size else 0) + 1])

@@ -1,0 +1,215 @@
+"""Surfaces of a column map, the raw material of the terrain analysis: which voxel tops a robot fits above, and small holes between them.
+
+First step of `terrain.classify`: crop the columns around the robot, list the surface of every column, bridge holes of a few voxels.
+Everything here is in voxels. A direction 0, 1, 2, 3 is +x, +y, -x, -y, so that (k + 2) % 4 looks back and (k + 1) % 4, (k + 3) % 4 aside.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from octomap_server_3dnav.column_runs import ColumnRuns
+
+DX = np.array([1, 0, -1, 0], dtype=np.int64)
+DY = np.array([0, 1, 0, -1], dtype=np.int64)
+NO_VOXEL = 32767
+
+
+class Columns(NamedTuple):
+    """Runs of a window of (nx, ny) columns: ascending (z_lo, z_hi, occupied) at start[c]:start[c + 1], c = ix * ny + iy."""
+
+    nx: int
+    ny: int
+    start: NDArray[np.int64]
+    z_lo: NDArray[np.int16]
+    z_hi: NDArray[np.int16]
+    occupied: NDArray[np.bool_]
+
+
+class Surfaces(NamedTuple):
+    """Surface nodes sorted by column and height: column (N,), z (N,) of the voxel, bridged (N,), and start per column."""
+
+    start: NDArray[np.int64]
+    column: NDArray[np.int32]
+    z: NDArray[np.int16]
+    bridged: NDArray[np.bool_]
+
+
+@njit(cache=True)
+def _crop(start: Any, z_lo: Any, z_hi: Any, occupied: Any, ny: Any, x0: Any, x1: Any, y0: Any, y1: Any, margin: Any) -> Any:
+    """Runs of columns [x0, x1) x [y0, y1) with `margin` empty columns around them."""
+    wx, wy = x1 - x0 + 2 * margin, y1 - y0 + 2 * margin
+    total = 0
+    for ix in range(x0, x1):
+        total += start[ix * ny + y1] - start[ix * ny + y0]
+    out_start = np.zeros(wx * wy + 1, np.int64)
+    lo, hi, occ = np.empty(total, np.int16), np.empty(total, np.int16), np.empty(total, np.bool_)
+    n = 0
+    for wix in range(wx):
+        ix = wix - margin + x0
+        for wiy in range(wy):
+            iy = wiy - margin + y0
+            if x0 <= ix < x1 and y0 <= iy < y1:
+                for r in range(start[ix * ny + iy], start[ix * ny + iy + 1]):
+                    lo[n], hi[n], occ[n] = z_lo[r], z_hi[r], occupied[r]
+                    n += 1
+            out_start[wix * wy + wiy + 1] = n
+    return wx, wy, out_start, lo, hi, occ
+
+
+def crop_columns(runs: ColumnRuns, low: tuple[int, int], high: tuple[int, int], margin: int) -> tuple[Columns, tuple[int, int]]:
+    """The columns of voxel indices low..high (inclusive) that exist, `margin` unknown ones around, and the first one's index."""
+    x0, y0 = (int(np.clip(low[a] - runs.origin_key[a], 0, n)) for a, n in enumerate((runs.nx, runs.ny)))
+    x1, y1 = (int(np.clip(high[a] + 1 - runs.origin_key[a], 0, n)) for a, n in enumerate((runs.nx, runs.ny)))
+    x1, y1 = max(x0, x1), max(y0, y1)
+    window = _crop(runs.start, runs.z_lo, runs.z_hi, runs.occupied, runs.ny, x0, x1, y0, y1, margin)
+    return Columns(*window), (runs.origin_key[0] + x0 - margin, runs.origin_key[1] + y0 - margin)
+
+
+@njit(cache=True)
+def lowest_occupied(columns: Any, c: Any, low: Any, high: Any) -> Any:
+    """Lowest occupied voxel of column c in low..high, NO_VOXEL when there is none."""
+    for r in range(columns.start[c], columns.start[c + 1]):
+        if columns.z_lo[r] > high:
+            break
+        if columns.occupied[r] and columns.z_hi[r] >= low:
+            return max(np.int64(columns.z_lo[r]), low)
+    return NO_VOXEL
+
+
+@njit(cache=True)
+def top_near(columns: Any, c: Any, z: Any, reach: Any) -> Any:
+    """Top of the occupied run of column c that ends nearest to z, within `reach`; NO_VOXEL when there is none."""
+    best, best_gap = NO_VOXEL, reach + 1
+    for r in range(columns.start[c], columns.start[c + 1]):
+        gap = abs(np.int64(columns.z_hi[r]) - z)
+        if columns.occupied[r] and gap < best_gap:
+            best, best_gap = np.int64(columns.z_hi[r]), gap
+    return best
+
+
+@njit(cache=True)
+def seen_down_to(columns: Any, c: Any, z: Any) -> Any:
+    """Lowest voxel of the free space seen from level z of column c downwards, NO_VOXEL when level z itself was not seen.
+
+    One unknown voxel in between is allowed. Space under a floor that was seen only from below does not count: it must open at z.
+    """
+    lowest = NO_VOXEL
+    for r in range(columns.start[c + 1] - 1, columns.start[c] - 1, -1):
+        lo, hi = np.int64(columns.z_lo[r]), np.int64(columns.z_hi[r])
+        if lo > z + 1:
+            continue
+        if columns.occupied[r] or hi < (z - 1 if lowest == NO_VOXEL else lowest - 2):
+            break
+        lowest = lo
+    return lowest
+
+
+@njit(cache=True)
+def find_node(start: Any, z: Any, c: Any, level: Any, reach: Any) -> Any:
+    """Index of the node of column c nearest to `level` within `reach` voxels, -1 when there is none."""
+    best, best_gap = -1, reach + 1
+    for n in range(start[c], start[c + 1]):
+        gap = abs(np.int64(z[n]) - level)
+        if gap < best_gap:
+            best, best_gap = n, gap
+    return best
+
+
+@njit(cache=True)
+def _tops(columns: Any, clearance: Any) -> Any:
+    """(start, column, z) of the tops of occupied runs with at least `clearance` voxels below the next occupied one."""
+    n_columns = columns.nx * columns.ny
+    start = np.zeros(n_columns + 1, np.int64)
+    column = np.empty(columns.z_lo.size, np.int32)
+    z = np.empty(columns.z_lo.size, np.int16)
+    n = 0
+    for c in range(n_columns):
+        ceiling = NO_VOXEL + clearance
+        first = n
+        for r in range(columns.start[c + 1] - 1, columns.start[c] - 1, -1):
+            if not columns.occupied[r]:
+                continue
+            if ceiling - columns.z_hi[r] > clearance:
+                column[n], z[n] = c, columns.z_hi[r]
+                n += 1
+            ceiling = np.int64(columns.z_lo[r])
+        z[first:n] = z[first:n][::-1].copy()
+        start[c + 1] = n
+    return start, column[:n].copy(), z[:n].copy()
+
+
+@njit(cache=True)
+def _level_agrees(start: Any, z: Any, a: Any, b: Any, gap: Any, back: Any, front: Any, reach: Any) -> Any:
+    """Whether nodes a and b, `gap` columns apart, are one floor: level, or on a slope that goes on behind a or b."""
+    rise = np.int64(z[b]) - np.int64(z[a])
+    if abs(rise) <= 1:
+        return True
+    if abs(rise) > 2 or gap < 3:
+        return False
+    behind, ahead = find_node(start, z, back, z[a], reach), find_node(start, z, front, z[b], reach)
+    sign = 1 if rise > 0 else -1
+    return (behind >= 0 and (z[a] - z[behind]) * sign >= 1) or (ahead >= 0 and (z[ahead] - z[b]) * sign >= 1)
+
+
+@njit(cache=True)
+def _bridge(columns: Any, start: Any, column: Any, z: Any, hole: Any, step: Any, clearance: Any, drop: Any) -> Any:
+    """(M, 3) int64 of (column, z, gap) of virtual floor between two nodes of one level with at most `hole` columns unknown."""
+    found = []
+    for a in range(z.size):
+        c = np.int64(column[a])
+        ix, iy = c // columns.ny, c % columns.ny
+        for k in range(2):
+            dx, dy = DX[k], DY[k]
+            stride = dx * columns.ny + dy
+            for gap in range(2, hole + 2):
+                if ix + (gap + 2) * dx >= columns.nx or iy + (gap + 2) * dy >= columns.ny or ix < 2 or iy < 2:
+                    break
+                if find_node(start, z, c + (gap - 1) * stride, z[a], step) >= 0:
+                    break
+                b = find_node(start, z, c + gap * stride, z[a], 2)
+                if b < 0 or not _level_agrees(start, z, a, b, gap, c - 2 * stride, c + (gap + 2) * stride, step):
+                    continue
+                za, zb = np.int64(z[a]), np.int64(z[b])
+                good = True
+                for j in range(1, gap):
+                    level = (2 * (za * (gap - j) + zb * j) + gap) // (2 * gap)
+                    between = c + j * stride
+                    seen = seen_down_to(columns, between, level)
+                    good &= find_node(start, z, between, level, step) < 0
+                    good &= lowest_occupied(columns, between, level - step, level + clearance) == NO_VOXEL
+                    good &= seen == NO_VOXEL or seen > level - drop
+                if good:
+                    for j in range(1, gap):
+                        found.append((c + j * stride, (2 * (za * (gap - j) + zb * j) + gap) // (2 * gap), np.int64(gap)))
+    out = np.empty((len(found), 3), np.int64)
+    for i in range(len(found)):
+        out[i, 0], out[i, 1], out[i, 2] = found[i]
+    return out
+
+
+def _one_per_hole(found: NDArray[np.int64], step: int) -> NDArray[np.int64]:
+    """(M, 2) column and z: of the bridges that meet in one column at one level the narrowest stays, the higher when they tie."""
+    if not len(found):
+        return found[:, :2]
+    found = found[np.lexsort((found[:, 1], found[:, 0]))]
+    new = np.r_[True, (np.diff(found[:, 0]) != 0) | (np.diff(found[:, 1]) > step)]
+    group = np.cumsum(new)
+    found = found[np.lexsort((-found[:, 1], found[:, 2], group))]
+    return found[np.r_[True, np.diff(np.sort(group)) != 0]][:, :2]
+
+
+def surfaces_of(columns: Columns, clearance: int, hole: int, step: int) -> Surfaces:
+    """Every surface of the window with `clearance` voxels of room above, and virtual ones over holes of at most `hole` unknown columns."""
+    start, column, z = _tops(columns, clearance)
+    holes = _one_per_hole(_bridge(columns, start, column, z, hole, step, clearance, step + 1), step)
+    if not len(holes):
+        return Surfaces(start, column, z, np.zeros(z.size, dtype=bool))
+    all_columns = np.concatenate([column, holes[:, 0].astype(np.int32)])
+    all_z = np.concatenate([z, holes[:, 1].astype(np.int16)])
+    order = np.lexsort((all_z, all_columns))
+    counts = np.bincount(holes[:, 0], minlength=start.size - 1)
+    start = start + np.concatenate([[0], np.cumsum(counts)])
+    return Surfaces(start, all_columns[order], all_z[order], order >= z.size)

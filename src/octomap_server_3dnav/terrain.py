@@ -1,0 +1,377 @@
+"""Terrain classification (thesis 5.5, algorithm 3 lines 2-21): from column runs and a robot pose to classes and a navigation graph.
+
+After the octree took in a sweep, before a goal is chosen. Free, occupied and unknown are three things here: a drop that was seen is a
+cliff, a hole of a few unknown voxels is floor, and any other unknown floor is a frontier, worth a look.
+"""
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from rigid_geometry import as_transform
+from rigid_geometry.transforms import Transform
+from stage_config import check_ranges, parameter
+
+from octomap_server_3dnav import terrain_kernels as kernels
+from octomap_server_3dnav.column_runs import ColumnRuns
+from octomap_server_3dnav.surface_columns import NO_VOXEL, Columns, Surfaces, crop_columns, surfaces_of, top_near
+from octomap_server_3dnav.surface_graph import nearest_neighbours, steppable_neighbours
+
+
+class TerrainClass(IntEnum):
+    """Class of a surface voxel (thesis figures 5.16-5.18)."""
+
+    TRAVERSABLE = kernels.TRAVERSABLE
+    OBSTACLE = kernels.OBSTACLE
+    CLIFF = kernels.CLIFF
+    INFLATION = kernels.INFLATION
+    FRONTIER = kernels.FRONTIER
+
+
+@dataclass(frozen=True)
+class TerrainConfig:
+    """What the robot can drive on and how carefully the map is read."""
+
+    robot_height_m: float = parameter(1.0, "m", "height of the robot above the ground", low=0.1, high=5.0)
+    clearance_margin_m: float = parameter(0.10, "m", "room wanted above the robot", low=0.0, high=2.0)
+    base_height_m: float = parameter(0.132, "m", "height of base_link above the ground", low=0.0, high=2.0)
+    max_step_m: float = parameter(0.10, "m", "highest step the robot climbs", low=0.01, high=0.5)
+    max_slope_rad: float = parameter(math.radians(25.0), "rad", "steepest slope the robot drives", low=0.05, high=0.8)
+    slope_radius_m: float = parameter(0.35, "m", "ground around a voxel that its slope is fitted to", low=0.1, high=1.0)
+    hole_bridge_voxels: int = parameter(3, "voxels", "widest unknown gap in a level floor that counts as floor", low=0, high=8)
+    cliff_look_m: float = parameter(0.8, "m", "how far beyond an edge a drop is looked for", low=0.08, high=3.0)
+    cliff_area_voxels: int = parameter(2, "voxels", "half width of the areas of the cliff check (thesis figure 5.12)", low=0, high=6)
+    inflation_radius_m: float = parameter(0.60, "m", "distance kept from obstacles by the robot's centre", low=0.0, high=3.0)
+    cliff_inflation_radius_m: float = parameter(0.60, "m", "distance kept from cliffs by the robot's centre", low=0.0, high=3.0)
+    inflation_shape: str = parameter("circle", "-", "exact distance, or the square cuboid of the thesis", choices=("circle", "square"))
+    start_search_radius_m: float = parameter(0.5, "m", "where the start voxel is looked for around the robot's centre", low=0.05, high=2.0)
+    start_height_tolerance_m: float = parameter(0.30, "m", "height by which the start voxel may miss the wheels' plane", low=0.05, high=2.0)
+    min_traversable_voxels: int = parameter(50, "voxels", "a start voxel with less ground around it is discarded", low=1, high=100000)
+    soft_clearance_m: float = parameter(0.5, "m", "width of the strip beyond the inflation where driving costs more", low=0.0, high=3.0)
+    soft_clearance_weight: float = parameter(2.0, "-", "extra cost a metre at the inner edge of that strip, 0 at the outer", low=0.0, high=50.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        problems = check_ranges(self)
+        if self.cliff_look_m < self.max_step_m:
+            problems.append(f"cliff_look_m = {self.cliff_look_m!r} is below max_step_m = {self.max_step_m!r}")
+        return problems
+
+
+@dataclass(frozen=True, eq=False)
+class Terrain:
+    """Classified surface voxels and the navigation graph over them.
+
+    Voxel (ix, iy, z) of the octree's index spans [i * resolution, (i + 1) * resolution) on each axis of map. N nodes: first
+    `surface_count` surface voxels that the flood reached, sorted by column of the window (`window_key`, `window_size`,
+    `column_start`) and height, then obstacle voxels beside them, then frontier voxels.
+
+    Fields: ix, iy (N,) int32; z (N,) int16; label (N,) uint8 of TerrainClass; bridged (N,) bool, floor assumed over a hole; reached (N,) bool, in
+    the second flood (frontiers: seen from such a node); cost (N,) float32, factor on the length of a path, inf where no path may go; neighbours
+    (N, 4) int32 to +x, +y, -x, -y, -1 for none (a frontier's are the nodes it was seen from); start, the voxel beneath the robot, and
+    departure, where paths begin when the start lies in the inflation: node indices, None when there is none; radius_m of the
+    classification, None for the whole map.
+    """
+
+    resolution: float
+    ix: NDArray[np.int32]
+    iy: NDArray[np.int32]
+    z: NDArray[np.int16]
+    label: NDArray[np.uint8]
+    bridged: NDArray[np.bool_]
+    reached: NDArray[np.bool_]
+    cost: NDArray[np.float32]
+    neighbours: NDArray[np.int32]
+    start: int | None
+    departure: int | None
+    radius_m: float | None
+    robot_xyz: tuple[float, float, float]
+    surface_count: int
+    window_key: tuple[int, int]
+    window_size: tuple[int, int]
+    column_start: NDArray[np.int64]
+
+    def centers(self, nodes: NDArray[np.integer] | slice | None = None) -> NDArray[np.float32]:
+        """(N, 3) centres in map, in metres, of all nodes or those given by index."""
+        which = slice(None) if nodes is None else nodes
+        voxels = np.stack([self.ix[which], self.iy[which], self.z[which]], axis=-1)
+        return np.asarray((voxels + 0.5) * self.resolution, dtype=np.float32)
+
+    def nodes_of(self, terrain_class: TerrainClass) -> NDArray[np.int64]:
+        """Indices of the nodes of one class."""
+        return np.flatnonzero(self.label == terrain_class)
+
+    def surface_near(self, xyz: NDArray[np.floating] | tuple[float, float, float], reach_m: float = 0.3) -> int | None:
+        """Surface node of the column at a point in map that is nearest in height, within `reach_m`; None when there is none."""
+        wx = math.floor(xyz[0] / self.resolution) - self.window_key[0]
+        wy = math.floor(xyz[1] / self.resolution) - self.window_key[1]
+        if not (0 <= wx < self.window_size[0] and 0 <= wy < self.window_size[1]):
+            return None
+        column = wx * self.window_size[1] + wy
+        nodes = np.arange(self.column_start[column], self.column_start[column + 1])
+        if not nodes.size:
+            return None
+        gaps = np.abs((self.z[nodes] + 0.5) * self.resolution - xyz[2])
+        return int(nodes[np.argmin(gaps)]) if gaps.min() <= reach_m else None
+
+    @property
+    def traversable_area_m2(self) -> float:
+        """Ground that the robot's centre may reach without leaving what is known, seen from above."""
+        return float(np.count_nonzero(self.reached & (self.label == TerrainClass.TRAVERSABLE))) * self.resolution**2
+
+    @property
+    def ground_area_m2(self) -> float:
+        """Ground found by the first flood, with the inflated strip: an estimate of what was covered so far."""
+        ground = (self.label == TerrainClass.TRAVERSABLE) | (self.label == TerrainClass.INFLATION)
+        return float(np.count_nonzero(ground)) * self.resolution**2
+
+
+@dataclass(frozen=True)
+class _Limits:
+    """The configuration in voxels of one resolution."""
+
+    resolution: float
+    step: int
+    max_step: float
+    clearance: int
+    slope_reach: int
+    max_slope: float
+    look: int
+    inflation: int
+
+    @classmethod
+    def of(cls, config: TerrainConfig, resolution: float) -> "_Limits":
+        largest = max(config.inflation_radius_m, config.cliff_inflation_radius_m)
+        return cls(
+            resolution=resolution,
+            step=max(1, math.ceil(config.max_step_m / resolution - 1e-9)),
+            max_step=(config.max_step_m + 0.01) / resolution,
+            clearance=math.ceil((config.robot_height_m + config.clearance_margin_m) / resolution - 1e-9),
+            slope_reach=max(2, round(config.slope_radius_m / resolution)),
+            max_slope=math.tan(config.max_slope_rad),
+            look=max(1, round(config.cliff_look_m / resolution)),
+            inflation=math.ceil(largest / resolution - 1e-9),
+        )
+
+    @property
+    def margin(self) -> int:
+        """Columns around every node of the flood that the analysis may look at."""
+        return max(self.look, self.inflation, 4) + 8
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """What the flood works on: the window's columns, their surfaces, raw neighbours and steppable ones."""
+
+    columns: Columns
+    key: tuple[int, int]
+    surfaces: Surfaces
+    near: NDArray[np.int32]
+    graph: NDArray[np.int32]
+    distance_m: NDArray[np.float64]
+
+
+def _window(runs: ColumnRuns, robot: NDArray[np.float64], reach_m: float | None, margin: int) -> tuple[Columns, tuple[int, int]]:
+    low = runs.origin_key
+    high = (runs.origin_key[0] + runs.nx - 1, runs.origin_key[1] + runs.ny - 1)
+    if reach_m is not None:
+        x, y = (math.floor(v / runs.resolution) for v in robot[:2])
+        span = math.ceil(reach_m / runs.resolution) + margin
+        low, high = (x - span, y - span), (x + span, y + span)
+    return crop_columns(runs, low, high, margin)
+
+
+def _scene(runs: ColumnRuns, robot: NDArray[np.float64], reach_m: float | None, config: TerrainConfig, limits: _Limits) -> _Scene:
+    columns, key = _window(runs, robot, reach_m, limits.margin)
+    surfaces = surfaces_of(columns, limits.clearance, config.hole_bridge_voxels, limits.step)
+    near = nearest_neighbours(surfaces.start, surfaces.column, surfaces.z, columns.nx, columns.ny, limits.step)
+    x = (np.arange(columns.nx) + key[0] + 0.5) * runs.resolution - robot[0]
+    y = (np.arange(columns.ny) + key[1] + 0.5) * runs.resolution - robot[1]
+    distance = np.hypot(x[:, None], y[None, :]).ravel()
+    return _Scene(columns, key, surfaces, near, steppable_neighbours(near, surfaces.z, limits.max_step), distance)
+
+
+def _start_candidates(scene: _Scene, T_map_base: Transform, config: TerrainConfig, limits: _Limits) -> NDArray[np.int64]:
+    """Surface nodes beneath the robot, the nearest to the wheels' contact plane first (thesis: getStartingVoxel)."""
+    ground = T_map_base[:3, 3] - config.base_height_m * T_map_base[:3, 2]
+    up = T_map_base[:3, 2]
+    if up[2] < 0.5:
+        return np.empty(0, dtype=np.int64)  # on its side: there is no ground beneath the wheels
+    column = scene.surfaces.column
+    nodes = np.flatnonzero(scene.distance_m[column] <= config.start_search_radius_m)
+    dx = (column[nodes] // scene.columns.ny + scene.key[0] + 0.5) * limits.resolution - ground[0]
+    dy = (column[nodes] % scene.columns.ny + scene.key[1] + 0.5) * limits.resolution - ground[1]
+    expected = ground[2] - (up[0] * dx + up[1] * dy) / up[2]
+    miss = np.abs((scene.surfaces.z[nodes] + 0.5) * limits.resolution - expected)
+    fits = miss <= config.start_height_tolerance_m
+    order = np.lexsort((nodes[fits], np.round(np.hypot(dx, dy)[fits] + miss[fits], 6)))
+    return nodes[fits][order]
+
+
+def _first_flood(scene: _Scene, candidates: NDArray[np.int64], reach_m: float | None, config: TerrainConfig, limits: _Limits) -> tuple[NDArray, int | None]:
+    """Labels of the first candidate with enough ground around it (algorithm 3 lines 8-16), or none reached and None."""
+    inside = np.ones(scene.distance_m.size, dtype=bool) if reach_m is None else scene.distance_m <= reach_m
+    shape = _shape(config, limits)
+    tried = np.zeros(scene.surfaces.z.size, dtype=bool)
+    for first in candidates:
+        if tried[first]:
+            continue
+        label, traversable = kernels.flood(
+            scene.columns, scene.surfaces, scene.near, scene.graph, first, inside, limits.clearance, limits.slope_reach, shape
+        )
+        if traversable >= config.min_traversable_voxels:
+            return label, int(first)
+        tried |= label == TerrainClass.TRAVERSABLE
+    return np.full(scene.surfaces.z.size, kernels.UNREACHED, dtype=np.uint8), None
+
+
+def _shape(config: TerrainConfig, limits: _Limits) -> tuple[int, int, int, float]:
+    return limits.step, config.cliff_area_voxels, limits.look, limits.max_slope
+
+
+def _offsets(radius_m: float, shape: str, resolution: float) -> NDArray[np.int64]:
+    reach = int(radius_m / resolution + 1e-9)
+    grid = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    if shape == "square":
+        return grid
+    return grid[(grid**2).sum(axis=1) * resolution**2 <= radius_m**2 + 1e-9]
+
+
+def _inflate(scene: _Scene, label: NDArray, obstacles: NDArray[np.int64], config: TerrainConfig, limits: _Limits) -> None:
+    """addRobotPadding: obstacles and cliffs take the ground around them at their own level out of the graph."""
+    column, z = scene.surfaces.column.astype(np.int64), scene.surfaces.z.astype(np.int64)
+    own, cliff = np.flatnonzero(label == TerrainClass.OBSTACLE), np.flatnonzero(label == TerrainClass.CLIFF)
+    groups = (
+        (np.r_[column[own], obstacles[:, 0]], np.r_[z[own], obstacles[:, 2]], config.inflation_radius_m),
+        (column[cliff], z[cliff], config.cliff_inflation_radius_m),
+    )
+    for columns, levels, radius in groups:
+        pairs = np.unique(np.stack([columns, levels], axis=1), axis=0)
+        band = limits.step + math.ceil(radius / limits.resolution * limits.max_slope)
+        offsets = _offsets(radius, config.inflation_shape, limits.resolution)
+        kernels.inflate(label, scene.surfaces, pairs[:, 0].copy(), pairs[:, 1].copy(), offsets, band, scene.columns.nx, scene.columns.ny)
+
+
+def _departure(scene: _Scene, label: NDArray, start: int, config: TerrainConfig) -> tuple[int | None, NDArray[np.bool_]]:
+    """changeStartingPointIfInsidePadding: the nearest traversable node over the ground, and (N,) the nodes connected with it."""
+    component, sizes = kernels.components(label, scene.graph)
+    if not sizes.size:
+        return None, np.zeros(label.size, dtype=bool)
+    large = component >= 0
+    if sizes.max() >= config.min_traversable_voxels:
+        large &= sizes[component] >= config.min_traversable_voxels
+    passable = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
+    seeds = np.zeros(label.size, dtype=bool)
+    seeds[start] = True
+    far = label.size + 1
+    hops = kernels.hops_from(seeds, passable, scene.graph, far)
+    hops[~large] = far
+    nearest = int(np.argmin(hops))
+    if hops[nearest] == far:
+        return None, np.zeros(label.size, dtype=bool)
+    return nearest, component == component[nearest]
+
+
+def _frontier_edges(scene: _Scene, label: NDArray, radius_m: float | None, config: TerrainConfig, limits: _Limits) -> NDArray[np.int64]:
+    sources = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
+    if radius_m is not None:
+        sources &= scene.distance_m[scene.surfaces.column] <= radius_m
+    return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, scene.near, sources, limits.clearance, _shape(config, limits)))
+
+
+def _soft_cost(scene: _Scene, label: NDArray, config: TerrainConfig, limits: _Limits) -> NDArray[np.float32]:
+    """Cost factor of every node: 1 in the open, more towards the inflation, inf in it and on what cannot be driven."""
+    width = max(1, round(config.soft_clearance_m / limits.resolution))
+    free = label == TerrainClass.TRAVERSABLE
+    hops = kernels.hops_from(label == TerrainClass.INFLATION, free, scene.graph, width)
+    cost = 1.0 + config.soft_clearance_weight * (1.0 - hops / width)
+    return np.where(free, cost, np.inf).astype(np.float32)
+
+
+def _unique_frontiers(edges: NDArray[np.int64], step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(F, 2) column and z of the frontier voxels, one a column and level, and (M,) which one each edge leads to."""
+    order = np.lexsort((edges[:, 1], edges[:, 0]))
+    column, z = edges[order, 0], edges[order, 1]
+    new = np.r_[True, (np.diff(column) != 0) | (np.diff(z) > step + 1)] if order.size else np.zeros(0, dtype=bool)
+    group_sorted = np.cumsum(new) - 1
+    group = np.empty(order.size, dtype=np.int64)
+    group[order] = group_sorted
+    highest = np.r_[new[1:], True] if order.size else new
+    return np.stack([column[highest], z[highest]], axis=1), group
+
+
+def _assemble(
+    scene: _Scene, label: NDArray, start: int | None, departure: int | None, reached: NDArray[np.bool_], obstacles: NDArray[np.int64],
+    edges: NDArray[np.int64], cost: NDArray[np.float32], limits: _Limits, radius_m: float | None, robot: NDArray[np.float64],
+) -> Terrain:  # fmt: skip
+    keep = np.flatnonzero(label != kernels.UNREACHED)
+    renumbered = np.full(label.size + 1, -1, dtype=np.int32)
+    renumbered[keep] = np.arange(keep.size)
+    drivable = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
+    graph = np.where(drivable[scene.graph] & (scene.graph >= 0) & drivable[:, None], scene.graph, -1)[keep]
+    obstacles = np.unique(obstacles[:, :2], axis=0)
+    frontiers, frontier_of_edge = _unique_frontiers(edges, limits.step)
+    parents = np.full((len(frontiers), 4), -1, dtype=np.int32)
+    parents[frontier_of_edge, (edges[:, 3] + 2) % 4] = renumbered[edges[:, 2]]
+    seen_from_reached = np.zeros(len(frontiers), dtype=bool)
+    np.logical_or.at(seen_from_reached, frontier_of_edge, reached[edges[:, 2]])
+    column = np.r_[scene.surfaces.column[keep], obstacles[:, 0], frontiers[:, 0]].astype(np.int64)
+    n_obstacles, n_frontiers = len(obstacles), len(frontiers)
+    counts = np.bincount(scene.surfaces.column[keep], minlength=scene.columns.nx * scene.columns.ny)
+    return Terrain(
+        resolution=limits.resolution,
+        ix=(column // scene.columns.ny + scene.key[0]).astype(np.int32),
+        iy=(column % scene.columns.ny + scene.key[1]).astype(np.int32),
+        z=np.r_[scene.surfaces.z[keep], obstacles[:, 1], frontiers[:, 1]].astype(np.int16),
+        label=np.r_[label[keep], np.full(n_obstacles, TerrainClass.OBSTACLE), np.full(n_frontiers, TerrainClass.FRONTIER)].astype(np.uint8),
+        bridged=np.r_[scene.surfaces.bridged[keep], np.zeros(n_obstacles + n_frontiers, dtype=bool)],
+        reached=np.r_[reached[keep], np.zeros(n_obstacles, dtype=bool), seen_from_reached],
+        cost=np.r_[cost[keep], np.full(n_obstacles + n_frontiers, np.inf)].astype(np.float32),
+        neighbours=np.concatenate([renumbered[graph], np.full((n_obstacles, 4), -1, dtype=np.int32), parents]),
+        start=None if start is None else int(renumbered[start]),
+        departure=None if departure is None else int(renumbered[departure]),
+        radius_m=radius_m,
+        robot_xyz=(float(robot[0]), float(robot[1]), float(robot[2])),
+        surface_count=int(keep.size),
+        window_key=scene.key,
+        window_size=(scene.columns.nx, scene.columns.ny),
+        column_start=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+    )
+
+
+def _obstacle_voxels(scene: _Scene, obstacles: NDArray[np.int64], limits: _Limits) -> NDArray[np.int64]:
+    """The same with the floor voxel in place of the low ceiling above it, where there is one: that is what cannot be driven on."""
+    for row in obstacles:
+        top = top_near(scene.columns, row[0], row[2], limits.step)
+        row[1] = row[1] if top == NO_VOXEL else top
+    return obstacles
+
+
+def classify(runs: ColumnRuns, T_map_base: Transform, config: TerrainConfig, radius_m: float | None) -> Terrain:
+    """The terrain around the robot at `T_map_base` out to `radius_m`, or of the whole map when it is None.
+
+    The ground plane beneath the robot must already be in the map (algorithm 3 line 2). When no start voxel has enough ground around it,
+    the terrain has no nodes and `start` is None; when all ground is inflated `departure` is None. The flood goes on for one
+    inflation radius beyond `radius_m`, so that what lies inside is inflated by what lies just outside. ValueError for a transform that is not rigid or
+    a radius that is not positive. Thesis 5.5, algorithm 3 lines 2-21.
+    """
+    T_map_base = as_transform(T_map_base)
+    if radius_m is not None and not radius_m > 0:
+        raise ValueError(f"radius_m must be positive metres or None for the whole map, not {radius_m!r}")
+    limits = _Limits.of(config, runs.resolution)
+    robot = T_map_base[:3, 3]
+    reach_m = None if radius_m is None else radius_m + (limits.inflation + 1) * runs.resolution
+    scene = _scene(runs, robot, reach_m, config, limits)
+    label, start = _first_flood(scene, _start_candidates(scene, T_map_base, config, limits), reach_m, config, limits)
+    kernels.mark_steps(label, scene.near, scene.graph, scene.surfaces.z)
+    obstacles = kernels.obstacles_seen(
+        scene.columns, scene.surfaces, label, scene.near, limits.clearance, limits.step, limits.inflation, limits.max_slope
+    )
+    _inflate(scene, label, obstacles, config, limits)
+    departure, reached = (None, np.zeros(label.size, dtype=bool)) if start is None else _departure(scene, label, start, config)
+    edges = _frontier_edges(scene, label, radius_m, config, limits)
+    cost = _soft_cost(scene, label, config, limits)
+    obstacles = _obstacle_voxels(scene, obstacles, limits)
+    return _assemble(scene, label, start, departure, reached, obstacles, edges, cost, limits, radius_m, robot)

@@ -1,0 +1,62 @@
+"""Small worlds of voxels for the terrain tests: height functions to dense grids, poses, and pictures of labels as text."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
+from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
+
+RESOLUTION = 0.08
+BELOW = 8  # voxel layers of the grids under height 0
+LETTERS = {None: " ", TerrainClass.TRAVERSABLE: ".", TerrainClass.OBSTACLE: "#", TerrainClass.CLIFF: "v"}
+LETTERS |= {TerrainClass.INFLATION: "o", TerrainClass.FRONTIER: "?"}
+
+UNKNOWN, FREE, OCCUPIED = (np.uint8(s) for s in VoxelState)
+
+
+def grid_of_heights(height: Callable[[NDArray, NDArray], NDArray], nx: int, ny: int, top_m: float = 3.0) -> NDArray[np.uint8]:
+    """Dense states of a surface of height(x, y) in metres at the columns' centres: free above, unknown below; unknown where it is NaN."""
+    x, y = (np.arange(nx) + 0.5) * RESOLUTION, (np.arange(ny) + 0.5) * RESOLUTION
+    h = np.broadcast_to(height(x[:, None], y[None, :]), (nx, ny))
+    k = np.arange(math.ceil(top_m / RESOLUTION) + BELOW) - BELOW
+    voxel = np.where(np.isnan(h), 32000, np.floor(h / RESOLUTION))[:, :, None]
+    return np.where(k > voxel, FREE, np.where(k == voxel, OCCUPIED, UNKNOWN))
+
+
+def runs_of(states: NDArray[np.uint8]) -> ColumnRuns:
+    """Column runs of a grid whose layer BELOW starts at z = 0."""
+    return ColumnRuns.from_dense(states, (0, 0, -BELOW), RESOLUTION)
+
+
+def pose(x: float, y: float, ground: float = 0.0, yaw: float = 0.0) -> NDArray[np.float64]:
+    """T_map_base of a level robot whose wheels stand at height `ground`."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, ground + 0.132], [0, 0, 0, 1.0]])
+
+
+def terrain_of(states: NDArray[np.uint8], T_map_base: NDArray[np.float64], radius_m: float | None = None, **config: object) -> Terrain:
+    """The classified terrain of a grid."""
+    return classify(runs_of(states), T_map_base, TerrainConfig(**config), radius_m)  # type: ignore[arg-type]
+
+
+def label_at(terrain: Terrain, x: float, y: float, z: float, reach: float = 0.2) -> TerrainClass | None:
+    """Label of the node of the column at a point nearest to height z, None when there is none within `reach`."""
+    there = np.flatnonzero((terrain.ix == math.floor(x / terrain.resolution)) & (terrain.iy == math.floor(y / terrain.resolution)))
+    gaps = np.abs((terrain.z[there] + 0.5) * terrain.resolution - z)
+    return TerrainClass(terrain.label[there[np.argmin(gaps)]]) if gaps.size and gaps.min() <= reach else None
+
+
+def drawn(terrain: Terrain, y_voxel: int, first: int, last: int) -> str:
+    """Labels along x of one row, the topmost node of every column."""
+    text = ""
+    for ix in range(first, last + 1):
+        there = np.flatnonzero((terrain.ix == ix) & (terrain.iy == y_voxel))
+        text += LETTERS[TerrainClass(terrain.label[there[np.argmax(terrain.z[there])]]) if there.size else None]
+    return text
+
+
+def label_set(terrain: Terrain) -> set[tuple[int, int, int, int]]:
+    """All (ix, iy, z, label)."""
+    return set(zip(terrain.ix.tolist(), terrain.iy.tolist(), terrain.z.tolist(), terrain.label.tolist(), strict=True))
