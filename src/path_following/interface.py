@@ -1,0 +1,69 @@
+"""What the follower is told at a step and what it answers."""
+
+import enum
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class CostGrid(Protocol):
+    """Costs as costmap_2d has them (253 inscribed, 254 lethal, 255 unknown) on a grid of the map frame."""
+
+    @property
+    def cost(self) -> NDArray[np.uint8]:
+        """(ny, nx) costs; row = y, column = x."""
+
+    @property
+    def origin_xy(self) -> tuple[float, float]:
+        """Lower left corner in map, metres."""
+
+    @property
+    def resolution(self) -> float:
+        """Side of a cell in metres."""
+
+
+class FollowerState(enum.Enum):
+    """What the follower does; REACHED, BLOCKED and STUCK last until the next path."""
+
+    IDLE = "idle"
+    FOLLOWING = "following"
+    TURNING_TO_PATH = "turning_to_path"
+    TURNING_TO_GOAL = "turning_to_goal"
+    WAITING = "waiting"
+    BACKING_OFF = "backing_off"
+    REACHED = "reached"
+    BLOCKED = "blocked"
+    STUCK = "stuck"
+
+    @property
+    def is_over(self) -> bool:
+        """True when the follower stands and waits for a path."""
+        return self in (FollowerState.IDLE, FollowerState.REACHED, FollowerState.BLOCKED, FollowerState.STUCK)
+
+
+@dataclass(frozen=True)
+class FollowerObservation:
+    """One moment: `stamp_s`, pose (4, 4) of base_link in map, costmap, measured `twist` (v m/s, w rad/s); None is "not known".
+
+    `held`: somebody keeps the commands from the wheels, as during a sweep; that time is no lack of progress.
+    """
+
+    stamp_s: float
+    T_map_base: NDArray[np.float64] | None
+    costmap: CostGrid | None
+    twist: tuple[float, float] | None
+    held: bool = False
+
+
+@dataclass(frozen=True)
+class FollowerOutput:
+    """Command `v` m/s and `w` rad/s, what the follower does and why; distances are None where there is no path or pose."""
+
+    v: float
+    w: float
+    state: FollowerState
+    reason: str
+    off_path_m: float | None = None
+    remaining_m: float | None = None

@@ -1,0 +1,95 @@
+"""The path as the follower sees it: evenly spaced, without the steps of the planner's grid, measured by arc length."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Pose = tuple[float, float, float]
+"""x m, y m, yaw rad in map."""
+
+_SPACING_M = 0.05
+
+
+@dataclass(frozen=True)
+class Projection:
+    """Where the robot is along the path: arc length `s`, signed distance `off_path` (left positive), metres."""
+
+    s: float
+    off_path: float
+
+
+class ReferencePath:
+    """A polyline in the map's x-y plane with arc length; the planner's heights need no following: the ground has them."""
+
+    def __init__(self, points: ArrayLike, smoothing_m: float) -> None:
+        """(K, 3) or (K, 2) finite points in map, K >= 1; ValueError otherwise."""
+        given = np.asarray(points, dtype=np.float64)
+        if given.ndim != 2 or len(given) == 0 or given.shape[1] not in (2, 3) or not np.isfinite(given).all():
+            raise ValueError(f"a path is (K, 3) finite points with K >= 1, not {given!r}")
+        self.xy = _smoothed(_resampled(given[:, :2]), round(smoothing_m / _SPACING_M))
+        self._s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.xy, axis=0), axis=1))])
+
+    @property
+    def length(self) -> float:
+        """Arc length in metres."""
+        return float(self._s[-1])
+
+    @property
+    def goal(self) -> NDArray[np.float64]:
+        """(2,) last point in map."""
+        goal: NDArray[np.float64] = self.xy[-1]
+        return goal
+
+    def project(self, xy: NDArray[np.float64], s_from: float, s_to: float) -> Projection:
+        """The nearest place of the path between two arc lengths: a path that crosses itself on two levels needs the limits."""
+        first = max(0, int(np.searchsorted(self._s, s_from, side="right")) - 1)
+        last = max(first, min(len(self._s) - 1, int(np.searchsorted(self._s, s_to))))
+        if first == last:
+            return Projection(float(self._s[first]), float(np.linalg.norm(xy - self.xy[first])))
+        a, b = self.xy[first:last], self.xy[first + 1 : last + 1]
+        along, lengths = b - a, self._s[first + 1 : last + 1] - self._s[first:last]
+        share = np.clip(((xy - a) * along).sum(axis=1) / lengths**2, 0.0, 1.0)
+        distances = np.linalg.norm(a + share[:, None] * along - xy, axis=1)
+        k = int(np.argmin(distances))
+        side = along[k, 0] * (xy[1] - a[k, 1]) - along[k, 1] * (xy[0] - a[k, 0])
+        return Projection(float(self._s[first + k] + share[k] * lengths[k]), math.copysign(float(distances[k]), side))
+
+    def points_at(self, s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(N, 2) points at arc lengths `s` (N,); beyond the end the path is taken to go on straight."""
+        inside = np.column_stack([np.interp(s, self._s, self.xy[:, axis]) for axis in range(2)])
+        beyond = np.maximum(0.0, s - self.length)
+        return inside + beyond[:, None] * self._direction(self.length) if beyond.any() else inside
+
+    def heading_at(self, s: float) -> float:
+        """Direction of the path around arc length `s`, radians."""
+        direction = self._direction(s)
+        return math.atan2(direction[1], direction[0])
+
+    def _direction(self, s: float) -> NDArray[np.float64]:
+        a, b = self.points_at(np.array([max(0.0, min(s, self.length) - 0.15), min(self.length, s + 0.15)]))
+        norm = max(float(np.linalg.norm(b - a)), 1e-9)
+        direction: NDArray[np.float64] = (b - a) / norm
+        return direction
+
+
+def _resampled(xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xy, axis=0), axis=1))])
+    if s[-1] < 1e-6:
+        only: NDArray[np.float64] = xy[-1:]
+        return only
+    at = np.linspace(0.0, s[-1], max(2, math.ceil(s[-1] / _SPACING_M) + 1))
+    return np.column_stack([np.interp(at, s, xy[:, axis]) for axis in range(2)])
+
+
+def _smoothed(xy: NDArray[np.float64], half_window: int) -> NDArray[np.float64]:
+    """Mean over `half_window` points to each side, over fewer towards the ends, which stay where they are."""
+    count = len(xy)
+    index = np.arange(count)
+    half = np.minimum(half_window, np.minimum(index, count - 1 - index))
+    sums = np.concatenate([np.zeros((1, 2)), np.cumsum(xy, axis=0)])
+    smooth: NDArray[np.float64] = (sums[index + half + 1] - sums[index - half]) / (2 * half + 1)[:, None]
+    distinct = np.concatenate([[True], np.linalg.norm(np.diff(smooth, axis=0), axis=1) > 1e-9])
+    thinned: NDArray[np.float64] = smooth[distinct]
+    return thinned

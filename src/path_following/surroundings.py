@@ -1,0 +1,126 @@
+"""May the robot's outline move like this? Answers for one pose on one costmap."""
+
+import enum
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from path_following.interface import CostGrid
+from path_following.reference_path import Pose
+
+_INSCRIBED, _LETHAL, _UNKNOWN = 253, 254, 255
+_STEP_M, _STEP_RAD = 0.05, 0.1
+
+
+class Unknown(enum.IntEnum):
+    """How a motion treats cells of which nothing is known."""
+
+    ALLOWED = 0
+    NOT_UNDER_THE_CENTRE = 1
+    NOT_UNDER_THE_FOOTPRINT = 2
+
+
+def footprint_lattice(length: float, width: float, spacing: float) -> NDArray[np.float64]:
+    """(P, 2) points of base_link that cover a rectangle and its border, at most `spacing` metres apart."""
+    x, y = (np.linspace(-side / 2, side / 2, math.ceil(side / spacing) + 1) for side in (length, width))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def arc_poses(pose: Pose, v_sign: float, curvature: float, length: float) -> NDArray[np.float64]:
+    """(K, 3) poses x, y, yaw in map along an arc of `length` metres, forward or, with `v_sign` -1, backward."""
+    x, y, yaw = pose
+    travelled = v_sign * np.linspace(0.0, length, max(2, math.ceil(length / _STEP_M) + 1))
+    turned = curvature * travelled
+    chord = travelled * np.sinc(turned / (2 * math.pi))
+    middle = yaw + turned / 2
+    return np.column_stack([x + chord * np.cos(middle), y + chord * np.sin(middle), yaw + turned])
+
+
+def turn_poses(pose: Pose, angle: float) -> NDArray[np.float64]:
+    """(K, 3) poses x, y, yaw in map of a turn in place by `angle` radians, left positive."""
+    turned = np.linspace(0.0, angle, max(2, math.ceil(abs(angle) / _STEP_RAD) + 1))
+    return np.column_stack([np.full_like(turned, pose[0]), np.full_like(turned, pose[1]), pose[2] + turned])
+
+
+class Surroundings:
+    """The costmap around the robot, asked whether a motion keeps the footprint off lethal cells and the centre off inscribed ones."""
+
+    def __init__(self, costmap: CostGrid, footprint: NDArray[np.float64]) -> None:
+        self._cost, self._footprint = costmap.cost, footprint
+        self._corner = np.array([costmap.origin_xy[0], costmap.origin_xy[1], costmap.resolution], dtype=np.float64)
+
+    def contains(self, pose: Pose) -> bool:
+        """True when the pose's cell lies in the costmap."""
+        column, row = (math.floor((p - o) / self._corner[2] + 1e-9) for p, o in zip(pose[:2], self._corner[:2], strict=True))
+        rows, columns = self._cost.shape
+        return bool(0 <= row < rows and 0 <= column < columns)
+
+    def is_free(self, poses: NDArray[np.float64], unknown: Unknown) -> bool:
+        """True when the robot, standing at the first of (K, 3) poses, may go through all of them.
+
+        What it touches already it may leave, but not touch more of; a centre in an inscribed cell may leave, but not enter again.
+        """
+        return bool(_is_free(self._cost, self._corner, self._footprint, poses, int(unknown)))
+
+    def mean_cost(self, poses: NDArray[np.float64]) -> float:
+        """Mean cost under the centre along (K, 3) poses, 0..1, unknown counted as 1."""
+        return float(_mean_cost(self._cost, self._corner, poses)) / _UNKNOWN
+
+    def cost_under(self, pose: Pose) -> int:
+        """Cost under the centre; 255 outside."""
+        return int(_cost_under(self._cost, self._corner, pose[0], pose[1]))
+
+
+@njit(cache=True)
+def _cost_under(cost: NDArray[np.uint8], corner: NDArray[np.float64], x: float, y: float) -> int:
+    column = math.floor((x - corner[0]) / corner[2] + 1e-9)
+    row = math.floor((y - corner[1]) / corner[2] + 1e-9)
+    if row < 0 or column < 0 or row >= cost.shape[0] or column >= cost.shape[1]:
+        return 255
+    return int(cost[row, column])
+
+
+@njit(cache=True)
+def _touched(
+    cost: NDArray[np.uint8], corner: NDArray[np.float64], footprint: NDArray[np.float64], pose: NDArray[np.float64], with_unknown: bool
+) -> int:
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    count = 0
+    for i in range(footprint.shape[0]):
+        px, py = footprint[i, 0], footprint[i, 1]
+        value = _cost_under(cost, corner, pose[0] + c * px - s * py, pose[1] + s * px + c * py)
+        if value == _LETHAL or (with_unknown and value == _UNKNOWN):
+            count += 1
+    return count
+
+
+@njit(cache=True)
+def _is_free(
+    cost: NDArray[np.uint8], corner: NDArray[np.float64], footprint: NDArray[np.float64], poses: NDArray[np.float64], unknown: int
+) -> bool:
+    fewest = -1
+    may_stay_inside = True
+    for k in range(poses.shape[0]):
+        value = _cost_under(cost, corner, poses[k, 0], poses[k, 1])
+        if value == _INSCRIBED or value == _LETHAL or (value == _UNKNOWN and unknown >= 1):
+            if not may_stay_inside:
+                return False
+        else:
+            may_stay_inside = False
+        count = _touched(cost, corner, footprint, poses[k], unknown >= 2)
+        # Points of the lattice cross cell borders while the robot turns away: a few more of many are no new contact.
+        if fewest >= 0 and count > fewest + (max(2, fewest // 4) if fewest > 0 else 0):
+            return False
+        fewest = count if fewest < 0 else min(fewest, count)
+    return True
+
+
+@njit(cache=True)
+def _mean_cost(cost: NDArray[np.uint8], corner: NDArray[np.float64], poses: NDArray[np.float64]) -> float:
+    total = 0
+    for k in range(poses.shape[0]):
+        total += _cost_under(cost, corner, poses[k, 0], poses[k, 1])
+    mean: float = total / poses.shape[0]
+    return mean

@@ -1,0 +1,140 @@
+"""A unicycle that slips, on a world of lethal cells: enough of a robot to drive the follower in a loop, without physics."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy import ndimage
+
+from path_following import FollowerObservation, FollowerOutput, PathFollower
+from rigid_geometry import transform_from_rpy
+
+TICK_S = 0.05
+RESOLUTION = 0.08
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A costmap as the follower expects one."""
+
+    cost: np.ndarray
+    origin_xy: tuple[float, float]
+    resolution: float = RESOLUTION
+
+
+def costs_around(lethal: np.ndarray, unknown: np.ndarray | None = None) -> np.ndarray:
+    """Inflated costs of a (ny, nx) bool grid, as costmap_2d has them: inscribed 0.34 m, scaling 5 to 0.9 m."""
+    if not lethal.any():
+        cost = np.zeros(lethal.shape)
+    else:
+        distance = ndimage.distance_transform_edt(~lethal, sampling=RESOLUTION)
+        cost = np.where(distance > 0.9, 0, 252 * np.exp(-5 * np.maximum(distance - 0.34, 0)))
+        cost[distance <= 0.34] = 253
+    cost[lethal] = 254
+    if unknown is not None:
+        cost[unknown & (cost < 253)] = 255
+    return cost.astype(np.uint8)
+
+
+@dataclass
+class World:
+    """A square of `size` metres around the origin; `lethal` may change while the robot drives."""
+
+    size: float = 20.0
+    lethal: np.ndarray = field(init=False)
+    unknown: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        n = round(self.size / RESOLUTION)
+        self.lethal, self.unknown = np.zeros((n, n), dtype=bool), np.zeros((n, n), dtype=bool)
+
+    def cells(self, x0: float, x1: float, y0: float, y1: float) -> tuple[slice, slice]:
+        """The cells of a box in metres."""
+        columns, rows = (tuple(round((v + self.size / 2) / RESOLUTION) for v in pair) for pair in ((x0, x1), (y0, y1)))
+        return slice(*rows), slice(*columns)
+
+    def grid(self) -> Grid:
+        return Grid(costs_around(self.lethal, self.unknown), (-self.size / 2, -self.size / 2))
+
+    def touches(self, x: float, y: float, yaw: float) -> bool:
+        """True when the outline of 0.99 x 0.67 m covers a lethal cell's centre."""
+        rows, columns = np.nonzero(self.lethal)
+        dx = (columns + 0.5) * RESOLUTION - self.size / 2 - x
+        dy = (rows + 0.5) * RESOLUTION - self.size / 2 - y
+        ahead, left = math.cos(yaw) * dx + math.sin(yaw) * dy, math.cos(yaw) * dy - math.sin(yaw) * dx
+        return bool(((np.abs(ahead) < 0.495) & (np.abs(left) < 0.335)).any())
+
+
+@dataclass
+class Drive:
+    """What a run left behind: true poses (K, 3), outputs, and whether the robot touched anything."""
+
+    poses: np.ndarray
+    outputs: list[FollowerOutput]
+    touched: bool
+
+    @property
+    def last(self) -> FollowerOutput:
+        return self.outputs[-1]
+
+    def states(self) -> list[str]:
+        """The states in their order, without repetitions."""
+        names = [o.state.value for o in self.outputs]
+        return [n for i, n in enumerate(names) if i == 0 or names[i - 1] != n]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """How the robot falls short of the command: share of speed and turn rate, drift to the left, dead band of a turn in place."""
+
+    speed_share: float = 0.97
+    turn_share: float = 0.85
+    sideways: float = 0.0
+    dead_turn_radps: float = 0.15
+
+
+def drive(
+    follower: PathFollower,
+    world: World,
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    *,
+    robot: Robot | None = None,
+    seconds: float = 90.0,
+    pose_error: Callable[[float], tuple[float, float, float]] = lambda t: (0.0, 0.0, 0.0),
+    each_tick: Callable[[float], None] = lambda t: None,
+) -> Drive:
+    """Drive until the follower is over or the time is; `pose_error(t)` is added to the true pose that the follower is told."""
+    robot = robot or Robot()
+    x, y, yaw = start
+    poses, outputs, touched, twist = [], [], False, (0.0, 0.0)
+    grid, seen = world.grid(), world.lethal.copy()
+    for k in range(round(seconds / TICK_S)):
+        t = 1.0 + k * TICK_S
+        each_tick(t)
+        if not np.array_equal(seen, world.lethal):
+            grid, seen = world.grid(), world.lethal.copy()
+        ex, ey, eyaw = pose_error(t)
+        T_map_base = transform_from_rpy([x + ex, y + ey, 0.132], (0.0, 0.0, yaw + eyaw))
+        out = follower.step(FollowerObservation(t, T_map_base, grid, twist))
+        poses.append((x, y, yaw))
+        outputs.append(out)
+        if out.state.is_over:
+            break
+        w = 0.0 if abs(out.w) < robot.dead_turn_radps and abs(out.v) < 0.02 else out.w * robot.turn_share
+        twist = (out.v * robot.speed_share, w)
+        x += (math.cos(yaw) * twist[0] - math.sin(yaw) * robot.sideways * twist[0]) * TICK_S
+        y += (math.sin(yaw) * twist[0] + math.cos(yaw) * robot.sideways * twist[0]) * TICK_S
+        yaw += w * TICK_S
+        touched = touched or (k % 4 == 0 and world.touches(x, y, yaw))
+    return Drive(np.array(poses), outputs, touched)
+
+
+def distance_to_path(poses: np.ndarray, path: np.ndarray) -> np.ndarray:
+    """(K,) distances of poses from a polyline (brute force)."""
+    a, b = path[:-1, :2], path[1:, :2]
+    best = np.full(len(poses), np.inf)
+    for p, q in zip(a, b, strict=True):
+        share = np.clip((poses[:, :2] - p) @ (q - p) / max(float((q - p) @ (q - p)), 1e-12), 0, 1)
+        best = np.minimum(best, np.linalg.norm(p + share[:, None] * (q - p) - poses[:, :2], axis=1))
+    return best
