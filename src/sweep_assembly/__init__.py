@@ -7,6 +7,7 @@ from sweep_assembly.assembler import Sweep, SweepAssembler, SweepAssemblyConfig
 from sweep_assembly.geometry import ScanGeometry, TiltGeometry
 from sweep_assembly.scan_filter import ScanFilter, ScanFilterConfig
 from sweep_assembly.sweep_window import SweepWindow, SweepWindowDetector
+from sweep_assembly.tilt_history import TiltHistory
 
 __all__ = [
     "ScanFilter",
@@ -18,4 +19,5 @@ __all__ = [
     "SweepWindow",
     "SweepWindowDetector",
     "TiltGeometry",
+    "TiltHistory",
 ]

@@ -41,13 +41,13 @@ class ScanGeometry:
     @cached_property
     def beam_times(self) -> FloatArray:
         """(count,) seconds from the scan's stamp to each beam."""
-        return self.time_increment * np.arange(self.count)
+        return np.arange(self.count, dtype=np.float64) * self.time_increment
 
     @cached_property
     def directions(self) -> FloatArray:
         """(count, 3) unit vectors of the beams in `laser`."""
         angles = self.angle_min + self.angle_increment * np.arange(self.count)
-        return np.column_stack([np.cos(angles), np.sin(angles), np.zeros(self.count)])
+        return np.stack([np.cos(angles), np.sin(angles), np.zeros(self.count)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +67,8 @@ class TiltGeometry:
     def base_from_laser(self, tilt_rad: FloatArray | float) -> FloatArray:
         """(K, 4, 4) transforms T_base_laser at the (K,) or scalar tilts."""
         tilt = np.atleast_1d(np.asarray(tilt_rad, dtype=np.float64))
-        turn = np.tile(np.eye(4), (tilt.size, 1, 1))
+        turn: FloatArray = np.tile(np.eye(4), (tilt.size, 1, 1))
         turn[:, 0, 0] = turn[:, 2, 2] = np.cos(tilt)
         turn[:, 0, 2] = np.sin(tilt)
         turn[:, 2, 0] = -turn[:, 0, 2]
-        return np.asarray(self.T_base_mount @ turn @ self.T_tilt_laser, dtype=np.float64)
+        return np.asarray(self.T_base_mount @ turn @ self.T_tilt_laser)

@@ -30,7 +30,7 @@ class ScanFilterConfig:
     )
     veiling_min_jump_m: float = parameter(0.15, "m", "and their ranges differ by this much, several times the range noise", low=0.0)
     veiling_max_points: int = parameter(
-        3, "-", "suspect points in a row that are veiled; more are a surface seen at a low angle", low=0, high=50
+        3, "-", "suspect points in a row that are veiled; more are a surface at a low angle", low=0, high=50
     )
     body_min_m: tuple[float, ...] = parameter((-0.60, -0.45, -0.20), "m", "lower corner of the own body's box in base_link, x y z")
     body_max_m: tuple[float, ...] = parameter((0.60, 0.45, 0.90), "m", "upper corner of the own body's box in base_link, x y z")

@@ -1,0 +1,11 @@
+"""Odometry (thesis 5.3, last paragraph): wheel encoders and IMU fused by an extended Kalman filter in six dimensions.
+
+Stands between the robot's drivers and everything that asks where the robot is: `OdometryFilter` gives T_odom_base, its
+covariance and the robot's twist; while the robot stands also the direction of gravity, which the mapping anchors poses to.
+"""
+
+from odometry_fusion.config import OdometryConfig
+from odometry_fusion.increments import PoseIncrement, pose_increment
+from odometry_fusion.odometry_filter import OdometryEstimate, OdometryFilter
+
+__all__ = ["OdometryConfig", "OdometryEstimate", "OdometryFilter", "PoseIncrement", "pose_increment"]

@@ -1,0 +1,272 @@
+"""The filter from messages to estimates: what may be processed when, standing still, gaps and time that jumps.
+
+State is committed at the stamps of wheel messages, an interval at a time, and only as far as asked for; an estimate in between
+drives a copy on. So an estimate depends on stamps and samples only, never on the order between topics or on earlier questions.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from odometry_fusion import measurements
+from odometry_fusion.config import OdometryConfig
+from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, VELOCITY, ProcessNoise, State, orthonormal, predict, rest
+from odometry_fusion.interval import ImuInterval, imu_interval
+from odometry_fusion.sample_buffer import Arrival, SampleBuffer
+
+FloatArray = NDArray[np.float64]
+IMU_RATE_HZ = 100.0  # bandwidth for which the noise of the reported rates holds
+FIRST_LEVELLING_S = 1.0  # IMU samples older than this say nothing about the attitude at the first wheel message
+
+
+@dataclass(frozen=True, eq=False)
+class OdometryEstimate:
+    """Where the robot is at `stamp_s`, and how sure that is.
+
+    `T_odom_base` (4, 4); `pose_covariance` (6, 6): x, y, z, rotation about x, y, z, in axes of odom, as nav_msgs/Odometry has it.
+    `twist` (6,) m/s and rad/s, linear then angular, in base_link, with `twist_covariance` (6, 6). `standing`: wheels and body are
+    still. Only then `up_in_base` (3,) is the unit direction against gravity in base_link, the mean over the time of standing, less
+    the accelerometer's bias as far as known, with `up_sigma_rad` an axis; otherwise both are None.
+    """
+
+    stamp_s: float
+    T_odom_base: FloatArray
+    pose_covariance: FloatArray
+    twist: FloatArray
+    twist_covariance: FloatArray
+    standing: bool
+    up_in_base: FloatArray | None
+    up_sigma_rad: float | None
+
+
+@dataclass(frozen=True)
+class _Wheels:
+    """A wheel message, and since when the wheels have not turned (None while they turn)."""
+
+    stamp_s: float
+    forward_mps: float
+    yaw_rate: float
+    still_since_s: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """Sums of the accelerometer over the present time of standing."""
+
+    accel_sum: FloatArray
+    samples: int
+    duration_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Track:
+    """All that is known at the latest processed instant."""
+
+    state: State
+    wheels: _Wheels
+    rate: FloatArray
+    rest: _Rest | None
+
+
+class OdometryFilter:
+    """6-D extended Kalman filter of gyroscope, accelerometer and wheel velocities (thesis 5.3)."""
+
+    def __init__(self, config: OdometryConfig) -> None:
+        """ValueError when the configuration is wrong."""
+        problems = config.validate()
+        if problems:
+            raise ValueError("; ".join(problems))
+        self._config = config
+        self._noise = ProcessNoise(
+            gyro=config.gyro_noise,
+            velocity_walk=config.velocity_walk,
+            gyro_bias_walk=config.gyro_bias_walk,
+            accel_bias_walk=config.accel_bias_walk,
+            slip_sigma=config.forward_slip_sigma,
+            slip_time_s=config.forward_slip_time_s,
+        )
+        self._dropped: Counter[str] = Counter()
+        self._imu = SampleBuffer("imu", config.jump_back_s, config.buffer_s, self._dropped)
+        self._wheels = SampleBuffer("wheels", config.jump_back_s, config.buffer_s, self._dropped)
+        self._track: _Track | None = None
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """How many samples were dropped, pauses bridged and resets made, by reason."""
+        return dict(self._dropped)
+
+    def add_imu(self, stamp_s: float, gyro: ArrayLike, accel: ArrayLike) -> None:
+        """Takes (3,) angular velocity in rad/s and (3,) specific force in m/s^2, both in base_link.
+
+        What is not finite, late or repeated is dropped and counted; time that jumps back starts afresh. ValueError on other shapes.
+        """
+        row = np.concatenate([np.ravel(gyro), np.ravel(accel)]).tolist()
+        if len(row) != 6:
+            raise ValueError(f"an IMU sample has three rates and three accelerations, not {gyro!r} and {accel!r}")
+        self._add(self._imu, stamp_s, row)
+
+    def add_wheels(self, stamp_s: float, v: float, w: float) -> None:
+        """Takes forward velocity in m/s and yaw rate in rad/s from the encoders; refusals as for `add_imu`."""
+        self._add(self._wheels, stamp_s, [float(v), float(w)])
+
+    def estimate(self, stamp_s: float) -> OdometryEstimate | None:
+        """The estimate at a time; stamps asked for must not decrease.
+
+        None while an IMU sample or a wheel message with this stamp or a later one is missing, before the first wheel message
+        with an IMU sample, and for times before the last wheel message already used. ValueError when the stamp is not finite.
+        """
+        if not math.isfinite(stamp_s):
+            raise ValueError(f"the stamp of an estimate is a finite time, not {stamp_s}")
+        if not self._complete(stamp_s):
+            return None
+        self._commit_until(stamp_s)
+        track = self._track
+        if track is None or stamp_s < track.state.stamp_s:
+            return None
+        following = self._wheels.first()
+        if stamp_s > track.state.stamp_s and following is not None:
+            track = self._between(track, stamp_s, self._observed(*following))
+        return self._described(track)
+
+    def _add(self, buffer: SampleBuffer, stamp_s: float, row: list[float]) -> None:
+        if not all(map(math.isfinite, (stamp_s, *row))):
+            self._dropped[f"{buffer.sensor}_not_finite"] += 1
+            return
+        arrival = buffer.judge(stamp_s)
+        if arrival is Arrival.LATE:
+            return
+        if arrival is Arrival.TIME_JUMP:
+            self._imu.clear()
+            self._wheels.clear()
+            self._track = None
+        buffer.append(stamp_s, row)
+
+    def _complete(self, stamp_s: float) -> bool:
+        return all(b.last_stamp_s is not None and b.last_stamp_s >= stamp_s for b in (self._imu, self._wheels))
+
+    def _commit_until(self, stamp_s: float) -> None:
+        """Processes the wheel messages up to a time; the IMU is complete up to there."""
+        while (following := self._wheels.first()) is not None and following[0] <= stamp_s:
+            wheels = self._observed(*following)
+            self._track = self._started(wheels) if self._track is None else self._advanced(self._track, wheels)
+            self._wheels.drop_first()
+            self._imu.forget_before(wheels.stamp_s)
+
+    def _observed(self, stamp_s: float, row: Sequence[float]) -> _Wheels:
+        """A wheel message in the light of the ones before: do the wheels stand, and since when?"""
+        still = abs(row[0]) < self._config.still_wheel_mps and abs(row[1]) < self._config.still_wheel_rate
+        before = self._track.wheels if self._track else None
+        since = None
+        if still:
+            unbroken = before is not None and stamp_s - before.stamp_s <= self._config.max_wheel_gap_s
+            since = before.still_since_s if unbroken and before is not None else None
+            since = stamp_s if since is None else since
+        return _Wheels(stamp_s, row[0], row[1], since)
+
+    def _started(self, wheels: _Wheels) -> _Track | None:
+        """Levelled from the samples so far; None, and counted, when they do not show where up is."""
+        stamps, rows = self._imu.around(wheels.stamp_s - FIRST_LEVELLING_S, wheels.stamp_s)
+        before = stamps <= wheels.stamp_s
+        force = rows[before, 3:].mean(axis=0) if before.any() else np.zeros(3)
+        strength = float(np.linalg.norm(force))
+        if strength < 0.5 * self._config.gravity_mps2:
+            self._dropped["start_without_gravity"] += 1
+            return None
+        still = wheels.still_since_s is not None
+        disturbance = abs(strength - self._config.gravity_mps2) + (0.0 if still else self._config.gravity_driving_sigma)
+        duration_s = max(float(np.ptp(stamps[before])), 0.01)
+        state = measurements.level(wheels.stamp_s, force, duration_s, disturbance, still, self._config)
+        return _Track(state, wheels, rows[before, :3][-1], None)
+
+    def _advanced(self, track: _Track, wheels: _Wheels) -> _Track:
+        """The track at the next wheel message, with its measurements."""
+        interval = imu_interval(self._imu, track.state.stamp_s, wheels.stamp_s)
+        self._count_gaps(interval, wheels.stamp_s - track.wheels.stamp_s)
+        if self._stands(track, interval, wheels):
+            state = measurements.stand_still(rest(track.state, interval.duration_s, self._noise), interval, self._config)
+            return _Track(_at(state, wheels.stamp_s), wheels, interval.rates[-1], _longer(track.rest, interval))
+        state = self._driven(track.state, interval)
+        state = measurements.roll_wheels(state, interval, wheels.forward_mps, wheels.yaw_rate, self._config)
+        forward_accel = (wheels.forward_mps - track.wheels.forward_mps) / interval.duration_s
+        state = measurements.feel_gravity(state, interval, forward_accel, self._config)
+        return _Track(_at(state, wheels.stamp_s), wheels, interval.rates[-1], None)
+
+    def _between(self, track: _Track, stamp_s: float, following: _Wheels) -> _Track:
+        """The track at a time before the wheel message that follows, which only tells whether the robot stands."""
+        interval = imu_interval(self._imu, track.state.stamp_s, stamp_s)
+        if self._stands(track, interval, following):
+            return replace(track, state=_at(track.state, stamp_s), rate=interval.rates[-1])
+        return replace(track, state=_at(self._driven(track.state, interval), stamp_s), rate=interval.rates[-1], rest=None)
+
+    def _stands(self, track: _Track, interval: ImuInterval, wheels: _Wheels) -> bool:
+        """Wheels stood for long enough, at both ends of the interval, and the body is quiet."""
+        config = self._config
+        since = wheels.still_since_s
+        if since is None or track.wheels.still_since_s is None or interval.longest_gap_s > config.max_imu_gap_s:
+            return False
+        quiet = float(np.linalg.norm(interval.mean_rate - track.state.gyro_bias)) < config.still_gyro_rate
+        return quiet and interval.end_stamp_s - since >= config.still_delay_s
+
+    def _driven(self, state: State, interval: ImuInterval) -> State:
+        noise = self._noise
+        if interval.longest_gap_s > self._config.max_imu_gap_s:
+            unseen_s = min(interval.longest_gap_s, interval.duration_s)
+            variance = self._config.gap_rate_sigma**2 * interval.longest_gap_s * unseen_s  # over the whole gap: (sigma * length)^2
+            noise = replace(noise, attitude_variance=variance)
+        return predict(state, interval.rates, interval.durations, noise)
+
+    def _count_gaps(self, interval: ImuInterval, wheel_pause_s: float) -> None:
+        if interval.longest_gap_s > self._config.max_imu_gap_s:
+            self._dropped["imu_gap"] += 1
+        if wheel_pause_s > self._config.max_wheel_gap_s:
+            self._dropped["wheels_gap"] += 1
+
+    def _described(self, track: _Track) -> OdometryEstimate:
+        state, standing = track.state, track.rest is not None
+        T_odom_base = np.eye(4)
+        T_odom_base[:3, :3], T_odom_base[:3, 3] = state.R_odom_base, state.position
+        up, up_sigma = self._up(state, track.rest) if track.rest else (None, None)
+        rate = np.zeros(3) if standing else track.rate - state.gyro_bias
+        return OdometryEstimate(
+            stamp_s=state.stamp_s,
+            T_odom_base=T_odom_base,
+            pose_covariance=state.covariance[:6, :6].copy(),
+            twist=np.concatenate([np.zeros(3) if standing else state.velocity, rate]),
+            twist_covariance=self._twist_covariance(state),
+            standing=standing,
+            up_in_base=up,
+            up_sigma_rad=up_sigma,
+        )
+
+    def _twist_covariance(self, state: State) -> FloatArray:
+        covariance = np.zeros((6, 6))
+        covariance[:3, :3] = state.covariance[VELOCITY, VELOCITY]
+        covariance[3:, 3:] = state.covariance[GYRO_BIAS, GYRO_BIAS] + np.eye(3) * self._config.gyro_noise**2 * IMU_RATE_HZ
+        return covariance
+
+    def _up(self, state: State, rest_sums: _Rest) -> tuple[FloatArray, float]:
+        force = rest_sums.accel_sum / rest_sums.samples - state.accel_bias
+        strength = float(np.linalg.norm(force))
+        up = force / strength
+        P = state.covariance[ACCEL_BIAS, ACCEL_BIAS]
+        level_variance = 0.5 * float(np.trace(P) - up @ P @ up) + self._config.accel_noise**2 / rest_sums.duration_s
+        return up, math.hypot(math.sqrt(level_variance) / strength, self._config.up_sigma_floor_rad)
+
+
+def _at(state: State, stamp_s: float) -> State:
+    """The state with an exact stamp and rotation, after sums of many steps."""
+    return replace(state, stamp_s=stamp_s, R_odom_base=orthonormal(state.R_odom_base))
+
+
+def _longer(before: _Rest | None, interval: ImuInterval) -> _Rest | None:
+    """The time of standing, with another interval; None as long as no accelerometer sample fell into it."""
+    if interval.mean_accel is None:
+        return before
+    accel_sum = interval.mean_accel * interval.samples
+    if before is None:
+        return _Rest(accel_sum, interval.samples, interval.duration_s)
+    return _Rest(before.accel_sum + accel_sum, before.samples + interval.samples, before.duration_s + interval.duration_s)
