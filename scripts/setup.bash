@@ -45,8 +45,13 @@ create_venv() {
 }
 
 build_workspace() {
-  mkdir -p "$root/.ws/src"
-  ln -sfn "$root" "$root/.ws/src/explore_3dnav"
+  # Links to the package's parts, not to its folder: that one holds .ws, and a loop of links confuses rosrun.
+  [ -L "$root/.ws/src/explore_3dnav" ] && rm "$root/.ws/src/explore_3dnav"
+  mkdir -p "$root/.ws/src/explore_3dnav"
+  local part
+  for part in CMakeLists.txt package.xml setup.py config launch msg nodes octree_binding src srv test urdf worlds; do
+    ln -sfn "$root/$part" "$root/.ws/src/explore_3dnav/$part"
+  done
   touch "$root/.ws/.catkin_workspace"
   (cd "$root/.ws" && env -u PYTHONPATH PATH="$root/.venv/bin:/usr/bin:/bin" catkin_make -DPYTHON_EXECUTABLE="$root/.venv/bin/python3" -DCMAKE_BUILD_TYPE=Release)
 }

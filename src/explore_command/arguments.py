@@ -1,0 +1,131 @@
+"""Arguments of ./explore, and what is wrong with them before anything is started."""
+
+import argparse
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+NAMED_WORLDS = ("rooms", "ramp", "moon")
+_RUN_FILES = ("run.json", "summary.json", "counters.json", "trajectory.txt", "trajectory_truth.txt", "contacts.csv", "map.bt", "map.ot")
+_RUN_FILES += ("cloud.ply", "graph.g2o", "occupied.npz", "terrain.npz", "path.npz", "map_top.png", "map_angle.png", "world.ply", "config.yaml", "run.bag", "overrides.yaml", "roslaunch.log")
+_RUN_FOLDERS = ("sweeps", "log")
+
+
+class ArgumentProblem(ValueError):
+    """One line that says what is wrong and what to do."""
+
+
+@dataclass(frozen=True)
+class ExploreArguments:
+    """What a run was asked to do; lengths in metres, angles in radians."""
+
+    world: str
+    seed: int
+    start: tuple[float, float, float] | None
+    size: tuple[float, float, float] | None
+    area: tuple[float, float] | None
+    out: Path
+    force: bool
+    headless: bool
+    rate: float
+    lockstep: bool
+    record: bool
+    max_sim_time_s: float
+    set_parameters: tuple[str, ...]
+    check_only: bool
+
+
+def parser() -> argparse.ArgumentParser:
+    p = argparse.ArgumentParser(
+        prog="./explore",
+        description="Explores a simulated world with a Husky and leaves a map, pictures and a score.",
+        epilog="Exit code: 0 explored, 1 the run failed (summary.json says why), 2 wrong argument or missing package. "
+        "A shell for roslaunch, rosrun and rostest: ./explore --setup, then source .ws/devel/setup.bash",
+    )
+    p.add_argument("--world", default="ramp", metavar="W", help="rooms, ramp, moon, or a FILE: mesh (.dae .obj .stl .ply) or height map (.png); default ramp")
+    p.add_argument("--size", nargs=3, type=float, metavar=("X", "Y", "Z"), help="metres that a height map covers; needed for .png")
+    p.add_argument("--area", nargs=2, type=float, metavar=("X", "Y"), help="explore only X by Y metres of a FILE, around the start, behind walls")
+    p.add_argument("--start", nargs=3, type=float, metavar=("X", "Y", "YAW"), help="where the robot starts; default: chosen by the seed")
+    p.add_argument("--seed", type=int, default=1, help="sets start, noise, slip and clutter; default 1")
+    p.add_argument("--out", type=Path, metavar="DIR", help="folder for the results; default runs/WORLD-SEED")
+    p.add_argument("--force", action="store_true", help="overwrite an earlier run in --out")
+    view = p.add_mutually_exclusive_group()
+    view.add_argument("--headless", action="store_true", help="no rviz, also where there is a display")
+    view.add_argument("--rviz", action="store_true", help="rviz, also where DISPLAY is not set")
+    p.add_argument("--rate", type=float, default=0.0, metavar="R", help="at most R times real time; default 0: as fast as the machine can")
+    p.add_argument("--free", action="store_true", help="no lock-step: for a teleop or node of your own beside it")
+    p.add_argument("--record", action="store_true", help="write run.bag: what the mapping and terrain nodes heard")
+    p.add_argument("--max-sim-time", type=float, default=3600.0, metavar="S", help="stop after S simulated seconds; default 3600")
+    p.add_argument("--set", action="append", default=[], metavar="NODE/PARAMETER=VALUE", help="overrides one parameter; may be repeated")
+    p.add_argument("--setup", action="store_true", help="only set up: packages, .venv, workspace")
+    return p
+
+
+def parse(argv: list[str] | None = None) -> ExploreArguments:
+    """Checked arguments; ArgumentProblem for what argparse cannot know, SystemExit(2) for what it can."""
+    a = parser().parse_args(argv)
+    _check_world(a.world, a.size)
+    _check_numbers(a)
+    out = (a.out or Path("runs") / f"{Path(a.world).stem}-{a.seed}").absolute()
+    return ExploreArguments(
+        world=a.world if a.world in NAMED_WORLDS else str(Path(a.world).absolute()),
+        seed=a.seed,
+        start=tuple(a.start) if a.start else None,
+        size=tuple(a.size) if a.size else None,
+        area=tuple(a.area) if a.area else None,
+        out=out,
+        force=a.force or a.out is None,
+        headless=a.headless or not (a.rviz or os.environ.get("DISPLAY")),
+        rate=a.rate,
+        lockstep=not a.free,
+        record=a.record,
+        max_sim_time_s=a.max_sim_time,
+        set_parameters=tuple(a.set),
+        check_only=a.setup,
+    )
+
+
+def _check_world(world: str, size: list[float] | None) -> None:
+    if world in NAMED_WORLDS:
+        return
+    if not Path(world).is_file():
+        raise ArgumentProblem(f"--world {world}: no such world or file; worlds are {', '.join(NAMED_WORLDS)}, or a .dae .obj .stl .ply .png file")
+    if Path(world).suffix.lower() == ".png" and size is None:
+        raise ArgumentProblem(f"--world {world}: a height map needs --size X Y Z, the metres that it covers")
+
+
+def _check_numbers(a: argparse.Namespace) -> None:
+    if a.rate < 0 or a.max_sim_time <= 0 or a.seed < 0:
+        raise ArgumentProblem("--rate must not be negative, --max-sim-time must be positive, --seed must not be negative")
+    for name in ("size", "area"):
+        if any(v <= 0 for v in getattr(a, name) or ()):
+            raise ArgumentProblem(f"--{name}: lengths must be positive")
+    for text in a.set:
+        if "/" not in text.partition("=")[0] or "=" not in text:
+            raise ArgumentProblem(f"--set {text}: expected NODE/PARAMETER=VALUE, for example octomap_server_3dnav_node/local_radius_m=8")
+
+
+def prepare_out(out: Path, force: bool) -> None:
+    """Makes an empty results folder; ArgumentProblem when it cannot be written, or holds something and `force` is not set.
+
+    With `force` only the files of an earlier run are removed: whatever else lies there stays.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        if any(out.iterdir()):
+            if not force:
+                raise ArgumentProblem(f"--out {out}: not empty; --force overwrites the run in it")
+            _remove_run(out)
+        probe = out / ".writable"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise ArgumentProblem(f"--out {out}: cannot be written: {error.strerror}") from error
+
+
+def _remove_run(out: Path) -> None:
+    for name in _RUN_FILES:
+        (out / name).unlink(missing_ok=True)
+    for name in _RUN_FOLDERS:
+        shutil.rmtree(out / name, ignore_errors=True)

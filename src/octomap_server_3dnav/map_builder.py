@@ -1,0 +1,99 @@
+"""From placed sweeps to an octree that follows the pose graph (thesis 5.5, 6.2.2).
+
+Between pose_graph_mapping and the terrain analysis: each sweep is cropped to the dense cuboid around the robot and inserted; when the
+graph moves older sweeps by more than half a voxel, the tree is built anew from all of them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from rigid_geometry import as_transform, rotation_angle, transform_points
+from stage_config import check_ranges, parameter
+
+from octomap_server_3dnav.column_runs import ColumnRuns
+from octomap_server_3dnav.octree import OctreeMap, SensorModel
+
+_LEVER_M = 4.0  # a turned sweep counts as moved by what its points at this distance move
+
+
+@dataclass(frozen=True)
+class MapConfig:
+    """Octree and cropping; `resolution` and `frame_id` are octomap_server's parameters."""
+
+    resolution: float = parameter(0.08, "m", "edge of a voxel", low=0.01, high=1.0)
+    frame_id: str = parameter("map", "-", "frame of the octree")
+    max_range_m: float = parameter(12.0, "m", "rays free voxels up to this range", low=0.5, high=100.0)
+    crop_half_m: float = parameter(7.0, "m", "half side of the cuboid around the robot in which a sweep is dense enough to be inserted", low=1.0, high=100.0)
+    crop_below_m: float = parameter(4.0, "m", "how far below the robot the cuboid reaches", low=0.5, high=50.0)
+    crop_above_m: float = parameter(4.0, "m", "how far above the robot the cuboid reaches", low=0.5, high=50.0)
+    start_plane_half_m: float = parameter(0.8, "m", "half side of the plane put under the robot at the start, where the laser is blind", low=0.0, high=3.0)
+    base_height_m: float = parameter(0.132, "m", "height of base_link above the ground", low=0.0, high=2.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        return check_ranges(self)
+
+
+@dataclass(frozen=True, eq=False)
+class _PlacedSweep:
+    points_base: NDArray[np.float32]
+    origins_base: NDArray[np.float32]
+    T_map_base: NDArray[np.float64]
+
+
+class MapBuilder:
+    """Owns the octree and the sweeps it was made of."""
+
+    def __init__(self, config: MapConfig, sensor_model: SensorModel) -> None:
+        """ValueError lists what is wrong with the configuration."""
+        if problems := config.validate():
+            raise ValueError("; ".join(problems))
+        self.config = config
+        self.tree = OctreeMap(config.resolution, sensor_model)
+        self._sweeps: list[_PlacedSweep] = []
+
+    def __len__(self) -> int:
+        return len(self._sweeps)
+
+    def add_sweep(self, points_base: NDArray[np.float32], origins_base: NDArray[np.float32], vertex_poses: ArrayLike) -> bool:
+        """Adds the sweep of the last of (V, 4, 4) vertex poses; True when the tree was built anew because older ones had moved.
+
+        ValueError when V is not the number of sweeps so far plus one, or a pose is not rigid; nothing is changed then.
+        """
+        poses = [as_transform(T) for T in np.asarray(vertex_poses, dtype=np.float64)]
+        if len(poses) != len(self._sweeps) + 1:
+            raise ValueError(f"sweep {len(self._sweeps)} came with {len(poses)} vertex poses")
+        moved = any(self._moved(sweep.T_map_base, T) for sweep, T in zip(self._sweeps, poses, strict=False))
+        self._sweeps.append(_PlacedSweep(points_base, origins_base, poses[-1]))
+        if moved:
+            self._rebuild(poses)
+        else:
+            self._insert(self._sweeps[-1], first=len(self._sweeps) == 1)
+        return moved
+
+    def runs_around(self, T_map_base: NDArray[np.float64], radius_m: float | None) -> ColumnRuns:
+        """The known columns within a square of half side `radius_m` around the robot, or of the whole map."""
+        if radius_m is None:
+            return self.tree.column_runs()
+        x, y = T_map_base[:2, 3]
+        return self.tree.column_runs((x - radius_m, y - radius_m, -np.inf), (x + radius_m, y + radius_m, np.inf))
+
+    def _moved(self, old: NDArray[np.float64], new: NDArray[np.float64]) -> bool:
+        turned = rotation_angle(np.linalg.inv(old) @ new)
+        return float(np.linalg.norm(old[:3, 3] - new[:3, 3])) + _LEVER_M * turned > 0.5 * self.config.resolution
+
+    def _rebuild(self, poses: list[NDArray[np.float64]]) -> None:
+        self.tree.reset()
+        self._sweeps = [_PlacedSweep(s.points_base, s.origins_base, T) for s, T in zip(self._sweeps, poses, strict=True)]
+        for i, sweep in enumerate(self._sweeps):
+            self._insert(sweep, first=i == 0)
+
+    def _insert(self, sweep: _PlacedSweep, *, first: bool) -> None:
+        T, c = sweep.T_map_base, self.config
+        x, y, z = T[:3, 3]
+        bounds = ((x - c.crop_half_m, y - c.crop_half_m, z - c.crop_below_m), (x + c.crop_half_m, y + c.crop_half_m, z + c.crop_above_m))
+        points, origins = transform_points(T, sweep.points_base), transform_points(T, sweep.origins_base)
+        self.tree.insert_sweep(points, origins, c.max_range_m, bounds)
+        if first and c.start_plane_half_m > 0:
+            self.tree.insert_plane(T[:3, 3] - c.base_height_m * T[:3, 2] - (0, 0, 0.25 * c.resolution), c.start_plane_half_m)

@@ -1,0 +1,208 @@
+"""Messages to arrays and back: whole buffers at once, checked before they are believed."""
+
+import math
+
+import numpy as np
+import rospy
+from explore_3dnav.msg import TerrainGrid
+from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
+from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry, Path
+from numpy.typing import NDArray
+from rigid_geometry import quat_xyzw_from_transform, transform_from_quat, transform_from_rpy
+from sensor_msgs.msg import LaserScan, PointCloud2, PointField
+from std_msgs.msg import Header
+from sweep_assembly import ScanGeometry
+
+Floats = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+CLOUD_FIELDS = ("x", "y", "z", "vp_x", "vp_y", "vp_z")
+_POINT_BYTES = 4 * len(CLOUD_FIELDS)
+
+
+def header(stamp_s: float, frame: str) -> Header:
+    return Header(stamp=rospy.Time.from_sec(stamp_s), frame_id=frame)
+
+
+def stamp_of(message: object) -> float:
+    """Seconds of a message's header stamp."""
+    return float(message.header.stamp.to_sec())  # type: ignore[attr-defined]
+
+
+def cloud_message(stamp_s: float, frame: str, points: Singles, origins: Singles) -> PointCloud2:
+    """(N, 3) points and where their beams started, as one PointCloud2 with fields x y z vp_x vp_y vp_z."""
+    data = np.hstack([points, origins]).astype(np.float32, copy=False)
+    fields = [PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(CLOUD_FIELDS)]
+    count = len(data)
+    return PointCloud2(
+        header=header(stamp_s, frame),
+        height=1,
+        width=count,
+        fields=fields,
+        is_bigendian=False,
+        point_step=_POINT_BYTES,
+        row_step=_POINT_BYTES * count,
+        data=data.tobytes(),
+        is_dense=True,
+    )
+
+
+def cloud_arrays(message: PointCloud2, expected_frame: str | None = None) -> tuple[Singles, Singles]:
+    """(N, 3) points and (N, 3) beam origins of a cloud; ValueError for another frame, other fields, no points, or a cut buffer.
+
+    Points that are not finite are left out, as PCL does for clouds that are not dense.
+    """
+    if expected_frame is not None and message.header.frame_id != expected_frame:
+        raise ValueError(f"cloud in frame {message.header.frame_id!r}, expected {expected_frame!r}")
+    offsets = {f.name: f.offset for f in message.fields if f.datatype == PointField.FLOAT32}
+    missing = [name for name in CLOUD_FIELDS if name not in offsets]
+    if missing:
+        raise ValueError(f"cloud without float32 fields {', '.join(missing)}")
+    count = message.width * message.height
+    if count == 0:
+        raise ValueError("cloud without points")
+    if message.is_bigendian or len(message.data) < count * message.point_step or message.point_step < max(offsets.values()) + 4:
+        raise ValueError(f"cloud of {count} points with {len(message.data)} bytes of step {message.point_step} cannot be read")
+    layout = np.dtype({"names": CLOUD_FIELDS, "formats": ["<f4"] * 6, "offsets": [offsets[n] for n in CLOUD_FIELDS], "itemsize": message.point_step})
+    raw = np.frombuffer(message.data, dtype=layout, count=count)
+    table = np.stack([raw[name] for name in CLOUD_FIELDS], axis=1)
+    finite = np.isfinite(table).all(axis=1)
+    if not finite.any():
+        raise ValueError(f"none of the cloud's {count} points is finite")
+    table = table if finite.all() else table[finite]
+    return np.ascontiguousarray(table[:, :3]), np.ascontiguousarray(table[:, 3:])
+
+
+def scan_ranges(message: LaserScan) -> Singles:
+    return np.asarray(message.ranges, dtype=np.float32)
+
+
+def scan_geometry(message: LaserScan) -> ScanGeometry:
+    """The beams' layout; ValueError when it is none."""
+    return ScanGeometry(message.angle_min, message.angle_increment, message.time_increment, len(message.ranges))
+
+
+def scan_like(message: LaserScan, ranges: Singles, *, range_max: float | None = None) -> LaserScan:
+    """A scan with the same beams and stamp and other ranges."""
+    return LaserScan(
+        header=message.header,
+        angle_min=message.angle_min,
+        angle_max=message.angle_max,
+        angle_increment=message.angle_increment,
+        time_increment=message.time_increment,
+        scan_time=message.scan_time,
+        range_min=message.range_min,
+        range_max=message.range_max if range_max is None else range_max,
+        ranges=ranges.tolist(),
+    )
+
+
+def transform_from_pose(pose: Pose) -> Floats:
+    """(4, 4) transform of a pose; ValueError when it is not finite or its quaternion is no rotation."""
+    p, q = pose.position, pose.orientation
+    values = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
+    if not all(map(math.isfinite, values)):
+        raise ValueError(f"pose with numbers that are not finite: {values}")
+    return transform_from_quat((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+
+
+def pose_message(T: Floats) -> Pose:
+    return Pose(Point(*T[:3, 3]), Quaternion(*quat_xyzw_from_transform(T)))
+
+
+def transform_message(T: Floats) -> Transform:
+    return Transform(Vector3(*T[:3, 3]), Quaternion(*quat_xyzw_from_transform(T)))
+
+
+def transform_from_message(message: Transform) -> Floats:
+    return transform_from_pose(Pose(Point(message.translation.x, message.translation.y, message.translation.z), message.rotation))
+
+
+def transform_stamped(stamp_s: float, parent: str, child: str, T_parent_child: Floats) -> TransformStamped:
+    return TransformStamped(header(stamp_s, parent), child, transform_message(T_parent_child))
+
+
+def path_message(stamp_s: float, frame: str, points: Floats, goal_yaw: float) -> Path:
+    """(K, 3) points as a path whose poses look along it and whose last pose has the goal's heading."""
+    path = Path(header=header(stamp_s, frame))
+    for i, point in enumerate(points):
+        step = points[i + 1] - point if i + 1 < len(points) else None
+        yaw = goal_yaw if step is None else math.atan2(step[1], step[0])
+        path.poses.append(PoseStamped(path.header, pose_message(transform_from_rpy(point, (0.0, 0.0, yaw)))))
+    return path
+
+
+def path_points(message: Path) -> Floats:
+    """(K, 3) positions of a path; ValueError when one is not finite."""
+    points = np.array([[p.pose.position.x, p.pose.position.y, p.pose.position.z] for p in message.poses], dtype=np.float64).reshape(-1, 3)
+    if not np.isfinite(points).all():
+        raise ValueError("path with positions that are not finite")
+    return points
+
+
+def _grid_info(shape: tuple[int, ...], origin_xy: tuple[float, float], resolution: float) -> MapMetaData:
+    info = MapMetaData(resolution=resolution, height=shape[0], width=shape[1])
+    info.origin = pose_message(transform_from_rpy((*origin_xy, 0.0)))
+    return info
+
+
+def terrain_grid_message(
+    stamp_s: float, frame: str, cost: NDArray[np.int8], height: Singles, origin_xy: tuple[float, float], resolution: float
+) -> TerrainGrid:
+    """(ny, nx) costs of -1, 0 or 100 and ground heights; cell (0, 0) starts at `origin_xy`."""
+    info = _grid_info(cost.shape, origin_xy, resolution)
+    return TerrainGrid(header(stamp_s, frame), info, cost.ravel().tolist(), height.ravel().tolist())
+
+
+def terrain_grid_arrays(message: TerrainGrid) -> tuple[NDArray[np.int8], Singles, tuple[float, float], float]:
+    """Costs (ny, nx), heights (ny, nx), origin (x, y) and resolution; ValueError when the sizes do not agree."""
+    shape = (message.info.height, message.info.width)
+    if not len(message.cost) == len(message.height) == shape[0] * shape[1] or not message.info.resolution > 0:
+        raise ValueError(f"terrain grid of {shape} cells with {len(message.cost)} costs, {len(message.height)} heights, resolution {message.info.resolution}")
+    origin = message.info.origin.position
+    return (
+        np.asarray(message.cost, dtype=np.int8).reshape(shape),
+        np.asarray(message.height, dtype=np.float32).reshape(shape),
+        (origin.x, origin.y),
+        float(message.info.resolution),
+    )
+
+
+# costmap_2d's translation of costs for OccupancyGrid: free 0, inscribed 99, lethal 100, unknown -1, between them 1..98
+_OCCUPANCY_OF_COST = np.concatenate([[0], np.linspace(1, 98, 252), [99, 100, -1]]).astype(np.int8)
+
+
+def costmap_message(stamp_s: float, frame: str, cost: NDArray[np.uint8], origin_xy: tuple[float, float], resolution: float) -> OccupancyGrid:
+    """(ny, nx) costs of costmap_2d as the OccupancyGrid that it publishes."""
+    grid = OccupancyGrid(header=header(stamp_s, frame), info=_grid_info(cost.shape, origin_xy, resolution))
+    grid.data = _OCCUPANCY_OF_COST[cost].ravel().tolist()
+    return grid
+
+
+def scan_points(message: LaserScan) -> tuple[Floats, Floats]:
+    """(N, 3) hits and (M, 3) ends at range_max of the beams that met nothing (+inf), in the scan's frame; NaN beams are in neither."""
+    ranges = np.asarray(message.ranges, dtype=np.float64)
+    angles = message.angle_min + message.angle_increment * np.arange(len(ranges))
+    directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(ranges))], axis=1)
+    hit, nothing = np.isfinite(ranges), np.isposinf(ranges)
+    return directions[hit] * ranges[hit, None], directions[nothing] * message.range_max
+
+
+def covariance_ros_order(covariance: Floats) -> Floats:
+    """6x6 covariance with rotation first (gtsam) to translation first (ROS), or back."""
+    swap = [3, 4, 5, 0, 1, 2]
+    return covariance[np.ix_(swap, swap)]
+
+
+def odometry_twist(message: Odometry) -> tuple[float, float]:
+    return message.twist.twist.linear.x, message.twist.twist.angular.z
+
+
+def odometry_gravity(message: Odometry) -> tuple[Floats, float]:
+    """Up in base_link, (3,), and its sigma in radians, as the odometry's roll and pitch know it from gravity."""
+    T_odom_base = transform_from_pose(message.pose.pose)
+    covariance = np.array(message.pose.covariance).reshape(6, 6)
+    sigma = math.sqrt(max(covariance[3, 3], covariance[4, 4]))
+    if not sigma > 0.0:
+        raise ValueError(f"odometry without a covariance of roll and pitch: {covariance[3, 3]}, {covariance[4, 4]}")
+    return T_odom_base[2, :3].copy(), sigma

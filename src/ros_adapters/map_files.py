@@ -1,0 +1,73 @@
+"""The terrain node's files: written beside the run by one thread, so that the robot does not wait for the disk."""
+
+import threading
+from pathlib import Path
+
+import numpy as np
+import rospy
+from numpy.typing import NDArray
+from octomap_server_3dnav.octree import OctreeMap
+from octomap_server_3dnav.terrain import Terrain
+
+
+class MapFiles:
+    """map.bt, map.ot, occupied.npz, terrain.npz and path.npz of the newest map; older requests that were not begun are skipped."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+        self._changed = threading.Condition()
+        self._request: tuple[OctreeMap, Terrain, NDArray[np.float64] | None] | None = None
+        self._busy = False
+        self._error = ""
+        if folder:
+            threading.Thread(target=self._write_forever, daemon=True).start()
+
+    def save(self, tree: OctreeMap, terrain: Terrain, path: NDArray[np.float64] | None) -> None:
+        """Asks for the files to be written; `tree` excludes its readers and writers itself."""
+        if self._folder:
+            with self._changed:
+                self._request = (tree, terrain, path)
+                self._changed.notify_all()
+
+    def wait(self, timeout_s: float = 20.0) -> tuple[bool, str]:
+        """Until everything asked for is on disk: whether it is, and the last error."""
+        with self._changed:
+            done = self._changed.wait_for(lambda: self._request is None and not self._busy, timeout_s)
+            return done and not self._error, self._error or ("" if done else "still writing")
+
+    def close(self) -> None:
+        self.wait()
+
+    def _write_forever(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._request is not None)
+                assert self._request is not None
+                tree, terrain, path = self._request
+                self._request, self._busy = None, True
+            try:
+                self._write(tree, terrain, path)
+                error = ""
+            except OSError as problem:
+                error = f"map not saved: {problem}"
+                rospy.logerr(error)
+            with self._changed:
+                self._busy, self._error = False, error
+                self._changed.notify_all()
+
+    def _write(self, tree: OctreeMap, terrain: Terrain, path: NDArray[np.float64] | None) -> None:
+        assert self._folder is not None
+        tree.write_bt(self._folder / "map.bt")
+        tree.write_ot(self._folder / "map.ot")
+        centers, sizes = tree.occupied_voxels()
+        self._save_arrays("occupied.npz", centers=centers, sizes=sizes)
+        x, y, z = terrain.centers().T
+        self._save_arrays("terrain.npz", x=x, y=y, z=z, label=terrain.label)
+        self._save_arrays("path.npz", points=np.zeros((0, 3)) if path is None else path)
+
+    def _save_arrays(self, name: str, **arrays: NDArray[np.generic]) -> None:
+        assert self._folder is not None
+        beside = self._folder / f".{name}"
+        with beside.open("wb") as file:
+            np.savez(file, **arrays)
+        beside.replace(self._folder / name)

@@ -1,0 +1,103 @@
+"""octomap_server's topics and the classified map, published for whoever listens."""
+
+import numpy as np
+from geometry_msgs.msg import Point, Quaternion, Vector3
+from nav_msgs.msg import OccupancyGrid, Path
+from numpy.typing import NDArray
+from octomap_server_3dnav.octree import OctreeMap
+from octomap_server_3dnav.terrain import Terrain, TerrainClass
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import ColorRGBA
+from visualization_msgs.msg import Marker, MarkerArray
+
+from ros_adapters.conversions import cloud_message, grid_of_surface, header, path_message
+from ros_adapters.node import Node
+from ros_adapters.octomap_messages import Octomap, octomap_message
+
+# Thesis 5.5: the colours of figures 5.14 to 5.20
+_CLASS_COLOURS = {
+    TerrainClass.TRAVERSABLE: ColorRGBA(0.1, 0.75, 0.2, 1.0),
+    TerrainClass.OBSTACLE: ColorRGBA(0.85, 0.1, 0.1, 1.0),
+    TerrainClass.CLIFF: ColorRGBA(0.6, 0.1, 0.8, 1.0),
+    TerrainClass.INFLATION: ColorRGBA(1.0, 0.6, 0.1, 1.0),
+    TerrainClass.FRONTIER: ColorRGBA(0.1, 0.35, 1.0, 1.0),
+}
+_UNTURNED = Quaternion(0.0, 0.0, 0.0, 1.0)
+_LINK_COLOUR = ColorRGBA(0.9, 0.9, 0.9, 0.6)
+
+
+def _points(rows: NDArray[np.floating]) -> list[Point]:
+    return [Point(x, y, z) for x, y, z in rows.tolist()]
+
+
+def _cubes(stamp_s: float, namespace: str, number: int, centers: NDArray[np.floating], size: float, colour: ColorRGBA) -> Marker:
+    marker = Marker(header=header(stamp_s, "map"), ns=namespace, id=number, type=Marker.CUBE_LIST, scale=Vector3(size, size, size), color=colour)
+    marker.pose.orientation = _UNTURNED
+    marker.points = _points(centers)
+    marker.action = Marker.ADD if marker.points else Marker.DELETE
+    return marker
+
+
+def terrain_markers(stamp_s: float, terrain: Terrain) -> MarkerArray:
+    """The classes of all surface voxels as one cube list a class."""
+    return MarkerArray(
+        [_cubes(stamp_s, c.name.lower(), int(c), terrain.centers(terrain.nodes_of(c)), terrain.resolution, colour) for c, colour in _CLASS_COLOURS.items()]
+    )
+
+
+def occupied_markers(stamp_s: float, tree: OctreeMap) -> MarkerArray:
+    """octomap_server's occupied_cells_vis_array: one cube list a leaf size, coloured by height."""
+    centers, sizes = tree.occupied_voxels()
+    grey = ColorRGBA(0.75, 0.78, 0.8, 1.0)
+    return MarkerArray([_cubes(stamp_s, "occupied", i, centers[sizes == size], float(size), grey) for i, size in enumerate(np.unique(sizes))])
+
+
+def graph_lines(stamp_s: float, terrain: Terrain) -> MarkerArray:
+    """The navigation graph's edges between traversable voxels (figure 6.4)."""
+    traversable = (terrain.label == TerrainClass.TRAVERSABLE) & terrain.reached
+    centers = terrain.centers()
+    ends = []
+    for direction in (0, 1):  # the other two are the same edges
+        neighbour = terrain.neighbours[:, direction]
+        linked = np.flatnonzero(traversable & (neighbour >= 0) & traversable[neighbour])
+        ends.append(np.stack([centers[linked], centers[neighbour[linked]]], axis=1).reshape(-1, 3))
+    marker = Marker(header=header(stamp_s, "map"), ns="navigation_graph", type=Marker.LINE_LIST, scale=Vector3(0.01, 0.0, 0.0), color=_LINK_COLOUR)
+    marker.pose.orientation = _UNTURNED
+    marker.points = _points(np.concatenate(ends) + np.array([0.0, 0.0, 0.06]))
+    return MarkerArray([marker])
+
+
+class MapTopics:
+    """Builds a message only when somebody listens to its topic."""
+
+    def __init__(self, node: Node) -> None:
+        def latched(topic: str, message_type: type) -> object:
+            return node.publisher(topic, message_type, large=True, latch=True)
+
+        self._publishers = {
+            "binary": latched("octomap_binary", Octomap),
+            "full": latched("octomap_full", Octomap),
+            "terrain": latched("terrain_markers", MarkerArray),
+            "graph": latched("navigation_graph", MarkerArray),
+            "occupied": latched("occupied_cells_vis_array", MarkerArray),
+            "centers": latched("octomap_point_cloud_centers", PointCloud2),
+            "projected": latched("projected_map", OccupancyGrid),
+            "plan": latched("plan", Path),
+        }
+
+    def publish(self, stamp_s: float, tree: OctreeMap, terrain: Terrain, path: NDArray[np.float64] | None) -> None:
+        """Everything about the newest map that has a listener."""
+        makers = {
+            "binary": lambda: octomap_message(stamp_s, "map", tree.resolution, tree.to_binary(), binary=True),
+            "full": lambda: octomap_message(stamp_s, "map", tree.resolution, tree.to_full(), binary=False),
+            "terrain": lambda: terrain_markers(stamp_s, terrain),
+            "graph": lambda: graph_lines(stamp_s, terrain),
+            "occupied": lambda: occupied_markers(stamp_s, tree),
+            "centers": lambda: cloud_message(stamp_s, "map", tree.occupied_voxels()[0], tree.occupied_voxels()[0]),
+            "projected": lambda: grid_of_surface(stamp_s, terrain),
+            "plan": lambda: path_message(stamp_s, "map", np.zeros((0, 3)) if path is None else path, 0.0),
+        }
+        for name, make in makers.items():
+            publisher = self._publishers[name]
+            if publisher.get_num_connections():  # type: ignore[attr-defined]
+                publisher.publish(make())  # type: ignore[attr-defined]

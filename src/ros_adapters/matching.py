@@ -1,0 +1,79 @@
+"""The service match_clouds: requests and responses to clouds and results, on both sides."""
+
+import numpy as np
+import rospy
+from explore_3dnav.srv import MatchClouds, MatchCloudsRequest, MatchCloudsResponse
+from geometry_msgs.msg import Transform
+from numpy.typing import NDArray
+from pose_graph_mapping.registration import PointCloud, RegistrationResult, Verdict, refused
+
+from ros_adapters.conversions import cloud_arrays, cloud_message, transform_from_message, transform_message
+
+_UNKNOWN = Transform()
+_UNKNOWN.translation.x = _UNKNOWN.translation.y = _UNKNOWN.translation.z = float("nan")
+
+
+def match_request_clouds(request: MatchCloudsRequest) -> tuple[PointCloud, PointCloud, NDArray[np.float64]]:
+    """Reference, reading and guess of a request; ValueError when one cannot be read."""
+    reference = PointCloud(*cloud_arrays(request.reference))
+    reading = PointCloud(*cloud_arrays(request.reading))
+    return reference, reading, transform_from_message(request.guess)
+
+
+def match_response(result: RegistrationResult) -> MatchCloudsResponse:
+    return MatchCloudsResponse(
+        accepted=result.verdict is not Verdict.REFUSED,
+        reason=result.reason,
+        transform=transform_message(result.T_reference_reading),
+        covariance=result.covariance.ravel().tolist(),
+        match_ratio=result.match_ratio,
+        overlap=result.overlap,
+        free_space_contradiction=result.free_space_contradiction,
+        degenerate_directions=result.degenerate_directions.ravel().tolist(),
+        iterations=result.iterations,
+    )
+
+
+def refused_response(reason: str) -> MatchCloudsResponse:
+    """An answer to a request that was none: not accepted, and no number that could be taken for a result."""
+    nan = float("nan")
+    return MatchCloudsResponse(False, reason, _UNKNOWN, [nan] * 36, nan, nan, nan, [], 0)
+
+
+class MatchService:
+    """match_clouds seen from the mapper: arrays in, result out, over one persistent connection."""
+
+    def __init__(self) -> None:
+        self._call = rospy.ServiceProxy("match_clouds", MatchClouds, persistent=True)
+
+    def __call__(self, reference: PointCloud, reading: PointCloud, T_guess: NDArray[np.float64]) -> RegistrationResult:
+        """A service that does not answer is a refusal with its reason: the vertex then hangs on odometry."""
+        try:
+            response = self._call(_message(reference, "map"), _message(reading, "base_link"), transform_message(T_guess))
+        except rospy.ServiceException as error:
+            self._call = rospy.ServiceProxy("match_clouds", MatchClouds, persistent=True)
+            return refused(T_guess, f"match_clouds did not answer: {error}")
+        return _result(response, T_guess)
+
+
+def _message(cloud: PointCloud, frame: str) -> object:
+    origins = cloud.origins if cloud.origins is not None else np.full_like(cloud.points, np.nan)
+    return cloud_message(0.0, frame, cloud.points, origins)
+
+
+def _result(response: MatchCloudsResponse, T_guess: NDArray[np.float64]) -> RegistrationResult:
+    if not response.accepted and not np.isfinite(response.match_ratio):
+        return refused(T_guess, response.reason)
+    directions = np.array(response.degenerate_directions).reshape(-1, 6)
+    verdict = Verdict.REFUSED if not response.accepted else Verdict.DEGENERATE if len(directions) else Verdict.ACCEPTED
+    return RegistrationResult(
+        T_reference_reading=transform_from_message(response.transform),
+        covariance=np.array(response.covariance).reshape(6, 6),
+        match_ratio=response.match_ratio,
+        overlap=response.overlap,
+        free_space_contradiction=response.free_space_contradiction,
+        iterations=response.iterations,
+        degenerate_directions=directions,
+        verdict=verdict,
+        reason=response.reason,
+    )

@@ -1,0 +1,123 @@
+"""What every node does the same way: parameters, subscriptions under one lock, diagnostics, and the word that it is ready."""
+
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from stage_config import ConfigError, load_config
+from std_msgs.msg import String
+
+C = TypeVar("C")
+
+READY_TOPIC = "/simulation/ready"
+_DIAGNOSTICS_PERIOD_S = 1.0
+
+
+class Diagnostics:
+    """Counts what was dropped and why; publishes the counters on /diagnostics once a second of stamped time."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._counts: Counter[str] = Counter()
+        self._last_text: dict[str, str] = {}
+        self._published_at: float | None = None
+        self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
+        self.values: dict[str, Any] = {}
+
+    def dropped(self, what: str, text: str) -> None:
+        """Counts a dropped input under `what` and warns of it, at most once a second."""
+        self._counts[what] += 1
+        self._last_text[what] = text
+        rospy.logwarn_throttle(1.0, f"{self._name}: {what}: {text} ({self._counts[what]} so far)")
+
+    def report(self, stamp_s: float) -> None:
+        """Publishes when a second has passed since the last time, or time jumped back."""
+        last = self._published_at
+        if last is not None and 0.0 <= stamp_s - last < _DIAGNOSTICS_PERIOD_S:
+            return
+        self._published_at = stamp_s
+        level = DiagnosticStatus.WARN if self._counts else DiagnosticStatus.OK
+        message = "; ".join(f"{n} x {what}" for what, n in self._counts.items()) or "ok"
+        values = [KeyValue(str(k), str(v)) for k, v in self.values.items()]
+        values += [KeyValue(f"dropped: {what}", f"{n}, last: {self._last_text[what]}") for what, n in self._counts.items()]
+        array = DiagnosticArray(status=[DiagnosticStatus(level, self._name, message, "explore_3dnav", values)])
+        array.header.stamp = rospy.Time.from_sec(stamp_s)
+        self._publisher.publish(array)
+
+
+class Node:
+    """A rospy node whose callbacks run one at a time, drop what is wrong, and live on.
+
+    Small topics are received without a queue and with tcp_nodelay: in lock-step every hop counts. One re-entrant lock guards all
+    callbacks of a node; no callback waits for ROS time.
+    """
+
+    def __init__(self, name: str) -> None:
+        rospy.init_node(name)
+        self.name = name
+        self.lock = threading.RLock()
+        self.lockstep = bool(rospy.get_param("/lockstep", False))
+        self.diagnostics = Diagnostics(name)
+        self._required: list[rospy.Subscriber] = []
+
+    def parameters(self, cls: type[C], *, section: str = "", own: tuple[str, ...] = ("out",)) -> C:
+        """The stage's configuration from the private parameters, or those below `section`; `own` are the node's, not the stage's.
+
+        A wrong name or value ends the node with exit code 2.
+        """
+        try:
+            values = rospy.get_param("~" + section, {})
+            values = {k: v for k, v in values.items() if k not in own}
+            return load_config(cls, values)
+        except ConfigError as error:
+            rospy.logfatal("%s: wrong parameter: %s", self.name, error)
+            sys.stderr.write(f"{self.name}: wrong parameter: {error}\n")
+            sys.exit(2)
+
+    def run_folder(self) -> Path | None:
+        """The folder of ~out, made when it is not there; None when nothing is to be written."""
+        out = str(rospy.get_param("~out", ""))
+        if not out:
+            return None
+        Path(out).mkdir(parents=True, exist_ok=True)
+        return Path(out)
+
+    def guarded(self, callback: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        """`callback` under the node's lock; a ValueError drops the message and is counted."""
+
+        def run(message: Any) -> Any:
+            with self.lock:
+                try:
+                    return callback(message)
+                except ValueError as error:
+                    self.diagnostics.dropped(f"bad {type(message).__name__}", str(error))
+                    return None
+
+        return run
+
+    def subscribe(self, topic: str, message_type: type, callback: Callable[[Any], Any], *, large: bool = False, required: bool = True) -> rospy.Subscriber:
+        """Subscribes; `large` messages get a short queue, and what is not `required` need not be there when the clock starts."""
+        subscriber = rospy.Subscriber(
+            topic, message_type, self.guarded(callback), queue_size=5 if large else None, buff_size=2**25 if large else 65536, tcp_nodelay=True
+        )
+        if required:
+            self._required.append(subscriber)
+        return subscriber
+
+    def publisher(self, topic: str, message_type: type, *, large: bool = False, latch: bool = False) -> rospy.Publisher:
+        return rospy.Publisher(topic, message_type, queue_size=5 if large else None, tcp_nodelay=True, latch=latch)
+
+    def run(self) -> None:
+        """Waits for what it listens to, says that it is ready, and serves until shutdown."""
+        ready = rospy.Publisher(READY_TOPIC, String, latch=True, queue_size=1)
+        if self.lockstep:
+            while not rospy.is_shutdown() and not all(s.get_num_connections() for s in self._required):
+                time.sleep(0.02)
+        ready.publish(String(self.name))
+        rospy.spin()

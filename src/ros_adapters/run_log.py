@@ -1,0 +1,135 @@
+"""What a run leaves for the judge and for the person who watches it: files, counters and the status line."""
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from explore_3dnav.msg import Contact, ExplorationDecision, RunEvent
+from exploration_evaluation import RobotShape, evaluate_run, format_summary, read_mesh, write_json
+from exploration_evaluation.pictures import draw_pictures
+from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
+from rigid_geometry import quat_xyzw_from_transform
+
+from ros_adapters.conversions import stamp_of
+
+VERSION = "0.1.0"
+_COUNTED = ("pose_graph_mapping_node", "octomap_server_3dnav_node")
+_MAP_FILES = ("map.bt", "trajectory.txt", "cloud.ply")
+
+
+class RunLog:
+    """Collects counters from messages; without a folder it only keeps the status line."""
+
+    def __init__(self, out: Path | None, parameters: dict[str, Any]) -> None:
+        self.finished = False
+        self._out = out
+        self._parameters = parameters
+        self._started = time.time()
+        self._first_stamp_s: float | None = None
+        self._last_stamp_s = 0.0
+        self._first_wall_s = self._started
+        self._event = RunEvent(state="starting")
+        self._decision: ExplorationDecision | None = None
+        self._counts: dict[str, str] = {}
+        self._distance_m = 0.0
+        self._last_xy: NDArray[np.float64] | None = None
+        self._truth_file = self._contacts_file = None
+        if out:
+            self._truth_file = (out / "trajectory_truth.txt").open("w")
+            self._contacts_file = (out / "contacts.csv").open("w")
+            self._contacts_file.write("stamp,link,speed_mps,force_n\n")
+            write_json(out / "run.json", self._run_description())
+
+    def _run_description(self) -> dict[str, Any]:
+        own = self._parameters.get("exploration_monitor_node", {})
+        config = {k: v for k, v in self._parameters.items() if k.endswith("_node")}
+        started = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime(self._started))
+        return {"world": own.get("world"), "seed": own.get("seed"), "started": started, "version": VERSION, "config": config}
+
+    @property
+    def sim_time_s(self) -> float:
+        return 0.0 if self._first_stamp_s is None else self._last_stamp_s - self._first_stamp_s
+
+    def truth(self, stamp_s: float, T_world_base: NDArray[np.float64]) -> None:
+        if self._truth_file and not self.finished:
+            numbers = (*T_world_base[:3, 3], *quat_xyzw_from_transform(T_world_base))
+            self._truth_file.write(f"{stamp_s:.3f} " + " ".join(f"{v:.6f}" for v in numbers) + "\n")
+
+    def contact(self, message: Contact) -> None:
+        if self._contacts_file and not self.finished:
+            self._contacts_file.write(f"{stamp_of(message):.3f},{message.link},{message.speed_mps:.4f},{message.force_n:.2f}\n")
+
+    def event(self, message: RunEvent) -> None:
+        self._event = message
+
+    def decision(self, message: ExplorationDecision) -> None:
+        self._decision = message
+
+    def diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.name in _COUNTED:
+                self._counts.update({v.key: v.value for v in status.values})
+
+    def odometry(self, message: Odometry) -> None:
+        stamp_s = stamp_of(message)
+        if self._first_stamp_s is None:
+            self._first_stamp_s, self._first_wall_s = stamp_s, time.time()
+        self._last_stamp_s = stamp_s
+        xy = np.array([message.pose.pose.position.x, message.pose.pose.position.y])
+        if self._last_xy is not None:
+            self._distance_m += float(np.linalg.norm(xy - self._last_xy))
+        self._last_xy = xy
+
+    def status_line(self) -> str:
+        wall_s = time.time() - self._first_wall_s
+        factor = f" x{self.sim_time_s / wall_s:.1f}" if self.sim_time_s > 1 and wall_s > 1 else ""
+        d = self._decision
+        known = f", {self._counts.get('ground m2', '?')} m2 of ground, {d.open_frontiers} frontiers open" if d else ""
+        doing = self._event.state + (f": {self._event.reason}" if self._event.reason else "")
+        return f"t={self.sim_time_s:.1f} s{factor}, {self._event.sweeps} sweeps, {self._distance_m:.0f} m{known} | {doing}"
+
+    def wait_for_maps(self, timeout_s: float) -> None:
+        """Until the mapping and terrain nodes have written their maps, or the time is over."""
+        deadline = time.monotonic() + timeout_s
+        while self._out and time.monotonic() < deadline:
+            if all((self._out / name).exists() and (self._out / name).stat().st_mtime > self._started for name in _MAP_FILES):
+                return
+            time.sleep(0.1)
+
+    def _counters(self, reason: str) -> dict[str, Any]:
+        d = self._decision
+        return {
+            "stop_reason": reason,
+            "sim_time_s": round(self.sim_time_s, 3),
+            "wall_time_s": round(time.time() - self._first_wall_s, 3),
+            "sweeps": self._event.sweeps,
+            "loop_closures": int(self._counts.get("loop closures", 0)),
+            "refused_matches": int(self._counts.get("refused matches", 0)),
+            "local_classifications": d.local_classifications if d else 0,
+            "local_classification_time_s": d.local_classification_time_s if d else 0.0,
+            "global_classifications": d.global_classifications if d else 0,
+            "global_classification_time_s": d.global_classification_time_s if d else 0.0,
+            "set_aside_frontiers": d.set_aside_frontiers if d else 0,
+        }
+
+    def finish(self, reason: str, judged: bool) -> str:
+        """Writes the counters, has the run judged where there is a true world, draws the pictures; the text for the terminal."""
+        if not self._out:
+            return f"ended: {reason}"
+        for file in (self._truth_file, self._contacts_file):
+            if file:
+                file.close()
+        write_json(self._out / "counters.json", self._counters(reason))
+        if not judged:
+            write_json(self._out / "summary.json", {**self._run_description(), **self._counters(reason), "success": reason.startswith("explored")})
+            return json.dumps(self._counters(reason), indent=1)
+        summary = evaluate_run(self._out, *read_mesh(self._out / "world.ply"), RobotShape())
+        try:
+            draw_pictures(self._out)
+        except ValueError as error:
+            return f"{format_summary(summary)}\nno pictures: {error}"
+        return format_summary(summary)

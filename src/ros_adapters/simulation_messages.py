@@ -1,0 +1,90 @@
+"""What one tick of the simulator measured, as messages."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import rospy
+from explore_3dnav.msg import Contact
+from geometry_msgs.msg import Vector3
+from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import Imu, JointState, LaserScan
+
+from ros_adapters.conversions import header, pose_message
+
+if TYPE_CHECKING:
+    from pybullet_simulation import ImuSample, JointSample, Scan, ScanGeometry, TickData, Truth, WheelOdometry
+
+_UNKNOWN_ORIENTATION = [-1.0] + [0.0] * 8  # sensor_msgs/Imu: no orientation estimate
+
+
+class TickPublisher:
+    """Publishes /clock first, then the data of the tick, then the judge's truth."""
+
+    def __init__(self, scan_geometry: "ScanGeometry") -> None:
+        self._geometry = scan_geometry
+
+        def small(topic: str, message_type: type) -> rospy.Publisher:
+            return rospy.Publisher(topic, message_type, queue_size=None, tcp_nodelay=True)
+
+        self._clock = small("/clock", Clock)
+        self._scan = small("/scan", LaserScan)
+        self._joints = small("/joint_states", JointState)
+        self._imu = small("/imu/data", Imu)
+        self._wheels = small("/wheel_odom", Odometry)
+        self._truth = small("/ground_truth/odom", Odometry)
+        self._contacts = small("/ground_truth/contacts", Contact)
+
+    def __call__(self, data: "TickData") -> None:
+        self._clock.publish(Clock(rospy.Time.from_sec(data.stamp_s)))
+        self._truth.publish(_truth_message(data.truth))
+        for contact in data.contacts:
+            self._contacts.publish(Contact(header(data.stamp_s, "world"), contact.link, contact.speed_mps, contact.force_n))
+        for joints in data.joints:
+            self._joints.publish(_joint_message(joints))
+        for scan in data.scans:
+            self._scan.publish(_scan_message(scan, self._geometry))
+        for imu in data.imu:
+            self._imu.publish(_imu_message(imu))
+        self._wheels.publish(_wheel_message(data.wheel_odometry))
+
+
+def _scan_message(scan: "Scan", geometry: "ScanGeometry") -> LaserScan:
+    return LaserScan(
+        header=header(scan.stamp_s, "laser"),
+        angle_min=geometry.angle_min,
+        angle_max=geometry.angle_max,
+        angle_increment=geometry.angle_increment,
+        time_increment=geometry.time_increment,
+        scan_time=geometry.scan_time,
+        range_min=geometry.range_min,
+        range_max=geometry.range_max,
+        ranges=scan.ranges.tolist(),
+    )
+
+
+def _joint_message(joints: "JointSample") -> JointState:
+    return JointState(header=header(joints.stamp_s, ""), name=list(joints.names), position=list(joints.positions), velocity=list(joints.velocities))
+
+
+def _imu_message(imu: "ImuSample") -> Imu:
+    message = Imu(header=header(imu.stamp_s, "imu_link"), angular_velocity=Vector3(*imu.gyro), linear_acceleration=Vector3(*imu.accel))
+    message.orientation_covariance = _UNKNOWN_ORIENTATION
+    return message
+
+
+def _wheel_message(wheels: "WheelOdometry") -> Odometry:
+    message = Odometry(header=header(wheels.stamp_s, "odom"), child_frame_id="base_link")
+    message.pose.pose.orientation.w = 1.0
+    message.pose.covariance = (np.eye(6) * 1e9).ravel().tolist()  # the encoders' node gives velocities, not a pose
+    message.twist.twist.linear.x = wheels.v
+    message.twist.twist.angular.z = wheels.w
+    return message
+
+
+def _truth_message(truth: "Truth") -> Odometry:
+    message = Odometry(header=header(truth.stamp_s, "world"), child_frame_id="base_link")
+    message.pose.pose = pose_message(truth.T_world_base)
+    message.twist.twist.linear = Vector3(*truth.linear)
+    message.twist.twist.angular = Vector3(*truth.angular)
+    return message
