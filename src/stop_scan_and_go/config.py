@@ -1,0 +1,42 @@
+"""Parameters of stop, scan and go and the only home of their defaults."""
+
+from dataclasses import dataclass
+
+from stage_config import check_ranges, parameter
+
+
+@dataclass(frozen=True)
+class StopScanAndGoConfig:
+    """When to sweep, what standing still means, and how long to wait for what."""
+
+    start_delay_s: float = parameter(1.0, "s", "odometry must have been there for so long before the first sweep", low=0.0, high=60.0)
+    max_distance_m: float = parameter(2.5, "m", "distance since the last sweep that asks for the next", low=0.2, high=100.0)
+    max_yaw_rad: float = parameter(3.5, "rad", "sum of turns since the last sweep that asks for the next", low=0.3, high=100.0)
+    still_time_s: float = parameter(0.5, "s", "the robot must have been still so long before a sweep", low=0.0, high=10.0)
+    still_speed_mps: float = parameter(0.02, "m/s", "slower than this is still", low=0.0, high=0.5)
+    still_turn_rate_radps: float = parameter(0.02, "rad/s", "turning slower than this is still", low=0.0, high=0.5)
+    settle_limit_s: float = parameter(
+        8.0, "s", "a robot that is not still after this time is swept all the same, and counted", low=0.5, high=120.0
+    )
+    level_tilt_rad: float = parameter(0.02, "rad", "the laser is horizontal within this angle", low=0.001, high=0.2)
+    level_rate_radps: float = parameter(0.04, "rad/s", "and stands when it tilts slower: a sweep passes the horizon", low=0.0, high=1.0)
+    level_time_s: float = parameter(0.1, "s", "horizontal and standing for so long ends a sweep", low=0.0, high=5.0)
+    left_tilt_rad: float = parameter(0.3, "rad", "tilted more than this the sweep has begun", low=0.05, high=3.0)
+    sweep_start_limit_s: float = parameter(3.0, "s", "a sweep that has not begun after this time has failed", low=0.1, high=60.0)
+    sweep_limit_s: float = parameter(30.0, "s", "a sweep that has not ended after this time has failed", low=1.0, high=600.0)
+    decision_limit_s: float = parameter(
+        120.0, "s", "time to wait for a decision where the clock does not stand, as on a real robot", low=1.0, high=3600.0
+    )
+    follower_grace_s: float = parameter(
+        0.5, "s", "after a decision the follower's old end is not taken for its new one so long", low=0.0, high=10.0
+    )
+    idle_limit_s: float = parameter(5.0, "s", "a follower without a path for this long ends the drive", low=0.1, high=120.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        problems = check_ranges(self)
+        if self.left_tilt_rad <= self.level_tilt_rad:
+            problems.append(f"left_tilt_rad = {self.left_tilt_rad} is not above level_tilt_rad = {self.level_tilt_rad}")
+        if self.sweep_limit_s <= self.sweep_start_limit_s:
+            problems.append(f"sweep_limit_s = {self.sweep_limit_s} is not above sweep_start_limit_s = {self.sweep_start_limit_s}")
+        return problems

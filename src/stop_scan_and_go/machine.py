@@ -1,0 +1,243 @@
+"""The state machine: one `step` a tick, one `on_decision` a sweep."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stop_scan_and_go.config import StopScanAndGoConfig
+from stop_scan_and_go.interface import FOLLOWER_ENDS, Decision, DriveState, SweepKind, TickAction, TickObservation
+from stop_scan_and_go.travel import TravelMeter
+from stop_scan_and_go.watches import HeldFor, SweepWatch
+
+
+class StopScanAndGo:
+    """STARTING, then SETTLING, SWEEPING, MAPPING, DRIVING round and round until FINISHED or FAILED (thesis 6.2.1, figure 6.5)."""
+
+    def __init__(self, config: StopScanAndGoConfig) -> None:
+        """A machine before its first tick; ValueError lists what is wrong with `config`."""
+        problems = config.validate()
+        if problems:
+            raise ValueError("; ".join(problems))
+        self._config = config
+        self._state, self._reason = DriveState.STARTING, "waiting for odometry and laser"
+        self._kind: SweepKind | None = SweepKind.INITIAL
+        self._stamp: float | None = None
+        self._entered_s = 0.0
+        self._travel = TravelMeter()
+        self._ready = HeldFor(config.start_delay_s)
+        self._still = HeldFor(config.still_time_s)
+        self._idle = HeldFor(config.idle_limit_s)
+        self._watch: SweepWatch | None = None
+        self._early: tuple[Decision, str] | None = None
+        self._awaits_follower = False
+        self._sweeps = self._unsettled = self._ignored = 0
+        self._sweep_end_s: float | None = None
+
+    @property
+    def state(self) -> DriveState:
+        """What the robot does now."""
+        return self._state
+
+    @property
+    def sweep_kind(self) -> SweepKind | None:
+        """Why the sweep that is prepared, made or mapped is made; None while driving and at the end."""
+        return self._kind
+
+    @property
+    def sweeps(self) -> int:
+        """Sweeps that came to their end."""
+        return self._sweeps
+
+    @property
+    def unsettled_sweeps(self) -> int:
+        """Sweeps begun though the robot was not still in time."""
+        return self._unsettled
+
+    @property
+    def ignored_decisions(self) -> int:
+        """Decisions that came while none was awaited, or were older than the sweep."""
+        return self._ignored
+
+    @property
+    def distance_m(self) -> float:
+        """Way driven since the start by odometry, metres."""
+        return self._travel.total_m
+
+    @property
+    def distance_since_sweep_m(self) -> float:
+        """Way driven since the last sweep, metres."""
+        return self._travel.distance_m
+
+    @property
+    def yaw_since_sweep_rad(self) -> float:
+        """Sum of turns since the last sweep, radians."""
+        return self._travel.yaw_rad
+
+    @property
+    def sweep_end_stamp(self) -> float | None:
+        """Stamp of the tick at which the last sweep was seen to be over; None before the first."""
+        return self._sweep_end_s
+
+    def step(self, tick: TickObservation) -> TickAction:
+        """The answer to one tick, called once when all its data are there; ValueError when its stamp is not finite."""
+        if not math.isfinite(tick.stamp_s):
+            raise ValueError(f"stamp_s is a finite time, not {tick.stamp_s!r}")
+        self._take_stamp(tick.stamp_s)
+        self._measure(tick)
+        answers = {
+            DriveState.STARTING: self._starting,
+            DriveState.SETTLING: self._settling,
+            DriveState.SWEEPING: self._sweeping,
+            DriveState.MAPPING: self._mapping,
+            DriveState.DRIVING: self._driving,
+            DriveState.FINISHED: self._standing,
+            DriveState.FAILED: self._standing,
+        }
+        return answers[self._state](tick)
+
+    def on_decision(self, stamp_s: float, kind: Decision | str, reason: str) -> TickAction | None:
+        """Take the planner's decision about the sweep that ended at `stamp_s`; ValueError for an unknown kind.
+
+        Returns the answer to the tick that was held back, to be sent now. None when none was: a decision that overtakes the end
+        of its sweep waits for it, any other is counted and ignored.
+        """
+        decision = Decision(kind)
+        if self._is_stale(stamp_s):
+            self._ignored += 1
+            return None
+        if self._state is DriveState.SWEEPING:
+            self._early = (decision, reason)
+            return None
+        return self._decided(decision, reason)
+
+    def _is_stale(self, stamp_s: float) -> bool:
+        if self._state not in (DriveState.SWEEPING, DriveState.MAPPING) or self._watch is None:
+            return True
+        return not stamp_s > self._watch.begun_s
+
+    def _decided(self, decision: Decision, reason: str) -> TickAction:
+        if decision in (Decision.EXPLORED, Decision.TRAPPED):
+            self._enter(DriveState.FINISHED, f"{decision.value}: {reason}")
+        else:
+            self._enter(DriveState.DRIVING, f"{decision.value}: {reason}")
+            self._awaits_follower = True
+            self._idle = HeldFor(self._config.idle_limit_s)
+        self._kind = None
+        return self._answer()
+
+    def _take_stamp(self, stamp: float) -> None:
+        if self._stamp is not None and stamp < self._stamp:
+            # Time jumped back: limits begin anew, what was waited for is still waited for.
+            self._entered_s = stamp
+            if self._watch:
+                self._watch.begun_s = stamp
+        self._stamp = stamp
+
+    def _measure(self, tick: TickObservation) -> None:
+        T = _finite_pose(tick)
+        if T is None:
+            return
+        # Standing, the odometry's noise would add up to a way.
+        moves = self._state is DriveState.DRIVING or (self._state is DriveState.SETTLING and self._is_moving(tick))
+        if moves:
+            self._travel.add(T)
+        else:
+            self._travel.skip_to(T)
+
+    def _is_moving(self, tick: TickObservation) -> bool:
+        if tick.twist is None or not all(math.isfinite(t) for t in tick.twist):
+            return True
+        return abs(tick.twist[0]) > self._config.still_speed_mps or abs(tick.twist[1]) > self._config.still_turn_rate_radps
+
+    def _enter(self, state: DriveState, reason: str) -> None:
+        assert self._stamp is not None
+        self._state, self._reason, self._entered_s = state, reason, self._stamp
+
+    def _answer(self, v: float = 0.0, w: float = 0.0, *, start_sweep: bool = False, reason: str = "") -> TickAction:
+        acknowledge = self._state is not DriveState.MAPPING
+        return TickAction(v, w, start_sweep, acknowledge, self._state, reason or self._reason, self._kind)
+
+    def _starting(self, tick: TickObservation) -> TickAction:
+        known = _finite_pose(tick) is not None and tick.twist is not None and tick.tilt_rad is not None
+        if self._ready.holds(tick.stamp_s, known):
+            return self._prepare_sweep(SweepKind.INITIAL, "the first sweep")
+        return self._answer()
+
+    def _prepare_sweep(self, kind: SweepKind, reason: str) -> TickAction:
+        self._kind = kind
+        self._still = HeldFor(self._config.still_time_s)
+        self._enter(DriveState.SETTLING, reason)
+        return self._answer()
+
+    def _settling(self, tick: TickObservation) -> TickAction:
+        is_late = tick.stamp_s - self._entered_s > self._config.settle_limit_s
+        if not self._still.holds(tick.stamp_s, not self._is_moving(tick)):
+            if not is_late:
+                return self._answer()
+            self._unsettled += 1
+        self._watch, self._early = SweepWatch(self._config, tick.stamp_s), None
+        self._enter(DriveState.SWEEPING, self._reason)
+        return self._answer(start_sweep=True)
+
+    def _sweeping(self, tick: TickObservation) -> TickAction:
+        assert self._watch is not None
+        tilt = tick.tilt_rad
+        if tilt is not None and math.isfinite(tilt) and self._watch.is_over(tick.stamp_s, tilt):
+            return self._end_sweep(tick.stamp_s)
+        failure = self._watch.failure(tick.stamp_s)
+        if failure:
+            self._enter(DriveState.FAILED, failure)
+        return self._answer()
+
+    def _end_sweep(self, stamp: float) -> TickAction:
+        self._sweeps += 1
+        self._sweep_end_s = stamp
+        self._travel.restart()
+        self._enter(DriveState.MAPPING, f"mapping sweep {self._sweeps}")
+        early, self._early = self._early, None
+        return self._decided(*early) if early else self._answer()
+
+    def _mapping(self, tick: TickObservation) -> TickAction:
+        if tick.stamp_s - self._entered_s > self._config.decision_limit_s:
+            self._enter(DriveState.FAILED, f"no decision about the sweep within {self._config.decision_limit_s:.0f} s")
+        return self._answer()
+
+    def _driving(self, tick: TickObservation) -> TickAction:
+        ended = self._end_of_drive(tick)
+        if ended is not None:
+            return self._prepare_sweep(*ended)
+        if _finite_pose(tick) is None:
+            return self._answer(reason="no odometry")
+        if tick.command is None or not all(math.isfinite(c) for c in tick.command):
+            return self._answer(reason="no command from the follower")
+        return self._answer(*tick.command)
+
+    def _end_of_drive(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
+        end = FOLLOWER_ENDS.get(tick.follower_state)
+        if end is not None and not self._is_old_end(tick.stamp_s):
+            return end, f"{tick.follower_state}: {tick.follower_reason}"
+        if end is None and tick.follower_state != "idle":
+            self._awaits_follower = False
+        if self._idle.holds(tick.stamp_s, tick.follower_state == "idle"):
+            return SweepKind.IDLE, f"the follower is idle: {tick.follower_reason}"
+        return self._too_far()
+
+    def _too_far(self) -> tuple[SweepKind, str] | None:
+        if self._travel.distance_m > self._config.max_distance_m:
+            return SweepKind.INTERMEDIATE, f"{self._travel.distance_m:.2f} m since the last sweep"
+        if self._travel.yaw_rad > self._config.max_yaw_rad:
+            return SweepKind.INTERMEDIATE, f"{self._travel.yaw_rad:.2f} rad since the last sweep"
+        return None
+
+    def _is_old_end(self, stamp: float) -> bool:
+        # The follower may still tell of its last path when the new one is just being stored.
+        return self._awaits_follower and stamp - self._entered_s < self._config.follower_grace_s
+
+    def _standing(self, tick: TickObservation) -> TickAction:
+        return self._answer()
+
+
+def _finite_pose(tick: TickObservation) -> NDArray[np.float64] | None:
+    T = tick.T_odom_base
+    return T if T is not None and np.isfinite(T).all() else None

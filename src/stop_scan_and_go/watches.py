@@ -1,0 +1,55 @@
+"""Conditions that must hold for a while, on the stamps of the ticks: the robot is still, the sweep is over."""
+
+from stop_scan_and_go.config import StopScanAndGoConfig
+
+
+class HeldFor:
+    """True once a condition has held without a break for some time."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._since: float | None = None
+
+    def holds(self, stamp: float, condition: bool) -> bool:
+        """Take in the condition at `stamp` s; where time jumps back the waiting begins anew."""
+        if not condition:
+            self._since = None
+            return False
+        if self._since is None or stamp < self._since:
+            self._since = stamp
+        # A hair's breadth for sums of ticks.
+        return stamp - self._since >= self._seconds - 1e-9
+
+
+class SweepWatch:
+    """Sees from the tilt alone that a sweep has begun and that it is over.
+
+    A sweep passes the horizon on its way, so being horizontal is not enough: the mount must stand there.
+    """
+
+    def __init__(self, config: StopScanAndGoConfig, stamp: float) -> None:
+        self._config = config
+        self.begun_s = stamp
+        self.has_left = False
+        self._last: tuple[float, float] | None = None
+        self._level = HeldFor(config.level_time_s)
+
+    def is_over(self, stamp: float, tilt: float) -> bool:
+        """Take in the tilt in radians at `stamp` s; True when the laser has left the horizontal and stands in it again."""
+        rate = self._rate(stamp, tilt)
+        self.has_left = self.has_left or abs(tilt) > self._config.left_tilt_rad
+        level = abs(tilt) <= self._config.level_tilt_rad and rate <= self._config.level_rate_radps
+        return self._level.holds(stamp, self.has_left and level)
+
+    def _rate(self, stamp: float, tilt: float) -> float:
+        last, self._last = self._last, (stamp, tilt)
+        return abs(tilt - last[1]) / (stamp - last[0]) if last and stamp > last[0] else float("inf")
+
+    def failure(self, stamp: float) -> str:
+        """Why the sweep has failed by now; empty while it has not."""
+        waited = stamp - self.begun_s
+        if not self.has_left and waited > self._config.sweep_start_limit_s:
+            return f"the sweep did not begin within {self._config.sweep_start_limit_s:.1f} s"
+        if waited > self._config.sweep_limit_s:
+            return f"the sweep did not end within {self._config.sweep_limit_s:.1f} s"
+        return ""
