@@ -1,8 +1,9 @@
 """The judge: scores a finished run against the true world, and draws what it left.
 
-From the world's mesh: the ground that the robot can reach (`reachable_ground`). From a run folder: coverage, map and trajectory error,
-collisions, tilt and falls (`evaluate_run`, `scores`), two pictures (`draw_pictures`) and a screen of text (`format_summary`).
-Nothing here is shared with the terrain classifier, nor with any other stage that is judged.
+From the world's mesh: the ground that the robot can reach (`reachable_ground`). From a run folder: coverage, map and
+trajectory error, collisions, tilt and falls (`evaluate_run`, `scores`), a screen of text (`format_summary`), and two
+pictures (`pictures.draw_pictures`, which is imported by itself because it loads matplotlib). Nothing here is shared with the
+terrain classifier, nor with any other stage that is judged.
 """
 
 from exploration_evaluation.config import EvaluationConfig, RobotShape

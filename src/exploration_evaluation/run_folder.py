@@ -266,12 +266,12 @@ def _succeeded(stop_reason: Any, fell: bool | None, collisions: int | None, map_
 def _table(path: Path, columns: int) -> Floats:
     if not path.is_file():
         raise ValueError(f"{path.name} is not there")
-    rows = [line.split() for line in path.read_text(encoding="utf-8").splitlines() if line.strip() and not line.startswith("#")]
-    wrong = next((k for k, row in enumerate(rows) if len(row) != columns), None)
+    text = path.read_text(encoding="utf-8")
     # A run that was killed leaves half a line at the end; half a line anywhere else is damage.
-    if wrong is not None and wrong == len(rows) - 1:
-        rows.pop()
-    elif wrong is not None:
+    lines = text[: text.rfind("\n") + 1].splitlines()
+    rows = [line.split() for line in lines if line.strip() and not line.startswith("#")]
+    wrong = next((k for k, row in enumerate(rows) if len(row) != columns), None)
+    if wrong is not None:
         raise ValueError(f"{path.name} has {len(rows[wrong])} numbers in row {wrong + 1}, not {columns}")
     try:
         return np.array(rows, dtype=np.float64).reshape(-1, columns)
@@ -280,7 +280,10 @@ def _table(path: Path, columns: int) -> Floats:
 
 
 def _number(text: str | None, path: Path) -> float:
-    value = float(text) if text else math.nan
+    try:
+        value = float(text or "nan")
+    except ValueError:
+        value = math.nan
     if not math.isfinite(value):
         raise ValueError(f"{path.name} holds {text!r} where a number is expected")
     return value

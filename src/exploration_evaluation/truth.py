@@ -203,7 +203,7 @@ def _mean_slope(z: Floats, links: Ints, cell: float, reach: int) -> Floats:
                 at = np.where(onward >= 0, onward, at)
             ends.append(z[at])
         gradient[axis] = (ends[0] - ends[1]) / (np.maximum(run, 1) * cell)
-    return np.arctan(np.hypot(gradient[0], gradient[1]))
+    return np.asarray(np.arctan(np.hypot(gradient[0], gradient[1])))
 
 
 def _without_steep(grid: _Grid, surfaces: _Nodes, robot: RobotShape) -> _Nodes:

@@ -1,0 +1,304 @@
+"""Two pictures of a run: the classified map from above and at an angle, with the path that was driven.
+
+They are made from the run folder alone (occupied.npz, terrain.npz, trajectory.txt and, where it is there, trajectory_truth.txt),
+and in the thesis's colours (figures 5.16 to 5.18): traversable green, obstacle red, potential cliff purple, inflation
+orange, frontier blue. Everything else that is occupied is grey. Ceilings are cut off, so that one looks into rooms.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from exploration_evaluation.run_folder import read_arrays, read_occupied, read_trajectory
+from exploration_evaluation.scores import trajectory_errors
+from exploration_evaluation.voxel_renderer import Canvas, Depth, Image, View, render_cubes
+from rigid_geometry import inverse, transform_points
+
+Floats = NDArray[np.float64]
+
+# Label values of terrain.npz, in order; a `label_names` array in the file overrides it.
+LABEL_NAMES = ("traversable", "obstacle", "cliff", "inflation", "frontier")
+_COLOURS = {"traversable": "#63b46c", "obstacle": "#d5483f", "cliff": "#8e5bb8", "inflation": "#f0a040", "frontier": "#2f7fdb"}
+_OTHER_COLOUR = "#d4d7dc"
+_BACKGROUND = (1.0, 1.0, 1.0)
+_INK = "#20242b"
+_SUPERSAMPLING = 2
+_VIEWS = {
+    "map_top.png": ("from above", View.from_above()),
+    "map_angle.png": ("from the south-east", View.at_angle(math.radians(-58.0), math.radians(38.0))),
+}
+_MAP_PIXELS = (1500, 1150)
+_DPI = 100
+_MARGIN_M = 0.5
+_CEILING_M = 1.3
+_STRIP_M = 0.10
+_FRONT_WALL_M = 0.25
+_SILL_M = 0.25
+_PATH_ABOVE_BASE_M = 0.10
+_PATH_STEP_M = 0.05
+
+
+@dataclass(frozen=True)
+class _Voxels:
+    """(N, 3) centres, (N,) edge lengths, (N, 3) colours, and (N,) how far they come forward where two share a face."""
+
+    centres: Floats
+    sizes: Floats
+    colours: Image
+    bias: Floats
+    classes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Path:
+    """(N, 3) line that was driven, and (S, 3) places of sweeps, both a little above base_link in the map frame."""
+
+    line: Floats
+    sweeps: Floats
+    line_is_true: bool
+
+
+def draw_pictures(directory: Path | str, summary: Mapping[str, Any] | None = None) -> tuple[Path, ...]:
+    """Writes map_top.png and map_angle.png into a run folder and returns their paths.
+
+    `summary` (as of `evaluate_run`) gives the titles. A run without terrain classes or without a trajectory is drawn without them;
+    ValueError when there are neither occupied nor classified voxels.
+    """
+    folder = Path(directory)
+    path = _driven_path(folder)
+    voxels = _without_ceiling(_read_voxels(folder), path)
+    written = []
+    for name, (direction, view) in _VIEWS.items():
+        figure = _figure(_without_front_walls(voxels, view), path, view, direction, summary or {})
+        # In two steps, so that a picture is whole or not there.
+        beside = folder / f".{name}"
+        figure.savefig(beside, dpi=_DPI, format="png", facecolor="white")
+        written.append(beside.replace(folder / name))
+    return tuple(written)
+
+
+def _read_voxels(folder: Path) -> _Voxels:
+    parts, reasons = [], []
+    for read in (_occupied_voxels, _classified_voxels):
+        try:
+            parts.append(read(folder))
+        except ValueError as error:
+            reasons.append(str(error))
+    parts = [part for part in parts if len(part.centres)]
+    if not parts:
+        raise ValueError(f"nothing to draw in {folder}: {'; '.join(reasons) or 'the map is empty'}")
+    return _Voxels(
+        np.vstack([p.centres for p in parts]),
+        np.concatenate([p.sizes for p in parts]),
+        np.vstack([p.colours for p in parts]),
+        np.concatenate([p.bias for p in parts]),
+        tuple(name for p in parts for name in p.classes),
+    )
+
+
+def _occupied_voxels(folder: Path) -> _Voxels:
+    centres, sizes = read_occupied(folder / "occupied.npz")
+    return _Voxels(centres, sizes, np.tile(_rgb(_OTHER_COLOUR), (len(centres), 1)), np.zeros(len(centres)), ("other",))
+
+
+def _classified_voxels(folder: Path) -> _Voxels:
+    data = read_arrays(folder / "terrain.npz", ("x", "y", "z", "label"))
+    names = tuple(str(n).lower() for n in data["label_names"]) if "label_names" in data else LABEL_NAMES
+    known = data["label"] < len(names)
+    centres = np.column_stack([data[axis] for axis in "xyz"]).astype(np.float64)[known]
+    label = data["label"][known].astype(np.int64)
+    palette = np.stack([_rgb(_COLOURS.get(name, _OTHER_COLOUR)) for name in names])
+    present = tuple(name for k, name in enumerate(names) if name in _COLOURS and (label == k).any())
+    size = _spacing(centres)
+    # Of classes that share a face the rarer tells more: a frontier beside ground, a cliff beside its inflation.
+    return _Voxels(centres, np.full(len(centres), size), palette[label], np.asarray(0.02 * size + 1e-5 * label, dtype=np.float64), present)
+
+
+def _spacing(centres: Floats) -> float:
+    """The grid that the centres lie on: the smallest distance between two different x."""
+    gaps = np.diff(np.unique(np.round(centres[:, 0], 4))) if len(centres) else np.empty(0)
+    gaps = gaps[gaps > 0.005]
+    return float(gaps.min()) if len(gaps) else 0.08
+
+
+def _rgb(code: str) -> Image:
+    return np.array([int(code[k : k + 2], 16) / 255.0 for k in (1, 3, 5)], dtype=np.float32)
+
+
+def _driven_path(folder: Path) -> _Path:
+    try:
+        stamps, poses = read_trajectory(folder / "trajectory.txt")
+    except ValueError:
+        return _Path(np.empty((0, 3)), np.empty((0, 3)), False)
+    sweeps = poses[:, :3, 3] + [0.0, 0.0, _PATH_ABOVE_BASE_M]
+    try:
+        at_truth, truth = read_trajectory(folder / "trajectory_truth.txt")
+        T_map_world = inverse(trajectory_errors(stamps, poses, at_truth, truth).T_world_map)
+    except ValueError:
+        return _Path(_densified(sweeps), sweeps, False)
+    driven = np.asarray(transform_points(T_map_world, truth[:, :3, 3]), dtype=np.float64) + [0.0, 0.0, _PATH_ABOVE_BASE_M]
+    return _Path(_densified(driven), sweeps, True)
+
+
+def _densified(points: Floats) -> Floats:
+    """Points every few centimetres along a line, so that each piece is seen or hidden as a whole."""
+    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
+    at = np.linspace(0.0, length[-1], max(2, math.ceil(length[-1] / _PATH_STEP_M)))
+    return np.column_stack([np.interp(at, length, points[:, axis]) for axis in range(3)])
+
+
+def _without_ceiling(voxels: _Voxels, path: _Path) -> _Voxels:
+    """Without what lies higher than a head above the highest ground that was classified or driven."""
+    classified = voxels.bias > 0
+    ground = np.concatenate([voxels.centres[classified, 2], path.line[:, 2], path.sweeps[:, 2]])
+    if not len(ground):
+        return voxels
+    kept = voxels.centres[:, 2] - 0.5 * voxels.sizes <= float(np.percentile(ground, 99.5)) + _CEILING_M
+    return _kept(voxels, kept)
+
+
+def _without_front_walls(voxels: _Voxels, view: View) -> _Voxels:
+    """Without the upper part of what stands between the viewer and all classified ground, as in a doll's house."""
+    ground = voxels.centres[voxels.bias > 0]
+    forward = np.array([view.axes[2, 0], view.axes[2, 1], 0.0])
+    if not len(ground) or np.linalg.norm(forward) < 1e-3:
+        return voxels
+    right, low = view.axes[0], float(np.percentile(ground[:, 2], 1))
+    strip = np.round(ground @ right / _STRIP_M).astype(np.int64)
+    strips, member = np.unique(strip, return_inverse=True)
+    front = np.full(len(strips), -np.inf)
+    np.maximum.at(front, member, ground @ forward)
+    before = voxels.centres @ forward > np.interp(voxels.centres @ right, strips * _STRIP_M, front) - _FRONT_WALL_M
+    return _kept(voxels, ~(before & (voxels.bias == 0) & (voxels.centres[:, 2] > low + _SILL_M)))
+
+
+def _kept(voxels: _Voxels, kept: NDArray[np.bool_]) -> _Voxels:
+    return _Voxels(voxels.centres[kept], voxels.sizes[kept], voxels.colours[kept], voxels.bias[kept], voxels.classes)
+
+
+def _figure(voxels: _Voxels, path: _Path, view: View, direction: str, summary: Mapping[str, Any]) -> Figure:
+    canvas = Canvas.around(view.project(voxels.centres), *_MAP_PIXELS, margin_m=_MARGIN_M)
+    image, depth = _rendered(voxels, view, canvas)
+    header, footer, side = 92, 84, 24
+    width, height = max(canvas.width, 1000) + 2 * side, canvas.height + header + footer
+    figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
+    FigureCanvasAgg(figure)
+    left = (width - canvas.width) / 2
+    axes = figure.add_axes((left / width, footer / height, canvas.width / width, canvas.height / height))
+    axes.imshow(image, extent=(0, canvas.width, canvas.height, 0), interpolation="nearest", aspect="auto")
+    axes.set_axis_off()
+    axes.set(xlim=(0, canvas.width), ylim=(canvas.height, 0))
+    _draw_path(axes, path, view, canvas, depth)
+    _draw_titles(figure, summary, direction, side / width, 1 - 26 / height, 1 - 58 / height)
+    _draw_legend(figure, voxels, path, side / width, footer / height * 0.48)
+    _draw_scale_bar(figure, canvas, width, height, side, footer)
+    return figure
+
+
+def _rendered(voxels: _Voxels, view: View, canvas: Canvas) -> tuple[Image, Depth]:
+    large = canvas.enlarged(_SUPERSAMPLING)
+    image, depth = render_cubes(voxels.centres, voxels.sizes, _lit_by_height(voxels), voxels.bias, view, large, _BACKGROUND)
+    blocks = image.reshape(canvas.height, _SUPERSAMPLING, canvas.width, _SUPERSAMPLING, 3)
+    return np.clip(blocks.mean(axis=(1, 3)), 0.0, 1.0), depth
+
+
+def _lit_by_height(voxels: _Voxels) -> Image:
+    """Colours a little darker below and lighter above, so that levels that look alike are told apart."""
+    low, high = np.percentile(voxels.centres[:, 2], [1, 99])
+    share = np.clip((voxels.centres[:, 2] - low) / max(high - low, 1.0), 0.0, 1.0)[:, None]
+    dark = voxels.colours * (0.90 + 0.10 * share)
+    return np.asarray(dark + (1.0 - dark) * 0.20 * share, dtype=np.float32)
+
+
+def _draw_path(axes: Axes, path: _Path, view: View, canvas: Canvas, depth: Depth) -> None:
+    if len(path.line) > 1:
+        projected = view.project(path.line)
+        pixels = canvas.pixels(projected)
+        pieces = np.stack([pixels[:-1], pixels[1:]], axis=1)
+        seen = _visible(projected, canvas, depth)
+        seen = seen[:-1] & seen[1:]
+        axes.add_collection(LineCollection(list(pieces[~seen]), colors=_INK, linewidths=1.4, alpha=0.45, zorder=3))
+        axes.add_collection(LineCollection(list(pieces[seen]), colors="white", linewidths=4.6, capstyle="round", zorder=4))
+        axes.add_collection(LineCollection(list(pieces[seen]), colors=_INK, linewidths=2.2, capstyle="round", zorder=5))
+    if len(path.sweeps):
+        projected = view.project(path.sweeps)
+        pixels, seen = canvas.pixels(projected), _visible(projected, canvas, depth)
+        for shown, alpha in ((seen, 1.0), (~seen, 0.40)):
+            axes.scatter(pixels[shown, 0], pixels[shown, 1], s=46, c="#ffd84d", edgecolors=_INK, linewidths=1.4, alpha=alpha, zorder=6)
+        for k, text in ((0, "start"), (-1, "end")):
+            _draw_tag(axes, pixels[k], text)
+
+
+def _draw_tag(axes: Axes, at: Floats, text: str) -> None:
+    box = {"boxstyle": "round,pad=0.25", "facecolor": "white", "edgecolor": _INK, "linewidth": 0.8, "alpha": 0.92}
+    offset = (9, 9) if text == "start" else (9, -19)
+    axes.annotate(text, (at[0], at[1]), xytext=offset, textcoords="offset points", fontsize=10, color=_INK, bbox=box, zorder=7)
+
+
+def _visible(projected: Floats, canvas: Canvas, depth: Depth) -> NDArray[np.bool_]:
+    """(N,) whether nothing is drawn more than a few centimetres in front of a projected point."""
+    column, row = (canvas.pixels(projected) * _SUPERSAMPLING).astype(np.int64).T
+    inside = (column >= 0) & (row >= 0) & (column < depth.shape[1]) & (row < depth.shape[0])
+    front = np.full(len(projected), -np.inf)
+    front[inside] = depth[row[inside], column[inside]]
+    return np.asarray(projected[:, 2] >= front - 0.05)
+
+
+def _draw_titles(figure: Figure, summary: Mapping[str, Any], direction: str, x: float, y: float, y_below: float) -> None:
+    world, seed = summary.get("world"), summary.get("seed")
+    title = f"{Path(str(world)).stem if world else 'Unknown world'}" + (f", seed {seed}" if seed is not None else "")
+    figure.text(x, y, title, fontsize=19, fontweight="bold", color=_INK, va="center")
+    figure.text(x, y_below, "   ·   ".join([f"classified map {direction}", *_facts(summary)]), fontsize=12.5, color="#59606b", va="center")
+
+
+def _facts(summary: Mapping[str, Any]) -> list[str]:
+    forms = (
+        ("coverage", 100.0, "coverage {:.1f} %"),
+        ("sweeps", 1, "{:.0f} sweeps"),
+        ("distance_m", 1.0, "{:.0f} m driven"),
+        ("trajectory_ate_m", 100.0, "ATE {:.1f} cm"),
+    )
+    facts = [form.format(summary[key] * factor) for key, factor, form in forms if isinstance(summary.get(key), (int, float))]
+    return facts + ([str(summary["stop_reason"])] if summary.get("stop_reason") else [])
+
+
+def _draw_legend(figure: Figure, voxels: _Voxels, path: _Path, x: float, y: float) -> None:
+    handles: list[Any] = [Patch(facecolor=_COLOURS[n], label=n) for n in LABEL_NAMES if n in voxels.classes]
+    if "other" in voxels.classes:
+        handles.append(Patch(facecolor=_OTHER_COLOUR, label="other occupied"))
+    if len(path.line):
+        handles.append(Line2D([], [], color=_INK, lw=2.4, label="path driven" if path.line_is_true else "from sweep to sweep"))
+    if len(path.sweeps):
+        handles.append(Line2D([], [], ls="", marker="o", ms=7, mfc="#ffd84d", mec=_INK, mew=1.4, label="sweep"))
+    figure.legend(
+        handles=handles,
+        loc="center left",
+        bbox_to_anchor=(x, y),
+        ncols=len(handles),
+        frameon=False,
+        fontsize=11.5,
+        labelcolor=_INK,
+        borderpad=0,
+        handlelength=1.3,
+        columnspacing=1.5,
+    )
+
+
+def _draw_scale_bar(figure: Figure, canvas: Canvas, width: int, height: int, side: int, footer: int) -> None:
+    metres = next((m for m in (50, 20, 10, 5, 2, 1) if m * canvas.pixels_per_m <= 0.22 * width), 0.5)
+    right, left, y = 1 - side / width, 1 - (side + metres * canvas.pixels_per_m) / width, footer / height * 0.36
+    tick = 5 / height
+    lines = (((left, right), (y, y)), ((left, left), (y - tick, y + tick)), ((right, right), (y - tick, y + tick)))
+    figure.lines.extend(Line2D(*xy, color=_INK, lw=2.0, transform=figure.transFigure, figure=figure) for xy in lines)
+    figure.text((left + right) / 2, y + 2 * tick, f"{metres} m", ha="center", va="bottom", fontsize=11.5, color=_INK)

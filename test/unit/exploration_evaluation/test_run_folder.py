@@ -1,0 +1,160 @@
+"""Whole run folders: a perfect one, and every way in which one is incomplete or wrong."""
+
+import json
+
+import numpy as np
+import open3d as o3d
+import pytest
+from hand_made_worlds import room
+from run_folder_on_disk import CONTACTS_HEADER, WORLD, write_run
+
+from exploration_evaluation import RobotShape, evaluate_run, format_summary, read_contacts, read_trajectory, write_json
+from exploration_evaluation.__main__ import main
+
+DESIGNED_KEYS = """success stop_reason sim_time_s wall_time_s distance_m sweeps loop_closures local_classifications
+local_classification_time_s global_classifications global_classification_time_s coverage map_rmse_m trajectory_ate_m collisions
+max_tilt_rad config version trajectory_origin_error_m map_tilt_rad""".split()
+
+
+@pytest.fixture
+def run(tmp_path):
+    return write_run(tmp_path)
+
+
+def test_perfect_run_gets_the_scores_known_beforehand(run):
+    summary = evaluate_run(run, *WORLD)
+    assert summary["success"] is True
+    assert summary["missing"] == []
+    assert summary["coverage"] == 1.0
+    assert summary["turning_area_m2"] == pytest.approx(2.8 * 2.8)
+    assert summary["distance_m"] == pytest.approx(2.0)
+    for key in ("map_rmse_m", "trajectory_ate_m", "trajectory_origin_error_m", "map_tilt_rad", "max_tilt_rad"):
+        assert summary[key] == pytest.approx(0.0, abs=1e-5)
+    assert (summary["collisions"], summary["fell"]) == (0, False)
+    assert (summary["sweeps"], summary["something_else"]) == (5, 7)
+
+
+def test_summary_file_holds_what_is_returned_and_all_designed_keys(run):
+    summary = evaluate_run(run, *WORLD)
+    assert json.loads((run / "summary.json").read_text()) == summary
+    assert set(DESIGNED_KEYS) <= set(summary)
+    assert not list(run.glob(".summary*"))
+
+
+@pytest.mark.parametrize(
+    ("lost", "unknown", "known"),
+    [
+        ("trajectory_truth.txt", ["coverage", "trajectory_ate_m", "map_rmse_m", "distance_m", "fell", "success"], ["collisions"]),
+        ("trajectory.txt", ["coverage", "trajectory_ate_m", "map_rmse_m", "map_tilt_rad"], ["distance_m", "reachable_area_m2"]),
+        ("contacts.csv", ["collisions", "success"], ["coverage", "fell"]),
+        ("occupied.npz", ["coverage"], ["map_rmse_m", "reachable_area_m2"]),
+        ("cloud.ply", ["map_rmse_m", "map_p95_m"], ["coverage"]),
+        ("counters.json", ["stop_reason", "sweeps", "sim_time_s", "success"], ["coverage"]),
+        ("run.json", ["world", "seed", "config", "version"], ["coverage"]),
+    ],
+)
+def test_lost_file_makes_unknown_just_what_depends_on_it(run, lost, unknown, known):
+    (run / lost).unlink()
+    summary = evaluate_run(run, *WORLD)
+    assert [key for key in unknown if summary[key] is not None] == []
+    assert [key for key in known if summary[key] is None] == []
+    assert any(lost in reason for reason in summary["missing"])
+
+
+def test_success_is_unknown_without_contacts_but_no_success_without_a_saved_map(run):
+    (run / "contacts.csv").unlink()
+    assert evaluate_run(run, *WORLD)["success"] is None
+    (run / "map.bt").unlink()
+    assert evaluate_run(run, *WORLD)["success"] is False
+
+
+@pytest.mark.parametrize("reason", ["node terrain died", "stuck", "not explored"])
+def test_other_stop_reason_is_no_success(run, reason):
+    (run / "counters.json").write_text(json.dumps({"stop_reason": reason}))
+    assert evaluate_run(run, *WORLD)["success"] is False
+
+
+def test_contact_is_a_collision_with_its_speed_and_no_success(run):
+    (run / "contacts.csv").write_text(CONTACTS_HEADER + "2.00,base_link,0.30,150\n2.05,base_link,0.10,90\n9.0,wheel,0.05,20\n")
+    summary = evaluate_run(run, *WORLD)
+    assert (summary["collisions"], summary["collision_top_speed_mps"], summary["collision_top_force_n"]) == (2, 0.30, 150.0)
+    assert summary["success"] is False
+
+
+@pytest.mark.parametrize("name", ["occupied.npz", "run.json", "counters.json", "cloud.ply"])
+def test_file_cut_off_in_writing_is_missing_not_fatal(run, name):
+    whole = (run / name).read_bytes()
+    (run / name).write_bytes(whole[: len(whole) // 3] if name != "cloud.ply" else b"ply\nformat")
+    assert any(name in reason for reason in evaluate_run(run, *WORLD)["missing"])
+
+
+def test_half_a_last_line_of_a_killed_run_is_left_out(run):
+    path = run / "trajectory_truth.txt"
+    count = len(read_trajectory(path)[0])
+    path.write_text(path.read_text() + "5.05 1.0 2.")
+    assert len(read_trajectory(path)[0]) == count
+
+
+@pytest.mark.parametrize(
+    "text", ["", "1 2 3\n1 0 0 0 0 0 0 1\n", "1 0 0 0 0 0 0 x\n", "2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "1 nan 0 0 0 0 0 1\n"]
+)
+def test_damaged_trajectory_is_refused(tmp_path, text):
+    (tmp_path / "t.txt").write_text(text)
+    with pytest.raises(ValueError, match=r"t\.txt"):
+        read_trajectory(tmp_path / "t.txt")
+
+
+@pytest.mark.parametrize("text", ["", "time,what\n1,2\n", CONTACTS_HEADER + "1.0,base,fast,3\n", CONTACTS_HEADER + "1.0,base\n"])
+def test_damaged_contacts_are_refused_and_not_read_as_none(tmp_path, text):
+    (tmp_path / "contacts.csv").write_text(text)
+    with pytest.raises(ValueError, match=r"contacts\.csv"):
+        read_contacts(tmp_path / "contacts.csv")
+
+
+def test_start_without_room_leaves_coverage_unknown_with_the_reason(run):
+    summary = evaluate_run(run, *WORLD, robot=RobotShape(circumscribed_radius_m=3.0))
+    assert summary["coverage"] is None
+    assert any("no room to turn" in reason for reason in summary["missing"])
+
+
+def test_folder_that_is_not_there_is_an_error(tmp_path):
+    with pytest.raises(ValueError, match="no run folder"):
+        evaluate_run(tmp_path / "nowhere", *room())
+
+
+def test_json_holds_null_for_what_is_not_finite_and_plain_numbers_for_numpy(tmp_path):
+    write_json(tmp_path / "a.json", {"nan": float("nan"), "count": np.int64(3), "list": (np.float32(0.5), np.inf), "flag": np.bool_(True)})
+    assert json.loads((tmp_path / "a.json").read_text()) == {"nan": None, "count": 3, "list": [0.5, None], "flag": True}
+
+
+def test_text_of_a_summary_fits_a_screen_and_says_what_is_unknown(run):
+    text = format_summary(evaluate_run(run, *WORLD))
+    assert text.startswith("SUCCESS  rooms, seed 1: explored")
+    assert "100.0 % of" in text
+    assert "unknown" not in text
+    nothing = format_summary({"missing": [f"thing {k}" for k in range(30)]})
+    assert nothing.startswith("UNDECIDED")
+    assert "coverage       unknown" in nothing
+    assert "and 24 more" in nothing
+    for lines in (text.splitlines(), nothing.splitlines()):
+        assert len(lines) <= 24
+        assert max(map(len, lines)) <= 100
+
+
+def test_command_judges_a_folder_again_with_its_own_mesh(run, capsys):
+    vertices, triangles = WORLD
+    mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(vertices), o3d.utility.Vector3iVector(triangles.astype(np.int32)))
+    o3d.io.write_triangle_mesh(str(run / "world.ply"), mesh)
+    assert main([str(run), "--no-pictures"]) == 0
+    assert "SUCCESS" in capsys.readouterr().out
+    assert json.loads((run / "summary.json").read_text())["coverage"] == 1.0
+
+
+def test_command_refuses_a_missing_folder_or_mesh_in_one_line(run, capsys):
+    for arguments in (
+        [str(run / "nowhere")],
+        [str(run), "--world-mesh", str(run / "none.ply")],
+        [str(run), "--world-mesh", str(run / "run.json")],
+    ):
+        assert main(arguments) == 2
+        assert len(capsys.readouterr().err.strip().splitlines()) == 1
