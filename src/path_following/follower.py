@@ -54,6 +54,7 @@ class PathFollower:
         self._off_path: float | None = None
         self._stamp: float | None = None
         self._command = _STAND
+        self._speed = 0.0
         self._turn_side = 0.0
         self._watch: ProgressWatch | None = None
         self._blocked_since: float | None = None
@@ -76,6 +77,7 @@ class PathFollower:
         if not around.contains(pose):
             self._sit_out(dt)
             return self._output(_STAND, f"the costmap does not contain the robot at ({pose[0]:.2f}, {pose[1]:.2f})")
+        self._speed = self._command.v if observation.twist is None else observation.twist[0]
         self._command = self._decide(self._path, pose, around, dt)
         return self._output(self._command, self._reason)
 
@@ -155,7 +157,7 @@ class PathFollower:
         return self._turn(angle, dt)
 
     def _follow(self, path: ReferencePath, at: Projection, pose: Pose, around: Surroundings, dt: float) -> Motion:
-        target = target_on(path, np.array(pose[:2]), at.s, lookahead_m(self._config, self._command.v))
+        target = target_on(path, np.array(pose[:2]), at.s, lookahead_m(self._config, self._speed))
         steering = steering_to(pose, target)
         turning = self._state is FollowerState.TURNING_TO_PATH
         limit = self._config.turn_in_place_until_rad if turning else self._config.turn_in_place_above_rad

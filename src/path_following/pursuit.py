@@ -21,7 +21,7 @@ class Steering:
 
 def lookahead_m(config: FollowerConfig, speed: float) -> float:
     """Distance of the point steered for, growing with the speed from its least to its largest value."""
-    share = min(1.0, abs(speed) / config.max_speed_mps)
+    share = min(1.0, abs(speed) / config.max_speed_mps) if math.isfinite(speed) else 0.0
     return config.min_lookahead_m + share * (config.max_lookahead_m - config.min_lookahead_m)
 
 

@@ -1,6 +1,7 @@
 """A unicycle that slips, on a world of lethal cells: enough of a robot to drive the follower in a loop, without physics."""
 
 import math
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -128,6 +129,37 @@ def drive(
         yaw += w * TICK_S
         touched = touched or (k % 4 == 0 and world.touches(x, y, yaw))
     return Drive(np.array(poses), outputs, touched)
+
+
+def cluttered_world(rng: np.random.Generator) -> World:
+    """14 boxes of 0.2 to 0.8 m anywhere but at the origin."""
+    world = World(16.0)
+    for x, y, half in zip(rng.uniform(-6, 6, 14), rng.uniform(-6, 6, 14), rng.uniform(0.1, 0.4, 14), strict=True):
+        if math.hypot(x, y) > 1.2:
+            world.lethal[world.cells(x - half, x + half, y - half, y + half)] = True
+    return world
+
+
+def planned_path(world: World, rng: np.random.Generator, clearance_m: float) -> np.ndarray:
+    """(K, 3) shortest path over four neighbours from the origin to a random cell 2 to 6 m away, off all that is lethal."""
+    n = world.lethal.shape[0]
+    free = ndimage.distance_transform_edt(~world.lethal, sampling=RESOLUTION) >= clearance_m
+    previous: dict[tuple[int, int], tuple[int, int] | None] = {(n // 2, n // 2): None}
+    queue = deque(previous)
+    while queue:
+        row, column = queue.popleft()
+        for near in ((row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)):
+            if 0 <= near[0] < n and 0 <= near[1] < n and free[near] and near not in previous:
+                previous[near] = (row, column)
+                queue.append(near)
+    goals = [c for c in previous if 2.0 < math.dist(c, (n / 2, n / 2)) * RESOLUTION < 6.0]
+    cell: tuple[int, int] | None = goals[rng.integers(len(goals))]
+    cells = []
+    while cell is not None:
+        cells.append(cell)
+        cell = previous[cell]
+    xy = (np.array(cells[::-1], dtype=float)[:, ::-1] + 0.5) * RESOLUTION - world.size / 2
+    return np.column_stack([xy, np.zeros(len(xy))])
 
 
 def distance_to_path(poses: np.ndarray, path: np.ndarray) -> np.ndarray:
