@@ -174,13 +174,14 @@ def _without_front_walls(voxels: _Voxels, view: View) -> _Voxels:
     forward = np.array([view.axes[2, 0], view.axes[2, 1], 0.0])
     if not len(ground) or np.linalg.norm(forward) < 1e-3:
         return voxels
-    right, low = view.axes[0], float(np.percentile(ground[:, 2], 1))
+    right = view.axes[0]
     strip = np.round(ground @ right / _STRIP_M).astype(np.int64)
-    strips, member = np.unique(strip, return_inverse=True)
-    front = np.full(len(strips), -np.inf)
-    np.maximum.at(front, member, ground @ forward)
-    before = voxels.centres @ forward > np.interp(voxels.centres @ right, strips * _STRIP_M, front) - _FRONT_WALL_M
-    return _kept(voxels, ~(before & (voxels.bias == 0) & (voxels.centres[:, 2] > low + _SILL_M)))
+    order = np.lexsort((ground @ forward, strip))
+    foremost = ground[order[np.append(np.diff(strip[order]) > 0, True)]]  # in each strip of the picture, left to right
+    at = voxels.centres @ right
+    before = voxels.centres @ forward > np.interp(at, foremost @ right, foremost @ forward) - _FRONT_WALL_M
+    above = voxels.centres[:, 2] > np.interp(at, foremost @ right, foremost[:, 2]) + _SILL_M
+    return _kept(voxels, ~(before & above & (voxels.bias == 0)))
 
 
 def _kept(voxels: _Voxels, kept: NDArray[np.bool_]) -> _Voxels:
@@ -217,8 +218,8 @@ def _lit_by_height(voxels: _Voxels) -> Image:
     """Colours a little darker below and lighter above, so that levels that look alike are told apart."""
     low, high = np.percentile(voxels.centres[:, 2], [1, 99])
     share = np.clip((voxels.centres[:, 2] - low) / max(high - low, 1.0), 0.0, 1.0)[:, None]
-    dark = voxels.colours * (0.90 + 0.10 * share)
-    return np.asarray(dark + (1.0 - dark) * 0.20 * share, dtype=np.float32)
+    dark = voxels.colours * (0.87 + 0.13 * share)
+    return np.asarray(dark + (1.0 - dark) * 0.23 * share, dtype=np.float32)
 
 
 def _draw_path(axes: Axes, path: _Path, view: View, canvas: Canvas, depth: Depth) -> None:
