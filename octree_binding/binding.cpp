@@ -77,7 +77,8 @@ py::array_t<int> occupied_leaves(Tree& self) {
   std::vector<int> flat;
   locked(self, [&](const OccupancyTree& tree) {
     for (const Leaf& leaf : tree.leaves(VoxelBox{})) {
-      if (leaf.occupied) flat.insert(flat.end(), {leaf.corner.x, leaf.corner.y, leaf.corner.z, leaf.size});
+      const Voxel corner = leaf.corner();
+      if (leaf.occupied()) flat.insert(flat.end(), {corner.x, corner.y, corner.z, leaf.size()});
     }
   });
   return to_numpy(std::move(flat));

@@ -161,7 +161,7 @@ std::vector<Leaf> OccupancyTree::leaves(const VoxelBox& box) const {
 
 void OccupancyTree::collect(const Node* node, const Voxel& corner, int size, const VoxelBox& box, std::vector<Leaf>& out) const {
   if (disjoint(corner, size, box)) return;
-  if (!nodeHasChildren(node)) return out.push_back({corner, size, isNodeOccupied(node)});
+  if (!nodeHasChildren(node)) return void(out.emplace_back(corner, size, isNodeOccupied(node)));
   for (unsigned i = 0; i < 8; ++i) {
     if (nodeChildExists(node, i)) collect(getNodeChild(node, i), child_corner(corner, size / 2, i), size / 2, box, out);
   }
@@ -171,10 +171,11 @@ namespace {
 
 // The part of a leaf that lies in a box.
 VoxelBox part_in(const Leaf& leaf, const VoxelBox& box) {
+  const Voxel corner = leaf.corner();
   VoxelBox part;
   for (int axis = 0; axis < 3; ++axis) {
-    part.lo[axis] = std::max(leaf.corner[axis], box.lo[axis]);
-    part.hi[axis] = std::min(leaf.corner[axis] + leaf.size - 1, box.hi[axis]);
+    part.lo[axis] = std::max(corner[axis], box.lo[axis]);
+    part.hi[axis] = std::min(corner[axis] + leaf.size() - 1, box.hi[axis]);
   }
   return part;
 }
@@ -208,12 +209,12 @@ std::vector<Run> runs_of(const std::vector<Leaf>& leaves, const VoxelBox& extent
       for (int y = part.lo.y; y <= part.hi.y; ++y) {
         const std::uint32_t column = std::uint32_t(x - extent.lo.x) * ny + (y - extent.lo.y);
         Run* last = top[column] < 0 ? nullptr : &runs[top[column]];
-        if (last && last->z_hi + 1 == part.lo.z && last->occupied == leaf.occupied) {
+        if (last && last->z_hi + 1 == part.lo.z && last->occupied == leaf.occupied()) {
           last->z_hi = static_cast<std::int16_t>(part.hi.z);
           continue;
         }
         top[column] = static_cast<std::int32_t>(runs.size());
-        runs.push_back({column, static_cast<std::int16_t>(part.lo.z), static_cast<std::int16_t>(part.hi.z), leaf.occupied});
+        runs.push_back({column, static_cast<std::int16_t>(part.lo.z), static_cast<std::int16_t>(part.hi.z), leaf.occupied()});
       }
     }
   }

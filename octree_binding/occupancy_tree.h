@@ -13,11 +13,19 @@ namespace octree_binding {
 
 enum State : std::uint8_t { kUnknown = 0, kFree = 1, kOccupied = 2 };
 
-// A cube of one state: its lowest voxel and the number of voxels on an edge, a power of two.
-struct Leaf {
-  Voxel corner;
-  int size;
-  bool occupied;
+// A cube of one state: its lowest voxel and the number of voxels on an edge, a power of two. Small: maps have millions.
+class Leaf {
+ public:
+  Leaf(const Voxel& corner, int size, bool occupied)
+      : x_(corner.x), y_(corner.y), z_(corner.z), levels_(__builtin_ctz(size)), occupied_(occupied) {}
+  Voxel corner() const { return {x_, y_, z_}; }
+  int size() const { return 1 << levels_; }
+  bool occupied() const { return occupied_; }
+
+ private:
+  std::int16_t x_, y_, z_;
+  std::uint8_t levels_;
+  bool occupied_;
 };
 
 struct ColumnRuns {

@@ -136,15 +136,29 @@ bool make_ray(const float* origin, const float* point, const SweepRules& rules, 
   return true;
 }
 
-// Axes along which the surface at the end of the ray does not rise towards where the ray came from: it lies in the layer
-// of its end voxel there, and so may do so in the voxels of that layer that the ray crosses at a grazing angle.
+// Whether another hit lies beside `v` in its layer across the axis.
+bool extends_in_layer(const Voxel& v, int axis, const VoxelBlocks& voxels) {
+  const int a = (axis + 1) % 3, b = (axis + 2) % 3;
+  for (int i = -1; i <= 1; ++i) {
+    for (int j = -1; j <= 1; ++j) {
+      Voxel beside = v;
+      beside[a] += i, beside[b] += j;
+      if ((i || j) && voxels.is_hit(beside)) return true;
+    }
+  }
+  return false;
+}
+
+// Axes across which the surface at the end of the ray is a layer: it extends there, and does not rise towards where the ray
+// came from. Then it may lie in the other voxels of that layer, too, that the ray crosses at a grazing angle.
 std::array<bool, 3> surface_layers(const Ray& ray, const VoxelBlocks& voxels) {
   std::array<bool, 3> layers{};
   for (int axis = 0; axis < 3; ++axis) {
     Voxel below = ray.last, above = ray.last;
     --below[axis], ++above[axis];
     const double d = ray.along[axis];
-    layers[axis] = (d >= 0 && !voxels.is_hit(below)) || (d <= 0 && !voxels.is_hit(above));
+    const bool is_top = (d >= 0 && !voxels.is_hit(below)) || (d <= 0 && !voxels.is_hit(above));
+    layers[axis] = is_top && extends_in_layer(ray.last, axis, voxels);
   }
   return layers;
 }

@@ -43,9 +43,10 @@ class SensorModel:
     )
     max: float = parameter(0.97, "-", "upper clamping probability; lower: occupied voxels are revised sooner", low=0.5, high=0.999)
     grazing_m: float = parameter(
-        1.0,
+        2.0,
         "m",
-        "length before a hit in which a ray frees no voxel in the hit surface's own layer, so that flat rays keep the ground; 0: off",
+        "for this length before its end a ray frees no voxel in the layer of the surface it hits, so that flat rays keep the ground; "
+        "should exceed resolution * range / sensor height; 0: off",
         low=0.0,
     )
 
