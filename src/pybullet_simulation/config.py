@@ -7,7 +7,7 @@ from stage_config import check_ranges, parameter
 
 @dataclass(frozen=True)
 class SimulationConfig:
-    """What the Husky, its drive and its sensors are like. Shapes, masses and mounting poses come from `urdf/husky.urdf`."""
+    """What the Husky's drive and sensors are like; shapes, masses and mounting poses are those of `urdf/husky.urdf`."""
 
     physics_rate_hz: int = parameter(
         200, "Hz", "steps of the physics; a multiple of 200, so that the 100 Hz of the IMU fall on steps", low=200, high=1000
@@ -25,7 +25,7 @@ class SimulationConfig:
     track_factor: float = parameter(
         1.16,
         "-",
-        "effective over true track: what a skid steer loses in turns; used for commands and wheel odometry alike",
+        "effective over true track, what a skid steer loses in turns; for commands and wheel odometry",
         low=0.5,
         high=3.0,
     )
@@ -33,7 +33,7 @@ class SimulationConfig:
     slip_sigma: float = parameter(0.015, "-", "changing slip of a side of wheels", low=0.0, high=0.2)
     slip_correlation_s: float = parameter(2.0, "s", "time over which the changing slip stays alike", low=0.05, high=100.0)
     imu_accel_bias_sigma_mps2: float = parameter(
-        0.02, "m/s^2", "bias of each accelerometer axis, drawn once a run; 0.02 tilts the level by some 0.16 deg", low=0.0, high=1.0
+        0.02, "m/s^2", "bias of each accelerometer axis, drawn once a run; 0.02 tilts the level by 0.16 deg", low=0.0, high=1.0
     )
     imu_accel_sigma_mps2: float = parameter(0.03, "m/s^2", "noise of an accelerometer sample", low=0.0, high=1.0)
     imu_gyro_bias_sigma_rps: float = parameter(0.0015, "rad/s", "bias of each gyro axis, drawn once a run", low=0.0, high=0.1)
@@ -45,7 +45,9 @@ class SimulationConfig:
     veiling_probability: float = parameter(
         0.2, "-", "share of the beams at a depth edge that return a range between both surfaces", low=0.0, high=1.0
     )
-    veiling_jump_m: float = parameter(0.15, "m", "difference of neighbouring ranges that makes a depth edge", low=0.01, high=5.0)
+    veiling_jump_m: float = parameter(
+        0.15, "m", "difference of neighbouring ranges that makes a depth edge, beside 5 % of the range", low=0.01, high=5.0
+    )
     tilt_encoder_sigma_rad: float = parameter(0.0001, "rad", "noise of the measured tilt", low=0.0, high=0.05)
     sweep_start_rad: float = parameter(
         2.88, "rad", "tilt at which the slow part of a sweep starts, looking down behind the robot", low=1.6, high=3.05
@@ -57,7 +59,7 @@ class SimulationConfig:
     sweep_max_rate_rps: float = parameter(
         2.4,
         "rad/s",
-        "tilt rate with the scan plane upright; between the two it goes with sin^2(tilt), which spaces ground lines evenly",
+        "tilt rate with the scan plane upright; in between it goes with sin^2(tilt)",
         low=0.05,
         high=4.0,
     )

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 Ranges = NDArray[np.float32]
 
 FAR_M = 10.0  # the data sheet gives the noise up to here and beyond
+GRAZING_SHARE = 0.05  # of the range: what neighbouring beams may differ on one surface seen at a grazing angle of 5 deg
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ class Laser:
         self.geometry = ScanGeometry(range_min=config.range_min_m, range_max=config.range_max_m)
         self._config, self._rng = config, rng
         self._world = raycasting_scene(world.vertices, world.triangles)
-        self._body = raycasting_scene(np.asarray(robot.body.vertices), np.asarray(robot.body.faces, np.int32))
+        self._body = raycasting_scene(robot.body.vertices, robot.body.triangles)
         self._mount, self._offset = robot.T_base_mount[:3, 3].copy(), robot.T_tilt_laser[:3, 3].copy()
         angles = self.geometry.angles
         self._cos_sin = np.column_stack([np.cos(angles), np.sin(angles)])
@@ -67,7 +68,8 @@ class Laser:
         chance, share = self._rng.random((2, ranges.size - 1), dtype=np.float32)
         with np.errstate(invalid="ignore"):
             jump = np.diff(ranges)
-            edge = np.isfinite(jump) & (np.abs(jump) > self._config.veiling_jump_m) & (chance < self._config.veiling_probability)
+            least = self._config.veiling_jump_m + GRAZING_SHARE * np.minimum(ranges[1:], ranges[:-1])
+            edge = np.isfinite(jump) & (np.abs(jump) > least) & (chance < self._config.veiling_probability)
         out = ranges.copy()
         out[:-1][edge] += share[edge] * jump[edge]
         return out

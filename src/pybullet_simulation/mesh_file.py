@@ -62,7 +62,7 @@ def cut_to(surface: Surface, low_xy: Array, high_xy: Array) -> Surface:
             normal, origin = np.zeros(3), np.zeros(3)
             normal[axis], origin[axis] = sign, limit
             if len(triangles):
-                vertices, triangles, _ = trimesh.intersections.slice_faces_plane(vertices, triangles, normal, origin)
+                vertices, triangles, _ = trimesh.intersections.slice_faces_plane(vertices, triangles, normal, origin)  # type: ignore[no-untyped-call]
     if len(triangles) == 0:
         raise ValueError(f"the mesh has nothing between x, y {low_xy.tolist()} and {high_xy.tolist()}")
     return without_slivers(np.asarray(vertices, np.float64), np.asarray(triangles, np.int32))

@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 
 SIDE_M, STEP_M = 20.0, 0.125
 WALL_M = 0.2
-FLAT_RADIUS_M, BLEND_M = 1.3, 1.5  # level around the start, and the width over which it fades into the terrain
-CLEAR_OF_START_M = 3.2
+FLAT_RADIUS_M, BLEND_M = 1.3, 2.5  # level around the start, and the width over which it fades into the terrain
+CLEAR_OF_START_M = 4.0
 GENTLE, STEEP = (0.10, 0.20), (0.42, 0.55)  # depth of a crater over its radius
 
 
@@ -35,7 +35,7 @@ def moon(rng: np.random.Generator, start_xy: tuple[float, float] | None) -> tupl
 def _rolling(rng: np.random.Generator, shape: tuple[int, ...]) -> Array:
     """Hills of some 6 m, hummocks of 1.5 m and a little roughness, none steeper than some 15 deg."""
     total = np.zeros(shape)
-    for width_m, height_m in ((1.8, 0.22), (0.6, 0.03), (0.2, 0.006)):
+    for width_m, height_m in ((1.8, 0.20), (0.6, 0.03), (0.2, 0.006)):
         noise = gaussian_filter(rng.standard_normal(shape), width_m / STEP_M, mode="reflect")
         total += height_m * noise / noise.std()
     return total

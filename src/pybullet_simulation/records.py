@@ -30,7 +30,10 @@ class ScanGeometry:
 
 @dataclass(frozen=True)
 class Scan:
-    """One turn of the laser: `stamp_s` is the time of the first beam; `ranges` (1081,) float32 in m, REP 117 (inf: nothing, -inf: too near)."""
+    """One turn of the laser: `stamp_s` is the time of its first beam.
+
+    `ranges` (1081,) float32 in m, by REP 117: inf where nothing was in range, -inf where it was too near.
+    """
 
     stamp_s: float
     ranges: NDArray[np.float32]

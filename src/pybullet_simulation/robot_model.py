@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from pybullet_simulation.world import Surface, joined
 from rigid_geometry import transform_from_rpy
 
 Array = NDArray[np.float64]
@@ -28,7 +29,7 @@ class RobotModel:
     wheel_radius_m: float
     track_m: float
     ground_to_base_m: float
-    body: trimesh.Trimesh
+    body: Surface
 
 
 def read_robot_model(urdf_path: Path = DEFAULT_URDF) -> RobotModel:
@@ -50,7 +51,7 @@ def read_robot_model(urdf_path: Path = DEFAULT_URDF) -> RobotModel:
         wheel_radius_m=radius,
         track_m=float(poses[WHEELS[0]][1][1, 3] - poses[WHEELS[1]][1][1, 3]),
         ground_to_base_m=radius - float(poses[WHEELS[0]][1][2, 3]),
-        body=_body_mesh(robot, poses),
+        body=_body_surface(robot, poses),
     )
 
 
@@ -75,20 +76,22 @@ def _wheel_radius(robot: ElementTree.Element) -> float:
     return float(str(tyre.get("radius")))
 
 
-def _shape_mesh(collision: ElementTree.Element) -> trimesh.Trimesh:
+def _shape_surface(collision: ElementTree.Element, T_base_shape: Array) -> Surface:
     box, cylinder = collision.find("geometry/box"), collision.find("geometry/cylinder")
     if box is not None:
-        return trimesh.creation.box([float(v) for v in str(box.get("size")).split()])
-    if cylinder is not None:
-        return trimesh.creation.cylinder(float(str(cylinder.get("radius"))), float(str(cylinder.get("length"))), sections=48)
-    raise ValueError("collision shapes of the robot are boxes and cylinders, nothing else")
+        mesh = trimesh.creation.box([float(v) for v in str(box.get("size")).split()], T_base_shape)
+    elif cylinder is not None:
+        radius, length = float(str(cylinder.get("radius"))), float(str(cylinder.get("length")))
+        mesh = trimesh.creation.cylinder(radius, length, sections=48, transform=T_base_shape)
+    else:
+        raise ValueError("collision shapes of the robot are boxes and cylinders, nothing else")
+    return Surface(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32))
 
 
-def _body_mesh(robot: ElementTree.Element, poses: dict[str, tuple[str, Array]]) -> trimesh.Trimesh:
+def _body_surface(robot: ElementTree.Element, poses: dict[str, tuple[str, Array]]) -> Surface:
     tilting = {"tilt_link", "laser"}
     T_base_link = {link: T for link, T in poses.values() if link not in tilting} | {"base_link": np.eye(4)}
-    meshes = []
-    for link in robot.findall("link"):
-        for collision in link.findall("collision") if link.get("name") in T_base_link else ():
-            meshes.append(_shape_mesh(collision).apply_transform(T_base_link[str(link.get("name"))] @ _origin(collision)))
-    return trimesh.util.concatenate(meshes)
+    shapes = []
+    for name, T in T_base_link.items():
+        shapes += [_shape_surface(shape, T @ _origin(shape)) for shape in robot.findall(f"link[@name='{name}']/collision")]
+    return Surface(*joined(shapes))

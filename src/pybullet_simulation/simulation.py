@@ -104,7 +104,7 @@ class Simulation:
     def tick(self, v: float, w: float) -> TickData:
         """Advance by 0.05 s under a command (m/s, rad/s); the data measured meanwhile. ValueError when the command is not finite."""
         begin_s = self.stamp_s
-        times_s = begin_s + np.arange(self._steps + 1) * self._dt_s
+        times_s = begin_s + np.arange(self._steps + 1, dtype=np.float64) * self._dt_s
         tilts, rates = self._tilts(times_s)
         slip = 1.0 + self._slip.step(TICK_S)[SIDE_OF_WHEEL]
         trace = self._advance(self._drive.step(v, w, TICK_S)[SIDE_OF_WHEEL] / slip, float(tilts[-1]))
@@ -148,7 +148,7 @@ class Simulation:
         return _Trace(states, np.array(turns), _strongest(contacts))
 
     def _scans(self, begin_s: float, states: list[BodyState], tilts: Array) -> tuple[Scan, ...]:
-        starts = np.arange(SCANS_PER_TICK) * (TICK_S / SCANS_PER_TICK)
+        starts = np.arange(SCANS_PER_TICK, dtype=np.float64) * (TICK_S / SCANS_PER_TICK)
         rotations, positions = np.array([s.R_world_base for s in states]), np.array([s.position for s in states])
         ranges = self._laser.scans(Motion(rotations, positions, tilts, self._dt_s), starts)
         return tuple(Scan(begin_s + float(start), one) for start, one in zip(starts, ranges, strict=True))
@@ -188,7 +188,8 @@ def _pose(state: BodyState) -> Array:
 def _velocity_at(state: BodyState, point_base: Array) -> Array:
     """(3,) velocity in world axes of a point (3,) fixed in base_link."""
     arm = state.position + state.R_world_base @ point_base - state.centre_of_mass
-    return np.asarray(state.linear + np.cross(state.angular, arm))
+    (wx, wy, wz), (x, y, z) = state.angular.tolist(), arm.tolist()  # numpy's cross takes 40 us
+    return np.asarray(state.linear + np.array([wy * z - wz * y, wz * x - wx * z, wx * y - wy * x]))
 
 
 def _truth(stamp_s: float, state: BodyState) -> Truth:

@@ -52,9 +52,8 @@ def hull(name: str, corners: ArrayLike) -> Solid:
 
 def cylinder(name: str, x: float, y: float, low_z: float, high_z: float, radius: float) -> Solid:
     """An upright cylinder, as a prism of 24 sides."""
-    angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    ring = np.column_stack([x + radius * np.cos(angles), y + radius * np.sin(angles)])
-    return hull(name, np.vstack([np.column_stack([ring, np.full(24, z)]) for z in (low_z, high_z)]))
+    T_world_cylinder = transform_from_rpy((x, y, (low_z + high_z) / 2))
+    return _solid(name, trimesh.creation.cylinder(radius, high_z - low_z, sections=24, transform=T_world_cylinder))
 
 
 def walls_around(low_xy: ArrayLike, high_xy: ArrayLike, low_z: float, high_z: float, thickness: float = 0.2) -> list[Solid]:

@@ -44,7 +44,7 @@ class StandingTest:
     def ground_levels(self, x: float, y: float) -> list[float]:
         """Heights of the surfaces at (x, y) with headroom above them, lowest first; empty when there is none."""
         ray = np.array([[x, y, self._top, 0.0, 0.0, -1.0]], np.float32)
-        found = self._scene.list_intersections(o3d.core.Tensor(ray))
+        found = self._scene.list_intersections(o3d.core.Tensor.from_numpy(ray))
         heights = self._top - found["t_hit"].numpy().astype(float)
         order = np.argsort(heights, kind="stable")
         normals_z = self._normals_z[found["primitive_ids"].numpy()]
@@ -66,7 +66,7 @@ class StandingTest:
         down = np.hstack([centre + offsets + 0.9 * UP, np.tile(-UP, (len(offsets), 1))]).astype(np.float32)
         depths = nearest_hits(self._scene, down).astype(float)
         if not np.isfinite(depths).all():
-            return "there is no ground under all of the robot"
+            return self._beside(centre, np.zeros(2), yaw, demand) or "there is no ground under all of the robot"
         ground = centre + offsets + UP * (0.9 - depths)[:, None]
         plane, *_ = np.linalg.lstsq(np.column_stack([ground[:, :2] - centre[:2], np.ones(len(ground))]), ground[:, 2], rcond=None)
         slope = math.atan(math.hypot(plane[0], plane[1]))

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pybullet_simulation.config import SimulationConfig
 
@@ -27,17 +27,17 @@ class SweepProfile:
         """Time from level to level."""
         return float(self.times_s[-1])
 
-    def tilt_at(self, elapsed_s: ArrayLike) -> Array:
+    def tilt_at(self, elapsed_s: Array) -> Array:
         """Tilt at times since the start; level before and after."""
         return np.interp(elapsed_s, self.times_s, self.tilts_rad)
 
-    def rate_at(self, elapsed_s: ArrayLike) -> Array:
+    def rate_at(self, elapsed_s: Array) -> Array:
         """Tilt rate at times since the start; zero before and after."""
         return np.interp(elapsed_s, self.times_s, self.rates_rps)
 
 
 def sweep_profile(config: SimulationConfig) -> SweepProfile:
-    """The profile of a config. On the slow part the rate goes with sin^2(tilt): a ground line lies h / tan(tilt) ahead, so lines are even."""
+    """The profile of a config; its slow part goes with sin^2(tilt), for a ground line lies h / tan(tilt) ahead and lines shall be even."""
 
     def slow(tilt: float) -> float:
         return config.sweep_min_rate_rps + (config.sweep_max_rate_rps - config.sweep_min_rate_rps) * math.sin(tilt) ** 2
@@ -48,7 +48,7 @@ def sweep_profile(config: SimulationConfig) -> SweepProfile:
     tilts, rates = [0.0], [0.0]
     for goal, law in ((config.sweep_start_rad, slew), (config.sweep_end_rad, slow), (0.0, slew)):
         _append_move(tilts, rates, goal, law, config.tilt_acceleration_rps2)
-    return SweepProfile(np.arange(len(tilts)) * STEP_S, np.array(tilts), np.array(rates))
+    return SweepProfile(np.arange(len(tilts), dtype=np.float64) * STEP_S, np.array(tilts), np.array(rates))
 
 
 def _append_move(tilts: list[float], rates: list[float], goal: float, law: Callable[[float], float], acceleration: float) -> None:

@@ -59,11 +59,12 @@ def joined(parts: Sequence[Solid | Surface]) -> tuple[Array, NDArray[np.int32]]:
 def raycasting_scene(vertices: Array, triangles: NDArray[np.int32]) -> o3d.t.geometry.RaycastingScene:
     """A scene for rays against triangles, hit from both sides; one thread, for a tick's rays are too few to share."""
     scene = o3d.t.geometry.RaycastingScene(nthreads=1)
-    scene.add_triangles(np.ascontiguousarray(vertices, np.float32), np.ascontiguousarray(triangles, np.uint32))
+    to_tensor = o3d.core.Tensor.from_numpy
+    scene.add_triangles(to_tensor(np.array(vertices, np.float32, order="C")), to_tensor(np.array(triangles, np.uint32, order="C")))
     return scene
 
 
 def nearest_hits(scene: o3d.t.geometry.RaycastingScene, rays: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N,) distance along each of (N, 6) rays (origin, unit direction) to the first hit; inf where there is none."""
-    hits: NDArray[np.float32] = scene.cast_rays(o3d.core.Tensor(rays), nthreads=1)["t_hit"].numpy()
+    hits: NDArray[np.float32] = scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)["t_hit"].numpy()
     return hits

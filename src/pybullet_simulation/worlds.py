@@ -20,6 +20,8 @@ from pybullet_simulation.world import HeightField, Surface, World, joined
 
 Array = NDArray[np.float64]
 Start = tuple[float, float, float]
+Size = tuple[float, float, float]
+Area = tuple[float, float]
 
 FILE_WALL_BELOW_M, FILE_WALL_ABOVE_M = 0.5, 1.5
 GENTLE_RAD = math.radians(6.0)
@@ -52,9 +54,7 @@ def _ramp(rng: np.random.Generator, start: Start | None) -> Parts:
 def _moon(rng: np.random.Generator, start: Start | None) -> Parts:
     half = MOON_SIDE_M / 2
     if start is not None and max(abs(start[0]), abs(start[1])) > half - 1.0:
-        raise ValueError(
-            f"the robot cannot start at x {start[0]:g} y {start[1]:g}: moon reaches from {-half:g} to {half:g} m, with walls around"
-        )
+        raise ValueError(f"the robot cannot start at x {start[0]:g} y {start[1]:g}: moon ends in walls at {-half:g} and {half:g} m")
     terrain, surface, solids, spot = moon(rng, None if start is None else start[:2])
     return Parts(solids, np.array([spot, spot]), [surface], terrain)
 
@@ -66,15 +66,15 @@ WORLDS: dict[str, Callable[[np.random.Generator, Start | None], Parts]] = {"room
 def load_world(
     name_or_path: str,
     seed: int,
-    size_xyz: tuple[float, float, float] | None = None,
-    area_xy: tuple[float, float] | None = None,
+    size_xyz: Size | None = None,
+    area_xy: Area | None = None,
     start: Start | None = None,
 ) -> World:
     """The world of a name (`WORLDS`) or a file, in metres with z up; the seed sets clutter, terrain and start.
 
     `size_xyz`: size in m over which a height map (.png) is laid, only for those. `area_xy`: bounds a file to so many metres around the
-    start, with walls added. `start`: (x, y, yaw) to start from instead of one chosen by the seed. ValueError when the world is unknown,
-    unreadable or empty, an argument does not fit it, or the robot cannot stand at the start.
+    start, or fewer where the file ends, with walls added. `start`: (x, y, yaw) to start from instead of one chosen by the seed.
+    ValueError when the world is unknown, unreadable or empty, an argument does not fit it, or the robot cannot stand at the start.
     """
     if seed < 0:
         raise ValueError(f"seed {seed} is negative; expected 0 or more")
@@ -102,8 +102,8 @@ def _with_start(name: str, parts: Parts, start: Start | None, rng: np.random.Gen
 
 def _from_file(
     text: str,
-    size_xyz: tuple[float, float, float] | None,
-    area_xy: tuple[float, float] | None,
+    size_xyz: Size | None,
+    area_xy: Area | None,
     start: Start | None,
     rng: np.random.Generator,
 ) -> Parts:
@@ -125,7 +125,7 @@ def _from_file(
     return _from_mesh(read_mesh(path), area_xy, start, rng)
 
 
-def _from_mesh(surface: Surface, area_xy: tuple[float, float] | None, start: Start | None, rng: np.random.Generator) -> Parts:
+def _from_mesh(surface: Surface, area_xy: Area | None, start: Start | None, rng: np.random.Generator) -> Parts:
     bounds = np.array([surface.vertices[:, :2].min(axis=0), surface.vertices[:, :2].max(axis=0)])
     if area_xy is None:
         return Parts([], bounds, [surface], closed=False)
@@ -133,12 +133,13 @@ def _from_mesh(surface: Surface, area_xy: tuple[float, float] | None, start: Sta
     if centre is None:
         centre, _ = choose_start(StandingTest(surface.vertices, surface.triangles, closed=False), bounds, rng)
     low, high = _area_around(centre, area_xy)
+    low, high = np.maximum(low, bounds[0]), np.minimum(high, bounds[1])
     surface = cut_to(surface, low, high)
     # the start was chosen on the whole mesh, so it is the middle of the area; only its neighbourhood is searched again
     return Parts(_walls(low, high, surface), np.array([centre[:2], centre[:2]]), [surface], closed=False)
 
 
-def _from_height_map(height_map: HeightMap, area_xy: tuple[float, float] | None, start: Start | None, rng: np.random.Generator) -> Parts:
+def _from_height_map(height_map: HeightMap, area_xy: Area | None, start: Start | None, rng: np.random.Generator) -> Parts:
     half = np.array(height_map.size_xy) / 2
     if area_xy is None:
         terrain = terrain_between(height_map, -half, half)

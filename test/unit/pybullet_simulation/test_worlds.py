@@ -1,0 +1,152 @@
+"""Worlds: what their makers promise of passages, slopes, starts and errors."""
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from pybullet_simulation import WORLDS, load_world
+from pybullet_simulation.start_pose import StandingTest
+from pybullet_simulation.world import nearest_hits, raycasting_scene
+
+
+def columns(world, xy):
+    """Heights of the highest surface at each of (N, 2) points."""
+    xy = np.asarray(xy, float)
+    rays = np.column_stack([xy, np.full(len(xy), 50.0), np.tile((0.0, 0.0, -1.0), (len(xy), 1))]).astype(np.float32)
+    return 50.0 - nearest_hits(raycasting_scene(world.vertices, world.triangles), rays)
+
+
+@pytest.mark.parametrize("name", sorted(WORLDS))
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_chosen_start_is_flat_and_clear_all_around(name, seed):
+    world = load_world(name, seed)
+    x, y, _ = world.start_xyyaw
+    around = np.linspace(0.0, 2.0 * math.pi, 36, endpoint=False)
+    ring = np.column_stack([x + np.cos(around), y + np.sin(around)])
+    test = StandingTest(world.vertices, world.triangles, closed=True)
+    lowest = [test.ground_levels(float(a), float(b))[0] for a, b in ring]
+    assert np.abs(np.array(lowest) - world.start_z).max() < 0.05
+    level = np.column_stack([np.tile((x, y, world.start_z + 0.5), (36, 1)), np.cos(around), np.sin(around), np.zeros(36)])
+    assert nearest_hits(raycasting_scene(world.vertices, world.triangles), level.astype(np.float32)).min() > 1.09
+
+
+@pytest.mark.parametrize("name", sorted(WORLDS))
+def test_same_seed_gives_the_same_world_and_another_seed_another(name):
+    first, again, other = load_world(name, 3), load_world(name, 3), load_world(name, 4)
+    assert np.array_equal(first.vertices, again.vertices) and first.start_xyyaw == again.start_xyyaw
+    assert first.vertices.shape != other.vertices.shape or not np.array_equal(first.vertices, other.vertices)
+
+
+@pytest.mark.parametrize("name", sorted(WORLDS))
+def test_triangles_index_vertices_and_all_solids_face_outwards(name):
+    world = load_world(name, 1)
+    assert world.triangles.dtype == np.int32 and world.vertices.dtype == np.float64
+    assert 0 <= world.triangles.min() and world.triangles.max() == len(world.vertices) - 1
+    for solid in world.solids:
+        mesh = trimesh.Trimesh(solid.vertices, solid.triangles)
+        assert mesh.is_watertight and mesh.volume > 0.0, solid.name
+
+
+def test_plateau_is_reached_by_the_ramp_and_has_headroom_below():
+    world = load_world("ramp", 1, start=(5.0, 1.0, 0.0))  # under the plateau
+    assert world.start_z == pytest.approx(0.0, abs=1e-5)
+    levels = StandingTest(world.vertices, world.triangles, closed=True).ground_levels(5.0, 1.0)
+    assert levels == pytest.approx([0.0, 2.3], abs=1e-4)
+    along = np.column_stack([np.arange(-6.5, 2.5, 0.1), np.full(90, 1.0)])
+    steps = np.diff(columns(world, along))
+    assert steps.max() == pytest.approx(0.1 * math.tan(math.radians(15.0)), abs=1e-3) and steps.min() > -1e-4
+
+
+def test_moon_is_mostly_gentle_with_a_few_steep_craters():
+    for seed in range(1, 6):
+        field = load_world("moon", seed).heightfield
+        by_y, by_x = np.gradient(field.heights, field.step)
+        slope = np.degrees(np.arctan(np.hypot(by_x, by_y)))
+        assert (slope < 20.0).mean() > 0.9 and slope.max() > 35.0
+
+
+def test_start_that_was_asked_for_is_kept():
+    world = load_world("rooms", 1, start=(-4.0, 0.5, 1.0))
+    assert world.start_xyyaw == (-4.0, 0.5, 1.0) and world.start_z == pytest.approx(0.0, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "text"),
+    [
+        ("rooms", (0.0, 0.0, 0.0), "inside a wall"),
+        ("rooms", (-4.8, 0.0, 0.0), "wall"),
+        ("rooms", (30.0, 0.0, 0.0), "no ground"),
+        ("rooms", (math.nan, 0.0, 0.0), "finite"),
+        ("ramp", (0.0, 1.0, 0.0), "inside a wall or obstacle"),
+        ("moon", (9.9, 0.0, 0.0), "walls"),
+    ],
+)
+def test_start_where_the_robot_cannot_stand_is_refused_with_the_reason(name, start, text):
+    with pytest.raises(ValueError, match=text):
+        load_world(name, 1, start=start)
+
+
+def test_unknown_world_error_lists_the_known_ones():
+    with pytest.raises(ValueError, match="rooms, ramp, moon"):
+        load_world("romms", 1)
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl", ".dae", ".png"])
+def test_missing_and_unreadable_files_are_value_errors(tmp_path, suffix):
+    size = (10.0, 10.0, 1.0) if suffix == ".png" else None
+    with pytest.raises(ValueError, match="there is no world file"):
+        load_world(str(tmp_path / f"none{suffix}"), 1, size)
+    bad = tmp_path / f"bad{suffix}"
+    bad.write_bytes(b"\x00\x01 neither mesh nor picture")
+    with pytest.raises(ValueError, match="cannot read|is empty"):
+        load_world(str(bad), 1, size)
+
+
+def test_arguments_that_do_not_fit_the_world_are_refused(tmp_path):
+    floor = tmp_path / "floor.stl"
+    trimesh.creation.box((20.0, 20.0, 0.2)).export(floor)
+    picture = tmp_path / "flat.png"
+    Image.new("L", (16, 16)).save(picture)
+    for arguments in [
+        ("rooms", 1, (1.0, 1.0, 1.0)),
+        ("rooms", 1, None, (5.0, 5.0)),
+        ("rooms", -1),
+        (str(floor), 1, (1.0, 1.0, 1.0)),
+        (str(floor), 1, None, (1.0, 1.0)),
+        (str(picture), 1),
+        (str(picture), 1, (10.0, -1.0, 1.0)),
+    ]:
+        with pytest.raises(ValueError):
+            load_world(*arguments)
+
+
+@pytest.mark.parametrize("suffix", [".obj", ".ply", ".stl"])
+def test_mesh_file_is_bounded_to_the_area_with_walls(tmp_path, suffix):
+    floor = tmp_path / f"floor{suffix}"
+    trimesh.creation.box((60.0, 60.0, 0.2)).export(floor)
+    world = load_world(str(floor), 1, area_xy=(8.0, 6.0), start=(3.0, 2.0, 0.5))
+    assert world.start_z == pytest.approx(0.1, abs=1e-5)
+    assert world.extent[:, :2] == pytest.approx(np.array([[3.0 - 4.2, 2.0 - 3.2], [3.0 + 4.2, 2.0 + 3.2]]), abs=1e-6)
+    assert world.extent[1, 2] == pytest.approx(0.1 + 1.5)
+
+
+def test_mesh_without_ground_to_start_on_is_refused(tmp_path):
+    pole = tmp_path / "pole.stl"
+    trimesh.creation.box((0.3, 0.3, 5.0)).export(pole)
+    with pytest.raises(ValueError, match="no flat ground"):
+        load_world(str(pole), 1)
+
+
+@pytest.mark.parametrize(("mode", "top"), [("L", 255), ("I;16", 65535)])
+def test_height_map_spans_its_size_with_the_first_row_at_the_highest_y(tmp_path, mode, top):
+    grey = np.zeros((33, 33), np.uint8 if mode == "L" else np.uint16)
+    grey[:8, :] = top  # a terrace along the upper border of the picture
+    path = tmp_path / "terrace.png"
+    Image.fromarray(grey).save(path)
+    world = load_world(str(path), 1, (16.0, 16.0, 2.0), start=(0.0, -4.0, 0.0))
+    field = world.heightfield
+    assert field.heights[-1].min() == pytest.approx(2.0, abs=0.02) and field.heights[0].max() == pytest.approx(0.0, abs=0.02)
+    assert world.extent[:, :2] == pytest.approx(np.array([[-8.0, -8.0], [8.0, 8.0]]), abs=field.step)
