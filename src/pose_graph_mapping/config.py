@@ -15,7 +15,7 @@ class RegistrationConfig:
     normal_neighbours: int = parameter(20, "-", "neighbours of a normal; fewer are useless at centimetres of noise", low=5, high=100)
     coarse_distance_m: float = parameter(1.0, "m", "largest distance of matched points, first stage", low=0.01)
     fine_distance_m: float = parameter(0.3, "m", "largest distance of matched points, second stage", low=0.01)
-    max_iterations: int = parameter(40, "-", "most iterations of a stage", low=1, high=1000)
+    max_iterations: int = parameter(20, "-", "most iterations of a stage; along a corridor more of them only slide", low=1, high=1000)
     facing_away_cos: float = parameter(
         -0.1, "-", "reference points whose normal makes a cosine below this with the sensor are left out", low=-1.0, high=0.0
     )
@@ -61,7 +61,7 @@ class RegistrationConfig:
     chain_min_rotation_rad: float = parameter(0.0001, "rad", ".. if they turn less than this too", low=0.0)
     chain_smooth_length: int = parameter(3, "-", "number of steps in that mean", low=1, high=20)
     chain_degenerate_share: float = parameter(
-        0.005, "-", "eigenvalue by match (1: every point holds it) under which a direction is unconstrained", low=0.0, high=1.0
+        0.0035, "-", "eigenvalue by match (1: every point holds it) under which a direction is unconstrained", low=0.0, high=1.0
     )
 
     def validate(self) -> list[str]:

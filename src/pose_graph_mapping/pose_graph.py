@@ -129,17 +129,19 @@ class PoseGraph:
         return distance
 
     def optimise(self) -> None:
-        """Move all vertices to the likeliest poses (Levenberg-Marquardt, batch); the first keeps position and heading."""
+        """Move all vertices to the likeliest poses (Levenberg-Marquardt, batch); the first keeps position and heading.
+
+        A loop after much drift starts so far out that a robust loss hardly feels it. So with loops a second start is the solution that
+        trusts them, and the better of both ends stays: a true loop closes, a false one, dearer to follow than to ignore, does not.
+        """
         if len(self._poses) < 2 and not self._gravity:
             return
-        values = gtsam.Values()
-        for k, T in enumerate(self._poses):
-            values.insert(k, gtsam.Pose3(T))
-        params = gtsam.LevenbergMarquardtParams()
-        params.setMaxIterations(100)
-        params.setRelativeErrorTol(1e-9)
-        found = gtsam.LevenbergMarquardtOptimizer(self._factors(), values, params).optimize()
-        self._poses = [orthonormal(np.asarray(found.atPose3(k).matrix())) for k in range(len(self._poses))]
+        values, factors = self._values(), self._factors(robust=True)
+        ends = [_minimised(factors, values)]
+        if any(edge.kind is EdgeKind.LOOP for edge in self._edges):
+            ends.append(_minimised(factors, _minimised(self._factors(robust=False), values)))
+        best = min(ends, key=factors.error)
+        self._poses = [orthonormal(np.asarray(best.atPose3(k).matrix())) for k in range(len(self._poses))]
 
     def g2o_text(self) -> str:
         """VERTEX_SE3:QUAT and EDGE_SE3:QUAT lines; kinds of edges as comments, measured gravity is not part of the format."""
@@ -195,21 +197,27 @@ class PoseGraph:
             found[edge.j].add(edge.i)
         return [sorted(ids) for ids in found]
 
-    def _factors(self) -> gtsam.NonlinearFactorGraph:
+    def _values(self) -> gtsam.Values:
+        values = gtsam.Values()
+        for k, T in enumerate(self._poses):
+            values.insert(k, gtsam.Pose3(T))
+        return values
+
+    def _factors(self, robust: bool) -> gtsam.NonlinearFactorGraph:
         factors = gtsam.NonlinearFactorGraph()
         factors.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(self._poses[0]), self._prior_noise()))
         for edge in self._edges:
-            factors.add(gtsam.BetweenFactorPose3(edge.i, edge.j, gtsam.Pose3(edge.T_i_j), self._edge_noise(edge)))
+            factors.add(gtsam.BetweenFactorPose3(edge.i, edge.j, gtsam.Pose3(edge.T_i_j), self._edge_noise(edge, robust)))
         up_map = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
         for measured in self._gravity:
             sigma = gtsam.noiseModel.Isotropic.Sigma(2, measured.sigma_rad)
             factors.add(gtsam.AttitudeFactorPose3(measured.vertex_id, up_map, sigma, gtsam.Unit3(measured.up_body)))
         return factors
 
-    def _edge_noise(self, edge: Edge) -> gtsam.noiseModel.Base:
+    def _edge_noise(self, edge: Edge, robust: bool) -> gtsam.noiseModel.Base:
         """Gaussian; for a loop under Cauchy's loss, which one false edge among true ones cannot bend."""
         gaussian = gtsam.noiseModel.Gaussian.Covariance(edge.covariance)
-        if edge.kind is not EdgeKind.LOOP:
+        if edge.kind is not EdgeKind.LOOP or not robust:
             return gaussian
         return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(self._cauchy_k), gaussian)
 
@@ -217,6 +225,13 @@ class PoseGraph:
         """The first vertex holds position and heading; its tilt is left to the measured gravity, where there is any."""
         tilt = _FREE_TILT_SIGMA_RAD if self._gravity else _PRIOR_SIGMA
         return gtsam.noiseModel.Diagonal.Sigmas(np.array([tilt, tilt, _PRIOR_SIGMA, _PRIOR_SIGMA, _PRIOR_SIGMA, _PRIOR_SIGMA]))
+
+
+def _minimised(factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> gtsam.Values:
+    params = gtsam.LevenbergMarquardtParams()
+    params.setMaxIterations(100)
+    params.setRelativeErrorTol(1e-9)
+    return gtsam.LevenbergMarquardtOptimizer(factors, start, params).optimize()
 
 
 def orthonormal(T: Array) -> Array:

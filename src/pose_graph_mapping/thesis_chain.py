@@ -14,7 +14,7 @@ import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 
-from pose_graph_mapping.cloud import PointCloud, moved_points, voxel_downsample, with_normals
+from pose_graph_mapping.cloud import PointCloud, moved_points, reference_cloud, voxel_downsample, with_normals
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.gicp import in_reach, overlap_of
 from pose_graph_mapping.match_quality import (
@@ -56,11 +56,11 @@ class _Matches:
 
 @dataclass(frozen=True, eq=False)
 class _Pair:
-    """Both clouds behind the data filters, and the reference before them: averaged origins would tell nothing about free space."""
+    """Both clouds behind the data filters, and the reference before sweeps were averaged: free space needs true origins."""
 
     reference: PointCloud
     reading: PointCloud
-    unfiltered_reference: PointCloud
+    reference_sweeps: PointCloud
 
 
 class _Differential:
@@ -90,6 +90,7 @@ class ThesisChainRegistration:
         if len(reference) == 0 or len(reading) == 0:
             raise ValueError(f"clouds to match must hold points: reference has {len(reference)}, reading {len(reading)}")
         seen = in_reach(reference, reading, T_guess, config.chain_max_distance_m)
+        seen = reference_cloud(seen, config.voxel_m, config.normal_neighbours)
         filtered = _Pair(self._filtered(seen), self._filtered(reading), seen)
         sizes = len(filtered.reference), len(filtered.reading)
         if min(sizes) < config.min_points:
@@ -153,7 +154,7 @@ class ThesisChainRegistration:
         T = keep_guess(*guess_and_match, weak)
         covariance = match_covariance(_censi(jacobian, matches.sigmas, weak), weak, config)
         overlap = overlap_of(tree, moved_points(T, reading.points), config.overlap_distance_m)
-        contradiction = free_space_contradiction(clouds.unfiltered_reference, reading, T, config)
+        contradiction = free_space_contradiction(clouds.reference_sweeps, reading, T, config)
         verdict, reason = judge(overlap, contradiction, weak, config)
         ratio = len(jacobian) / len(reading)
         return RegistrationResult(T, covariance, ratio, overlap, contradiction, iterations, weak.directions, verdict, reason)

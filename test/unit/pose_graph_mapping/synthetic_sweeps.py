@@ -1,0 +1,78 @@
+"""Sweeps of a tilting laser in worlds made of boxes, for the tests of this package and for benchmarks/registration.py."""
+
+import numpy as np
+import open3d as o3d
+
+from rigid_geometry import inverse, transform_from_rpy, transform_points
+
+T_BASE_MOUNT = transform_from_rpy((0.20, 0.0, 0.75))
+T_TILT_LASER = transform_from_rpy((0.03, 0.0, 0.04))
+
+
+def box(centre, size):
+    """A triangle mesh of a box, `size` metres along x, y, z."""
+    mesh = o3d.geometry.TriangleMesh.create_box(*size)
+    return mesh.translate(np.asarray(centre) - 0.5 * np.asarray(size))
+
+
+def world_of(boxes):
+    """A scene to cast rays in, of (centre, size) boxes."""
+    scene = o3d.t.geometry.RaycastingScene()
+    for centre, size in boxes:
+        scene.add_triangles(o3d.t.geometry.TriangleMesh.from_legacy(box(centre, size)))
+    return scene
+
+
+def furnished_room(length=9.0, width=7.0):
+    """Floor, four walls 2.5 m high and furniture without symmetry."""
+    walls = [
+        ((0, 0, -0.05), (length + 1, width + 1, 0.1)),
+        ((length / 2, 0, 1.25), (0.1, width, 2.5)),
+        ((-length / 2, 0, 1.25), (0.1, width, 2.5)),
+        ((0, width / 2, 1.25), (length, 0.1, 2.5)),
+        ((0, -width / 2, 1.25), (length, 0.1, 2.5)),
+    ]
+    furniture = [
+        ((2.5, 2.0, 0.4), (1.0, 0.6, 0.8)),
+        ((-3.0, 1.0, 0.6), (0.5, 1.5, 1.2)),
+        ((1.0, -2.5, 0.9), (0.4, 0.4, 1.8)),
+        ((-1.5, -2.8, 0.3), (2.0, 0.5, 0.6)),
+    ]
+    return walls + furniture
+
+
+def corridor(length=80.0, width=2.4):
+    """Floor, ceiling and two smooth walls along x; nothing within sight holds a position along it."""
+    return [
+        ((0, 0, -0.05), (length, width + 1, 0.1)),
+        ((0, 0, 2.55), (length, width + 1, 0.1)),
+        ((0, width / 2, 1.25), (length, 0.1, 2.5)),
+        ((0, -width / 2, 1.25), (length, 0.1, 2.5)),
+    ]
+
+
+def sweep(scene, T_map_base, rng, lines=120, beams=361, sigma_m=0.01, max_range_m=30.0):
+    """(points (N, 3), origins (N, 3)) in base_link of one sweep of the laser from +165 to -35 degrees of tilt."""
+    angles = np.radians(np.linspace(-135, 135, beams))
+    fan = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(beams)])
+    starts, directions = [], []
+    for tilt in np.radians(np.linspace(165, -35, lines)):
+        T_base_laser = T_BASE_MOUNT @ transform_from_rpy((0, 0, 0), (0.0, tilt, 0.0)) @ T_TILT_LASER
+        starts.append(np.tile(T_base_laser[:3, 3], (beams, 1)))
+        directions.append(fan @ T_base_laser[:3, :3].T)
+    starts, directions = np.concatenate(starts), np.concatenate(directions)
+    rays = np.hstack([transform_points(T_map_base, starts), directions @ T_map_base[:3, :3].T]).astype(np.float32)
+    ranges = scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy().astype(float)
+    hit = np.isfinite(ranges) & (ranges > 0.1) & (ranges < max_range_m)
+    ranges = ranges[hit] + rng.normal(0.0, sigma_m, np.count_nonzero(hit))
+    return starts[hit] + directions[hit] * ranges[:, None], starts[hit]
+
+
+def pose(x, y, yaw=0.0, z=0.132, roll=0.0, pitch=0.0):
+    """T_map_base of a robot on a floor at height 0."""
+    return transform_from_rpy((x, y, z), (roll, pitch, yaw))
+
+
+def relative(T_map_a, T_map_b):
+    """T_a_b."""
+    return inverse(T_map_a) @ T_map_b

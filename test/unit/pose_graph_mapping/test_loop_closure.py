@@ -1,0 +1,129 @@
+"""Algorithm 2 on literal graphs. Vertices are numbers on the page, distances are metres."""
+
+import numpy as np
+import pytest
+
+from pose_graph_mapping.cloud import PointCloud
+from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.loop_closure import (
+    add_neighbours,
+    detect_loop_closures,
+    find_closest_vertex,
+    find_groups,
+    find_vertices_in_range,
+)
+from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph
+from pose_graph_mapping.registration import RegistrationResult, Verdict
+from rigid_geometry import inverse, transform_from_rpy
+
+#   A hairpin, 2 m between columns, 4 m between rows:
+#
+#   9  8  7  6
+#            5   <- halfway
+#   0  1  2  3  4
+HAIRPIN = [(0, 0), (2, 0), (4, 0), (6, 0), (8, 0), (7, 2), (6, 4), (4, 4), (2, 4), (0, 4)]
+COVARIANCE = np.diag([1e-4] * 3 + [1e-3] * 3)
+CONFIG = MappingConfig(loop_min_dist_m=8.0, loop_max_dist_m=5.0)
+
+
+def graph_of(positions):
+    graph = PoseGraph()
+    for k, (x, y) in enumerate(positions):
+        graph.add_vertex(transform_from_rpy((x, y, 0.0)))
+        if k:
+            graph.add_edge(k - 1, k, inverse(graph.pose(k - 1)) @ graph.pose(k), COVARIANCE, EdgeKind.ODOMETRY)
+    return graph
+
+
+def matcher(verdict=Verdict.ACCEPTED, ratio=0.9, correction=None):
+    calls = []
+
+    def match(reference, reading, T_guess):
+        calls.append((reference, reading, T_guess))
+        T = T_guess if correction is None else T_guess @ correction
+        return RegistrationResult(T, COVARIANCE, ratio, 0.9, 0.0, 5, np.zeros((0, 6)), verdict, "fake")
+
+    return match, calls
+
+
+def clouds_of(graph):
+    return [PointCloud([[float(k), 0.0, 0.0]]) for k in range(len(graph))]
+
+
+def test_range_is_near_in_a_straight_line_and_far_along_edges():
+    graph = graph_of(HAIRPIN)
+    assert find_vertices_in_range(graph, 9, 8.0, 5.0) == [0, 1]
+    assert find_vertices_in_range(graph, 9, 8.0, 4.0) == [0]
+    assert find_vertices_in_range(graph, 9, 30.0, 5.0) == []
+
+
+def test_directly_connected_vertices_are_never_candidates():
+    graph = graph_of(HAIRPIN)
+    graph.add_edge(0, 9, np.eye(4), COVARIANCE, EdgeKind.LOOP)
+    assert find_vertices_in_range(graph, 9, 8.0, 5.0) == []
+
+
+def test_neighbours_join_when_they_are_far_along_edges_too():
+    graph = graph_of(HAIRPIN)
+    assert add_neighbours(graph, [0], 9, 8.0, 5.0) == [0, 1]
+    assert add_neighbours(graph, [1], 9, 8.0, 5.0) == [0, 1, 2]
+    assert add_neighbours(graph, [6], 9, 8.0, 5.0) == [5, 6]  # 7 is only 4 m along
+
+
+def test_groups_are_places_apart():
+    graph = graph_of([(0, 0), (1, 0), (2, 0), (20, 0), (21, 0), (40, 0)])
+    assert find_groups(graph, [0, 1, 2, 3, 4, 5], 2, 4.0) == [[0, 1, 2], [3, 4], [5]]
+    assert find_groups(graph, [5, 0], 2, 4.0) == [[0], [5]]
+    assert find_groups(graph, [], 2, 4.0) == []
+
+
+def test_closest_is_by_straight_distance_and_the_older_of_equals():
+    graph = graph_of(HAIRPIN)
+    assert find_closest_vertex(graph, [0, 1, 2], 9) == 0
+    assert find_closest_vertex(graph, [7, 1], 8) == 7
+    assert find_closest_vertex(graph_of([(-1, 0), (1, 0), (0, 0)]), [0, 1], 2) == 0
+
+
+def test_hairpin_is_closed_once_with_the_closest_vertex():
+    graph, (match, calls) = graph_of(HAIRPIN), matcher()
+    found = detect_loop_closures(graph, clouds_of(graph), match, CONFIG)
+    assert [(loop.closest_vertex, loop.closed) for loop in found] == [(0, True)]
+    assert graph.edges()[-1] == (0, 9, EdgeKind.LOOP)
+    reference, reading, T_guess = calls[0]
+    assert (reference.points[0, 0], reading.points[0, 0]) == (0.0, 9.0)
+    np.testing.assert_allclose(T_guess, transform_from_rpy((0.0, 4.0, 0.0)), atol=1e-6)
+
+
+def test_loop_pulls_the_last_vertex_to_where_the_match_puts_it():
+    graph, (match, _) = graph_of(HAIRPIN), matcher(correction=transform_from_rpy((0.0, -0.05, 0.0)))
+    detect_loop_closures(graph, clouds_of(graph), match, CONFIG)
+    assert graph.pose(9)[1, 3] < 3.98
+
+
+@pytest.mark.parametrize(
+    ("verdict", "ratio", "correction"),
+    [
+        (Verdict.REFUSED, 0.9, None),
+        (Verdict.DEGENERATE, 0.9, None),
+        (Verdict.ACCEPTED, 0.4, None),
+        (Verdict.ACCEPTED, 0.9, transform_from_rpy((3.0, 0, 0))),
+        (Verdict.ACCEPTED, 0.9, transform_from_rpy((0, 0, 0), (0, 0, 2.0))),
+    ],
+)
+def test_doubtful_match_gives_no_edge(verdict, ratio, correction):
+    graph, (match, calls) = graph_of(HAIRPIN), matcher(verdict, ratio, correction)
+    found = detect_loop_closures(graph, clouds_of(graph), match, CONFIG)
+    assert len(calls) == 1 and not found[0].closed
+    assert EdgeKind.LOOP not in [kind for *_, kind in graph.edges()]
+
+
+def test_vertex_too_few_sweeps_ago_is_not_even_matched():
+    graph, (match, calls) = graph_of(HAIRPIN), matcher()
+    assert detect_loop_closures(graph, clouds_of(graph), match, MappingConfig(loop_min_dist_match=9)) == []
+    assert calls == []
+
+
+def test_straight_drive_has_no_loops():
+    graph, (match, calls) = graph_of([(3.0 * k, 0) for k in range(12)]), matcher()
+    assert detect_loop_closures(graph, clouds_of(graph), match, CONFIG) == []
+    assert calls == []

@@ -1,0 +1,244 @@
+"""Algorithm 1 with matchers that are perfect, absent or wrong, and once with the real one in a simulated room."""
+
+import numpy as np
+import pytest
+
+from pose_graph_mapping.config import MappingConfig, RegistrationConfig
+from pose_graph_mapping.mapper import PoseGraphMapper, levelled, odometry_covariance
+from pose_graph_mapping.pose_graph import EdgeKind
+from pose_graph_mapping.registration import RegistrationResult, Verdict, create_registration, refused
+from rigid_geometry import inverse, tilt_angle, transform_from_rpy, translation_distance
+from synthetic_sweeps import furnished_room, pose, sweep, world_of
+
+COVARIANCE = np.diag([1e-6] * 3 + [1e-5] * 3)
+UP = (0.0, 0.0, 1.0)
+
+
+def any_sweep(seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-3, 3, (600, 3)), np.tile([0.2, 0.0, 0.8], (600, 1))
+
+
+def result_at(T, verdict=Verdict.ACCEPTED, ratio=0.9):
+    return RegistrationResult(T, COVARIANCE, ratio, 0.9, 0.0, 4, np.zeros((0, 6)), verdict, "fake")
+
+
+class Oracle:
+    """A matcher that knows the true poses; loops are asked for in the frame of another vertex."""
+
+    def __init__(self, truth):
+        self.truth, self.guesses, self.sizes = truth, [], []
+
+    def __call__(self, reference, reading, T_guess):
+        self.guesses.append(T_guess)
+        self.sizes.append(len(reference))
+        return result_at(min(self.truth, key=lambda T: translation_distance(T, T_guess)))
+
+
+def never(reference, reading, T_guess):
+    return refused(T_guess, "nothing matches")
+
+
+def line_of(count=6, step=2.0):
+    return [transform_from_rpy((step * k, 0.1 * k, 0.132), (0, 0, 0.05 * k)) for k in range(count)]
+
+
+def drive(mapper, odometry, **values):
+    return [mapper.add_sweep(10.0 * k, *any_sweep(k), T, **values) for k, T in enumerate(odometry)]
+
+
+def drifting(truth, per_step):
+    poses = [truth[0]]
+    for a, b in zip(truth, truth[1:], strict=False):
+        poses.append(poses[-1] @ inverse(a) @ b @ per_step)
+    return poses
+
+
+def test_exact_odometry_gives_exact_poses_and_no_correction():
+    truth = line_of()
+    update = drive(PoseGraphMapper(MappingConfig(), Oracle(truth)), truth)[-1]
+    np.testing.assert_allclose(update.vertex_poses, truth, atol=1e-7)
+    np.testing.assert_allclose(update.T_map_odom, np.eye(4), atol=1e-7)
+
+
+def test_exact_odometry_alone_gives_exact_poses():
+    truth = line_of()
+    updates = drive(PoseGraphMapper(MappingConfig(), never), truth)
+    np.testing.assert_allclose(updates[-1].vertex_poses, truth, atol=1e-7)
+    assert not any(update.match_used for update in updates)
+
+
+def test_perfect_matches_undo_the_drift_of_odometry():
+    truth = line_of(10)
+    odometry = drifting(truth, transform_from_rpy((0.05, -0.04, 0.0), (0, 0, 0.03)))
+    update = drive(PoseGraphMapper(MappingConfig(), Oracle(truth)), odometry)[-1]
+    assert translation_distance(odometry[-1], truth[-1]) > 1.0
+    assert max(translation_distance(a, b) for a, b in zip(update.vertex_poses, truth, strict=True)) < 0.002
+    np.testing.assert_allclose(update.T_map_odom @ odometry[-1], update.vertex_poses[-1], atol=1e-9)
+
+
+def test_guess_is_the_last_vertex_moved_by_odometry():
+    truth = line_of(4)
+    odometry = drifting(truth, transform_from_rpy((0.1, 0.0, 0.0)))
+    oracle = Oracle(truth)
+    mapper = PoseGraphMapper(MappingConfig(), oracle)
+    for k, T in enumerate(odometry):
+        before = mapper.graph.poses()
+        mapper.add_sweep(float(k), *any_sweep(k), T)
+        if k:
+            np.testing.assert_allclose(oracle.guesses[-1], before[-1] @ inverse(odometry[k - 1]) @ T, atol=1e-9)
+
+
+def test_first_sweep_takes_the_pose_of_odometry():
+    T = transform_from_rpy((3, 1, 0.2), (0, 0, 0.7))
+    update = PoseGraphMapper(MappingConfig(), never).add_sweep(1.0, *any_sweep(), T)
+    assert update.result is None and update.vertex_id == 0 and update.tries == 0
+    np.testing.assert_allclose(update.vertex_poses, [T], atol=1e-9)
+    np.testing.assert_allclose(update.T_map_odom, np.eye(4), atol=1e-9)
+
+
+def test_first_sweep_is_levelled_by_gravity():
+    T_odom_base = transform_from_rpy((3, 1, 0.2), (0.04, -0.06, 0.7))
+    update = PoseGraphMapper(MappingConfig(), never).add_sweep(1.0, *any_sweep(), T_odom_base, gravity_base=UP)
+    T = update.vertex_poses[0]
+    assert tilt_angle(T) < 1e-6
+    np.testing.assert_allclose(T[:3, 3], [3, 1, 0.2], atol=1e-6)
+    np.testing.assert_allclose(update.T_map_odom @ T_odom_base, T, atol=1e-9)
+
+
+def test_levelled_turns_measured_up_to_the_maps_z_and_leaves_level_poses_alone():
+    up = np.array([0.1, -0.2, 0.95])
+    T = levelled(transform_from_rpy((1, 2, 3), (0.3, 0.1, 1.0)), up)
+    np.testing.assert_allclose(T[:3, :3] @ up / np.linalg.norm(up), UP, atol=1e-12)
+    level = transform_from_rpy((1, 2, 3), (0, 0, 1.0))
+    np.testing.assert_array_equal(levelled(level, np.array(UP)), level)
+
+
+def test_refused_match_leaves_an_odometry_edge_and_says_so():
+    truth = line_of(3)
+    mapper = PoseGraphMapper(MappingConfig(), never)
+    updates = drive(mapper, truth)
+    assert mapper.graph.edges() == [(0, 1, EdgeKind.ODOMETRY), (1, 2, EdgeKind.ODOMETRY)]
+    assert updates[1].result.verdict is Verdict.REFUSED and updates[1].tries == 3
+
+
+def test_three_tries_take_the_area_then_the_last_sweep_then_a_wider_area():
+    truth, sizes = line_of(8), []
+
+    def match(reference, reading, T_guess):
+        sizes.append(round(len(reference) / 600, 1))
+        return refused(T_guess, "never")
+
+    drive(PoseGraphMapper(MappingConfig(graph_dist_m=4.1, vertex_voxel_m=0.01), match), truth)
+    assert sizes[-3:] == pytest.approx([3.0, 1.0, 5.0], abs=0.1)
+
+
+def test_later_try_that_matches_is_used():
+    truth, calls = line_of(3), []
+
+    def match(reference, reading, T_guess):
+        calls.append(len(reference))
+        return result_at(T_guess) if len(calls) % 3 == 0 else refused(T_guess, "not yet")
+
+    updates = drive(PoseGraphMapper(MappingConfig(), match), truth)
+    assert [(u.match_used, u.tries) for u in updates] == [(False, 0), (True, 3), (True, 3)]
+
+
+@pytest.mark.parametrize("jump", [transform_from_rpy((2.0, 0, 0)), transform_from_rpy((0, 0, 0), (0, 0, np.pi))])
+def test_match_that_moves_the_prediction_beyond_reason_is_refused(jump):
+    truth = line_of(3)
+    updates = drive(PoseGraphMapper(MappingConfig(), lambda a, b, T: result_at(T @ jump)), truth)
+    assert updates[-1].result.verdict is Verdict.REFUSED and "moves the prediction" in updates[-1].result.reason
+    np.testing.assert_allclose(updates[-1].vertex_poses, truth, atol=1e-7)
+
+
+def test_degenerate_match_gives_an_edge():
+    mapper = PoseGraphMapper(MappingConfig(), lambda a, b, T: result_at(T, Verdict.DEGENERATE))
+    drive(mapper, line_of(2))
+    assert mapper.graph.edges() == [(0, 1, EdgeKind.ODOMETRY), (0, 1, EdgeKind.MATCH)]
+
+
+def hairpin():
+    return [transform_from_rpy((x, y, 0.132)) for x, y in [(0, 0), (3, 0), (6, 0), (9, 0), (9, 3), (6, 3), (3, 3), (0, 3), (-1, 2)]]
+
+
+def test_loop_closure_moves_the_drift_out_and_the_next_sweep_starts_from_there():
+    truth = hairpin()
+    odometry = drifting(truth, transform_from_rpy((0.05, 0.05, 0.0), (0, 0, 0.02)))
+    config = MappingConfig(loop_max_dist_m=4.0, loop_min_dist_m=8.0)
+    guesses = []
+
+    def match(reference, reading, T_guess):
+        k = int(np.argmin([np.abs(reading.points.mean(axis=0) - any_sweep(k)[0].mean(axis=0)).sum() for k in range(len(truth))]))
+        if abs(len(reference) - len(reading)) < 30 and translation_distance(T_guess, np.eye(4)) < 4.5 and k >= 7:
+            return result_at(inverse(truth[0]) @ truth[k]) if config_open[0] else refused(T_guess, "no")
+        guesses.append(T_guess)
+        return refused(T_guess, "odometry only")
+
+    config_open = [True]
+    mapper = PoseGraphMapper(config, match)
+    updates = drive(mapper, odometry[:8])
+    assert updates[-1].loop_closures == 1
+    assert updates[-1].max_vertex_motion_m > 0.05
+    assert translation_distance(updates[-1].vertex_poses[-1], truth[7]) < 0.1 < translation_distance(odometry[7], truth[7])
+    config_open[0], corrected = False, mapper.graph.pose(7)
+    last = mapper.add_sweep(1000.0, *any_sweep(8), odometry[8])
+    np.testing.assert_allclose(guesses[-1], corrected @ inverse(odometry[7]) @ odometry[8], atol=1e-9)
+    assert last.last_vertex_correction_m > 0.05
+
+
+def test_odometry_covariance_grows_with_distance_and_turning():
+    config = MappingConfig()
+    still, far = odometry_covariance(np.eye(4), config), odometry_covariance(transform_from_rpy((5, 0, 0)), config)
+    turned = odometry_covariance(transform_from_rpy((0, 0, 0), (0, 0, 1.5)), config)
+    assert far[3, 3] > still[3, 3] and far[2, 2] > still[2, 2]
+    assert turned[2, 2] > far[2, 2] and turned[3, 3] > still[3, 3]
+
+
+def test_given_odometry_covariance_is_added():
+    mapper = PoseGraphMapper(MappingConfig(), never)
+    drive(mapper, line_of(2), odom_covariance=np.eye(6))
+    assert np.diag(mapper.graph.measurements()[0].covariance).min() > 1.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"stamp_s": 0.0}, "stamps must increase"),
+        ({"stamp_s": float("nan")}, "stamps must increase"),
+        ({"points_base": np.zeros((0, 3)), "origins_base": np.zeros((0, 3))}, "0 finite points"),
+        ({"points_base": np.full((600, 3), np.nan)}, "600 dropped"),
+        ({"T_odom_base": np.full((4, 4), np.nan)}, "transform"),
+        ({"odom_covariance": np.zeros((6, 6))}, "positive definite"),
+        ({"gravity_base": (0, 0, 0)}, "up direction"),
+        ({"gravity_base": UP, "gravity_sigma_rad": 0.0}, "gravity_sigma_rad"),
+    ],
+)
+def test_bad_input_is_an_error_and_changes_nothing(changes, message):
+    mapper = PoseGraphMapper(MappingConfig(), never)
+    points, origins = any_sweep()
+    good = {"stamp_s": 1.0, "points_base": points, "origins_base": origins, "T_odom_base": np.eye(4)}
+    mapper.add_sweep(**good)
+    before = mapper.graph.g2o_text()
+    with pytest.raises(ValueError, match=message):
+        mapper.add_sweep(**{**good, "stamp_s": 2.0, **changes})
+    assert mapper.graph.g2o_text() == before and mapper.stamps_s == (1.0,)
+    assert mapper.add_sweep(**{**good, "stamp_s": 2.0}).vertex_id == 1
+
+
+def test_dropped_points_are_counted():
+    points, origins = any_sweep()
+    points[:7] = np.nan
+    assert PoseGraphMapper(MappingConfig(), never).add_sweep(0.0, points, origins, np.eye(4)).points_dropped == 7
+
+
+def test_simulated_room_is_mapped_within_centimetres_of_drifting_odometry():
+    rng, scene = np.random.default_rng(21), world_of(furnished_room())
+    truth = [pose(-2.5, -1, 0.0), pose(-1.2, -1, 0.2), pose(0.0, -0.6, 0.5), pose(1.0, 0.2, 1.0)]
+    odometry = drifting(truth, transform_from_rpy((0.08, -0.06, 0.0), (0, 0, 0.08)))
+    mapper = PoseGraphMapper(MappingConfig(), create_registration(RegistrationConfig()).match)
+    for k, (T_true, T_odom) in enumerate(zip(truth, odometry, strict=True)):
+        update = mapper.add_sweep(float(k), *sweep(scene, T_true, rng), T_odom, gravity_base=T_true[2, :3])
+    assert translation_distance(odometry[-1], truth[-1]) > 0.25
+    assert max(translation_distance(a, b) for a, b in zip(update.vertex_poses, truth, strict=True)) < 0.02
+    assert len(mapper.map_cloud()) > 1000
