@@ -72,7 +72,7 @@ py::tuple column_runs(Tree& self, const Corner& lo, const Corner& hi) {
                         to_numpy(std::move(runs.z_lo)), to_numpy(std::move(runs.z_hi)), to_numpy(std::move(runs.occupied)));
 }
 
-// Flat: lowest voxel x, y, z and edge length, in voxels, of every occupied leaf.
+// Flat: lowest voxel x, y, z and edge length, in voxels, of every occupied cube.
 py::array_t<int> occupied_leaves(Tree& self) {
   std::vector<int> flat;
   locked(self, [&](const OccupancyTree& tree) {

@@ -159,12 +159,24 @@ std::vector<Leaf> OccupancyTree::leaves(const VoxelBox& box) const {
   return out;
 }
 
-void OccupancyTree::collect(const Node* node, const Voxel& corner, int size, const VoxelBox& box, std::vector<Leaf>& out) const {
-  if (disjoint(corner, size, box)) return;
-  if (!nodeHasChildren(node)) return void(out.emplace_back(corner, size, isNodeOccupied(node)));
-  for (unsigned i = 0; i < 8; ++i) {
-    if (nodeChildExists(node, i)) collect(getNodeChild(node, i), child_corner(corner, size / 2, i), size / 2, box, out);
+// Appends the leaves below a node; where they fill it and agree, takes them back for one. Gives the state of the whole node,
+// unknown unless it has a single one.
+State OccupancyTree::collect(const Node* node, const Voxel& corner, int size, const VoxelBox& box, std::vector<Leaf>& out) const {
+  if (disjoint(corner, size, box)) return kUnknown;
+  if (!nodeHasChildren(node)) {
+    out.emplace_back(corner, size, isNodeOccupied(node));
+    return out.back().occupied() ? kOccupied : kFree;
   }
+  const std::size_t begin = out.size();
+  State states[8];
+  for (unsigned i = 0; i < 8; ++i) {
+    states[i] = nodeChildExists(node, i) ? collect(getNodeChild(node, i), child_corner(corner, size / 2, i), size / 2, box, out) : kUnknown;
+  }
+  const bool alike = std::all_of(states, states + 8, [&](State state) { return state == states[0]; });
+  if (!alike || states[0] == kUnknown) return kUnknown;
+  out.erase(out.begin() + static_cast<std::ptrdiff_t>(begin), out.end());
+  out.emplace_back(corner, size, states[0] == kOccupied);
+  return states[0];
 }
 
 namespace {

@@ -44,7 +44,9 @@ class OccupancyTree : public octomap::OcTree {
   std::size_t occupy_unknown(const VoxelBox& box);              // one hit for every unknown voxel; their number
   void free_known(const VoxelBox& box);                         // as octomap_server's clear_bbx
   State state(const Voxel& v) const;
-  std::vector<Leaf> leaves(const VoxelBox& box) const;          // in octree order: in every column from below to above
+  // What overlaps the box as the fewest cubes of one state, whatever their probabilities, in octree order: in every column
+  // from below to above.
+  std::vector<Leaf> leaves(const VoxelBox& box) const;
   ColumnRuns column_runs(const VoxelBox& box) const;            // the smallest block that holds what is known in the box
   void copy_to(OccupancyTree& empty, const VoxelBox& box) const;
 
@@ -68,7 +70,7 @@ class OccupancyTree : public octomap::OcTree {
   Node* child_for_update(Node* parent, unsigned i, bool& fresh);
   void finish(Node* node);
   void free_known(Node* node, const Voxel& corner, int size, const VoxelBox& box);
-  void collect(const Node* node, const Voxel& corner, int size, const VoxelBox& box, std::vector<Leaf>& out) const;
+  State collect(const Node* node, const Voxel& corner, int size, const VoxelBox& box, std::vector<Leaf>& out) const;
   bool reaches(const Node* node, const Voxel& corner, int size, const VoxelBox& box) const;
   void copy(const Node* from, Node* to, OccupancyTree& tree, const Voxel& corner, int size, const VoxelBox& box) const;
   unsigned write_binary(const Node* node, std::string& out) const;

@@ -170,7 +170,7 @@ class OctreeMap:
         return ColumnRuns(self._resolution, origin, nx, ny, start, z_lo, z_hi, occupied.view(np.bool_))
 
     def occupied_voxels(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Centres (N, 3) and edges (N,) in metres of the occupied leaves, pruned ones whole; in the order of the octree."""
+        """Centres (N, 3) and edges (N,) in metres of the fewest octree cubes that hold all occupied voxels, in the octree's order."""
         leaves = self._tree.occupied_leaves().reshape(-1, 4)
         centers = (leaves[:, :3] + leaves[:, 3:] / 2) * self._resolution
         return centers.astype(np.float32), (leaves[:, 3] * self._resolution).astype(np.float32)

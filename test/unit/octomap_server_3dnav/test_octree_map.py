@@ -145,6 +145,13 @@ def test_occupied_voxels_are_those_of_the_grid_with_pruned_ones_whole():
     assert (octree.states_at(centers) == OCCUPIED).all()
 
 
+def test_occupied_voxels_of_a_live_tree_are_merged_whatever_their_probabilities(tmp_path):
+    octree = room_map()
+    octree.write_bt(tmp_path / "map.bt")
+    live, loaded = octree.occupied_voxels(), OctreeMap.read(tmp_path / "map.bt").occupied_voxels()
+    assert np.array_equal(live[0], loaded[0]) and np.array_equal(live[1], loaded[1])
+
+
 def test_states_are_unknown_where_nothing_can_be_known():
     octree = room_map()
     states = octree.states_at([[np.nan, 0, 0], [1e9, 0, 0], [0, -np.inf, 0], [50, 50, 50], [0, 0, 0]])
