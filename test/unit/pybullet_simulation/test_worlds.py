@@ -1,10 +1,12 @@
 """Worlds: what their makers promise of passages, slopes, starts and errors."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 import trimesh
+import trimesh.exchange.dae
 from PIL import Image
 
 from pybullet_simulation import WORLDS, load_world
@@ -150,3 +152,26 @@ def test_height_map_spans_its_size_with_the_first_row_at_the_highest_y(tmp_path,
     field = world.heightfield
     assert field.heights[-1].min() == pytest.approx(2.0, abs=0.02) and field.heights[0].max() == pytest.approx(0.0, abs=0.02)
     assert world.extent[:, :2] == pytest.approx(np.array([[-8.0, -8.0], [8.0, 8.0]]), abs=field.step)
+
+
+def test_collada_file_is_read_in_its_own_unit_and_up_axis(tmp_path):
+    pytest.importorskip("collada", reason="pycollada reads .dae files and is not installed")
+    floor = tmp_path / "floor.dae"
+    floor.write_bytes(trimesh.exchange.dae.export_collada(trimesh.creation.box((1000.0, 20.0, 800.0))))
+    text = floor.read_text()
+    start, end = text.index("<asset>"), text.index("</asset>")
+    floor.write_text(text[:start] + '<asset><unit name="cm" meter="0.01"/><up_axis>Y_UP</up_axis>' + text[end:])
+    world = load_world(str(floor), 1)
+    assert world.extent == pytest.approx(np.array([[-5.0, -4.0, -0.1], [5.0, 4.0, 0.1]]), abs=1e-6)
+    assert world.start_z == pytest.approx(0.1, abs=1e-6)
+
+
+def test_real_height_map_and_garage_load_where_they_are_present():
+    data = Path(__file__).resolve().parents[4] / "shared" / "data"
+    if not data.is_dir():
+        pytest.skip("the shared measurement data are not on this machine")
+    pytest.importorskip("collada", reason="pycollada reads .dae files and is not installed")
+    moon = load_world(str(data / "apollo15_dtm_257x257.png"), 1, (514.0, 514.0, 49.0), (40.0, 40.0))
+    assert (moon.extent[1, :2] - moon.extent[0, :2]) == pytest.approx((40.4, 40.4), abs=0.5)
+    garage = load_world(str(data / "parking_garage.dae"), 1, None, (40.0, 40.0))
+    assert (garage.extent[1, :2] - garage.extent[0, :2] < 40.5).all() and len(garage.triangles) > 100
