@@ -2,7 +2,8 @@
 
     python benchmarks/octree_insertion.py [--map FILE.bt] [--repeats 7]
 
-With PYTHONPATH as ./check sets it. The clutter is synthetic: rooms of 5, 20 and 40 m with boxes in them, at 0.08 m; --map adds the column runs of a real map, such as octomap's geb079.bt.
+With PYTHONPATH as ./check sets it. The clutter is synthetic: rooms of 5, 20 and 40 m with boxes in them, at 0.08 m; --map adds
+the column runs of a real map, such as octomap's geb079.bt.
 """
 
 import argparse
