@@ -1,7 +1,8 @@
 """Where to go next (thesis algorithm 3 as a whole, 6.2.2): local terrain first, then the whole map, the cheapest frontier with a path.
 
-The last step of the octomap stage: `ExplorationPlanner.decide` after every sweep at a goal, `still_valid` after a sweep on the way. Frontiers that stay what they
-are although the robot looked at them, or that driving failed to reach, are set aside after a bounded number of tries: every run ends.
+The last step of the octomap stage: `ExplorationPlanner.decide` after every sweep at a goal, `still_valid` after a sweep on the way.
+Frontiers that stay what they are although the robot looked at them, or that driving failed to reach, are set aside after a bounded number
+of tries: every run ends.
 """
 
 import math
@@ -11,14 +12,14 @@ from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_geometry import as_transform, yaw_of
-from rigid_geometry.transforms import Transform
-from stage_config import check_ranges, parameter
 
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
 from octomap_server_3dnav.planner import Path, PlannerConfig, plan_path, trim_path
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
+from rigid_geometry import as_transform, yaw_of
+from rigid_geometry.transforms import Transform
+from stage_config import check_ranges, parameter
 
 RunsWithin = Callable[[float | None], ColumnRuns]
 
@@ -63,8 +64,9 @@ class ExplorationConfig:
 class Decision:
     """What to do and why.
 
-    `path` (K, 3) in map, trimmed, None unless kind is GOAL; `goal` (x, y, z, yaw) in map, its yaw facing `frontier` (3,). `scope` is "local"
-    or "global", the terrain that decided; `open_frontiers` were left to visit in it, this one included; `set_aside` are given up in the whole run.
+    `path` (K, 3) in map, trimmed, None unless kind is GOAL, `full_path` the same up to the frontier; `goal` (x, y, z, yaw) in map, its yaw
+    facing `frontier` (3,). `scope` is "local" or "global", the terrain that decided; `open_frontiers` were left to visit in it, this one
+    included; `set_aside` were given up in the whole run.
     """
 
     kind: DecisionKind

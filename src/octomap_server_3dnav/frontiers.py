@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from rigid_geometry import angle_difference, yaw_of
-from rigid_geometry.transforms import Transform
 from scipy.spatial import cKDTree
-from stage_config import check_ranges, parameter
 
 from octomap_server_3dnav.planner import PlannerConfig, distances_over_ground
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
+from rigid_geometry import angle_difference, yaw_of
+from rigid_geometry.transforms import Transform
+from stage_config import check_ranges, parameter
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,10 @@ class FrontierConfig:
     """Which frontiers are worth a look, and which one first."""
 
     min_voxels: int = parameter(6, "voxels", "smaller clusters are ignored", low=1, high=1000)
-    min_inflated_voxels: int = parameter(15, "voxels", "the same for clusters that lie wholly beside inflated ground", low=1, high=1000)
+    min_inflated_voxels: int = parameter(15, "voxels", "the same for clusters beside inflated ground only", low=1, high=1000)
     approach_m: float = parameter(1.0, "m", "farthest traversable ground from which such a cluster is looked at", low=0.0, high=5.0)
     target_radius_m: float = parameter(1.0, "m", "extent of one target: larger clusters are split", low=0.1, high=10.0)
-    angle_weight_m_per_rad: float = parameter(0.5, "m/rad", "cost of turning to a frontier (thesis: distance + angle * weight)", low=0.0, high=20.0)
+    angle_weight_m_per_rad: float = parameter(0.5, "m/rad", "cost of turning to a frontier", low=0.0, high=20.0)
     frontier_distance: str = parameter("path", "-", "distance over the ground, or straight as in the thesis", choices=("path", "euclidean"))
 
     def validate(self) -> list[str]:
@@ -100,7 +100,9 @@ def _nearest(points: NDArray[np.float32], centers: NDArray[np.float32], nodes: N
     return np.where(found < nodes.size, nodes[np.minimum(found, nodes.size - 1)], -1)
 
 
-def _costs(terrain: Terrain, frontier: NDArray[np.int64], distance: NDArray[np.float64], T_map_base: Transform, weight: float) -> NDArray[np.float64]:
+def _costs(
+    terrain: Terrain, frontier: NDArray[np.int64], distance: NDArray[np.float64], T_map_base: Transform, weight: float
+) -> NDArray[np.float64]:
     offset = terrain.centers(frontier)[:, :2].astype(np.float64) - T_map_base[:2, 3]
     yaw = np.arctan2(offset[:, 1], offset[:, 0])
     here = yaw_of(T_map_base)
@@ -122,8 +124,8 @@ def _split(xyz: NDArray[np.float32], cost: NDArray[np.float64], radius_m: float)
 def find_frontiers(terrain: Terrain, T_map_base: Transform, config: FrontierConfig, planner: PlannerConfig) -> list[Frontier]:
     """The frontiers that traversable ground leads to, cheapest first (thesis: cost = distance + angle * weight).
 
-    A cluster counts when one of its voxels lies beside ground that the second flood reached; one that lies wholly beside inflated ground must be larger,
-    and traversable ground must come near it. Clusters larger than one sweep can look at are split into several targets.
+    A cluster counts when one of its voxels lies beside ground that the second flood reached; one that lies wholly beside inflated ground
+    must be larger, and traversable ground must come near it. Clusters larger than one sweep can look at are split into several targets.
     """
     frontier = terrain.nodes_of(TerrainClass.FRONTIER)
     if not frontier.size or terrain.departure is None:
@@ -133,7 +135,7 @@ def find_frontiers(terrain: Terrain, T_map_base: Transform, config: FrontierConf
     xyz = terrain.centers(frontier)
     gap = np.linalg.norm(xyz - terrain.centers(np.maximum(node, 0)), axis=1)
     straight = np.linalg.norm(xyz - np.asarray(terrain.robot_xyz, dtype=np.float32), axis=1)
-    length = np.where(node >= 0, distance[node] + gap, np.inf) if config.frontier_distance == "path" else np.where(node >= 0, straight, np.inf)
+    length = np.where(node >= 0, distance[node] + gap if config.frontier_distance == "path" else straight, np.inf)
     cost = _costs(terrain, frontier, length, T_map_base, config.angle_weight_m_per_rad)
     cluster = cluster_voxels(np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[frontier])
     found = []
@@ -149,9 +151,14 @@ def find_frontiers(terrain: Terrain, T_map_base: Transform, config: FrontierConf
 
 
 def _target(
-    frontier: NDArray[np.int64], xyz: NDArray[np.float32], node: NDArray[np.int64], length: NDArray[np.float64], cost: NDArray[np.float64],
-    members: NDArray[np.int64], inflated: bool,
-) -> Frontier:  # fmt: skip
+    frontier: NDArray[np.int64],
+    xyz: NDArray[np.float32],
+    node: NDArray[np.int64],
+    length: NDArray[np.float64],
+    cost: NDArray[np.float64],
+    members: NDArray[np.int64],
+    inflated: bool,
+) -> Frontier:
     """One target: the member nearest to the middle, approached by its own node."""
     middle = members[np.argmin(np.round(np.linalg.norm(xyz[members] - xyz[members].mean(axis=0), axis=1), 5))]
     x, y, z = (float(v) for v in xyz[middle])

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from stage_config import check_ranges, parameter
 
 from octomap_server_3dnav.surface_graph import diagonal
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
+from stage_config import check_ranges, parameter
 
 SHORTCUT_NODES = 80  # how far ahead a shortcut is looked for: 6 m at 8 cm, and keeps it linear in the length of the path
 
@@ -85,7 +85,9 @@ def _search(graph: Any, ix: Any, iy: Any, z: Any, cost: Any, climb: Any, source:
                 total[n], before[n] = reached, s
                 ahead = 0.0
                 if goal >= 0:
-                    ahead = np.sqrt(np.float64((ix[n] - ix[goal]) ** 2 + (iy[n] - iy[goal]) ** 2 + (np.int64(z[n]) - np.int64(z[goal])) ** 2))
+                    ahead = np.sqrt(
+                        np.float64((ix[n] - ix[goal]) ** 2 + (iy[n] - iy[goal]) ** 2 + (np.int64(z[n]) - np.int64(z[goal])) ** 2)
+                    )
                 heapq.heappush(heap, (reached + ahead, np.int64(n)))
     return total, before
 
@@ -153,8 +155,14 @@ def _chain(before: NDArray[np.int32], source: int, goal: int) -> NDArray[np.int6
     return np.array(nodes[::-1], dtype=np.int64)
 
 
+def _open_graph(terrain: Terrain, cost: NDArray[np.float32]) -> NDArray[np.int32]:
+    """The graph without the nodes of infinite cost, so that a diagonal does not cut their corners either."""
+    graph = terrain.neighbours
+    return np.where((graph >= 0) & np.isfinite(cost)[graph], graph, -1)
+
+
 def _nodes_between(terrain: Terrain, cost: NDArray[np.float32], source: int, goal: int, config: PlannerConfig) -> NDArray[np.int64] | None:
-    total, before = _search(terrain.neighbours, terrain.ix, terrain.iy, terrain.z, cost, config.climb_weight, source, goal)
+    total, before = _search(_open_graph(terrain, cost), terrain.ix, terrain.iy, terrain.z, cost, config.climb_weight, source, goal)
     return _chain(before, source, goal) if math.isfinite(total[goal]) else None
 
 
@@ -171,14 +179,14 @@ def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np
     if terrain.departure is None:
         return np.full(terrain.label.size, np.inf)
     plain = np.where(np.isfinite(terrain.cost), np.float32(1.0), np.float32(np.inf))
-    total, _ = _search(terrain.neighbours, terrain.ix, terrain.iy, terrain.z, plain, 0.0, terrain.departure, -1)
+    total, _ = _search(_open_graph(terrain, plain), terrain.ix, terrain.iy, terrain.z, plain, 0.0, terrain.departure, -1)
     centers = terrain.centers(np.array([terrain.departure]))[0]
     return np.asarray(total * terrain.resolution + math.dist(centers[:2], terrain.robot_xyz[:2]))
 
 
 def _smooth(terrain: Terrain, cost: NDArray[np.float32], chain: NDArray[np.int64], config: PlannerConfig) -> NDArray[np.float64]:
     """(K, 3) corners of the path after shortcuts, with the height of every voxel on the way."""
-    graph, ix, iy, z = terrain.neighbours, terrain.ix, terrain.iy, terrain.z
+    graph, ix, iy, z = _open_graph(terrain, cost), terrain.ix, terrain.iy, terrain.z
     kept = chain[_shortcut(graph, ix, iy, z, cost, config.climb_weight, chain, SHORTCUT_NODES)]
     line = np.empty(chain.size + 1, dtype=np.int32)
     parts = [terrain.centers(kept[:1]).astype(np.float64)]
@@ -201,6 +209,16 @@ def _resample(corners: NDArray[np.float64], spacing_m: float) -> NDArray[np.floa
     z = np.convolve(np.pad(corners[:, 2], half, mode="edge"), np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
     at = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / spacing_m) + 1))
     return np.column_stack([np.interp(at, along, corners[:, 0]), np.interp(at, along, corners[:, 1]), np.interp(at, along, z)])
+
+
+def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], tolerance_m: float) -> int | None:
+    """The traversable node that the robot can reach nearest to a point in map; None when none lies within `tolerance_m`."""
+    nodes = np.flatnonzero(terrain.reached & (terrain.label == TerrainClass.TRAVERSABLE))
+    if not nodes.size:
+        return None
+    gaps = np.linalg.norm(terrain.centers(nodes) - np.asarray(xyz, dtype=np.float32), axis=1)
+    best = int(np.argmin(gaps))
+    return int(nodes[best]) if gaps[best] <= max(tolerance_m, terrain.resolution) else None
 
 
 def plan_path(terrain: Terrain, goal_node: int, config: PlannerConfig, start_node: int | None = None) -> Path | None:
@@ -233,5 +251,5 @@ def plan_path(terrain: Terrain, goal_node: int, config: PlannerConfig, start_nod
 def trim_path(path: Path, frontier_xyz: NDArray[np.floating], distance_m: float) -> Path:
     """The path up to its last point that is at least `distance_m` from the frontier, seen from above; its first point when none is."""
     gap = np.hypot(path.points[:, 0] - frontier_xyz[0], path.points[:, 1] - frontier_xyz[1])
-    far = np.flatnonzero(gap >= distance_m)
+    far = np.flatnonzero(gap >= distance_m - 1e-6)
     return Path(path.points[: (int(far[-1]) if far.size else 0) + 1])

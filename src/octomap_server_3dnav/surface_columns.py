@@ -82,7 +82,8 @@ def lowest_occupied(columns: Any, c: Any, low: Any, high: Any) -> Any:
 @njit(cache=True)
 def top_near(columns: Any, c: Any, z: Any, reach: Any) -> Any:
     """Top of the occupied run of column c that ends nearest to z, within `reach`; NO_VOXEL when there is none."""
-    best, best_gap = NO_VOXEL, reach + 1
+    best: Any = NO_VOXEL
+    best_gap = reach + 1
     for r in range(columns.start[c], columns.start[c + 1]):
         gap = abs(np.int64(columns.z_hi[r]) - z)
         if columns.occupied[r] and gap < best_gap:
@@ -96,7 +97,7 @@ def seen_down_to(columns: Any, c: Any, z: Any) -> Any:
 
     One unknown voxel in between is allowed. Space under a floor that was seen only from below does not count: it must open at z.
     """
-    lowest = NO_VOXEL
+    lowest: Any = NO_VOXEL
     for r in range(columns.start[c + 1] - 1, columns.start[c] - 1, -1):
         lo, hi = np.int64(columns.z_lo[r]), np.int64(columns.z_hi[r])
         if lo > z + 1:
@@ -119,6 +120,28 @@ def find_node(start: Any, z: Any, c: Any, level: Any, reach: Any) -> Any:
 
 
 @njit(cache=True)
+def blocking_voxel(columns: Any, c: Any, level: Any, step: Any, clearance: Any) -> Any:
+    """Lowest occupied voxel of column c where something stands in the way of a robot at `level`, NO_VOXEL when nothing does.
+
+    It stands higher than a step, or it leaves too little room above a floor near the level. What was only seen from below does not block.
+    """
+    blocked = lowest_occupied(columns, c, level + step + 1, level + clearance) != NO_VOXEL
+    top = top_near(columns, c, level, step)
+    if not blocked and top != NO_VOXEL:
+        blocked = lowest_occupied(columns, c, top + 1, top + clearance) != NO_VOXEL
+    return lowest_occupied(columns, c, level - step, level + step + clearance) if blocked else NO_VOXEL
+
+
+@njit(cache=True)
+def _seen_only_from_below(columns: Any, c: Any, r: Any) -> Any:
+    """Whether occupied run r of column c is the underside of something whose top is unknown: air below it and none above."""
+    first, last = columns.start[c], columns.start[c + 1] - 1
+    if r == first or columns.occupied[r - 1] or columns.z_hi[r - 1] != columns.z_lo[r] - 1:
+        return False
+    return r == last or columns.z_lo[r + 1] > columns.z_hi[r] + 2
+
+
+@njit(cache=True)
 def _tops(columns: Any, clearance: Any) -> Any:
     """(start, column, z) of the tops of occupied runs with at least `clearance` voxels below the next occupied one."""
     n_columns = columns.nx * columns.ny
@@ -132,7 +155,7 @@ def _tops(columns: Any, clearance: Any) -> Any:
         for r in range(columns.start[c + 1] - 1, columns.start[c] - 1, -1):
             if not columns.occupied[r]:
                 continue
-            if ceiling - columns.z_hi[r] > clearance:
+            if ceiling - columns.z_hi[r] > clearance and not _seen_only_from_below(columns, c, r):
                 column[n], z[n] = c, columns.z_hi[r]
                 n += 1
             ceiling = np.int64(columns.z_lo[r])
@@ -147,7 +170,7 @@ def _level_agrees(start: Any, z: Any, a: Any, b: Any, gap: Any, back: Any, front
     rise = np.int64(z[b]) - np.int64(z[a])
     if abs(rise) <= 1:
         return True
-    if abs(rise) > 2 or gap < 3:
+    if abs(rise) > 2:
         return False
     behind, ahead = find_node(start, z, back, z[a], reach), find_node(start, z, front, z[b], reach)
     sign = 1 if rise > 0 else -1
@@ -165,12 +188,12 @@ def _bridge(columns: Any, start: Any, column: Any, z: Any, hole: Any, step: Any,
             dx, dy = DX[k], DY[k]
             stride = dx * columns.ny + dy
             for gap in range(2, hole + 2):
-                if ix + (gap + 2) * dx >= columns.nx or iy + (gap + 2) * dy >= columns.ny or ix < 2 or iy < 2:
+                if ix + (gap + 3) * dx >= columns.nx or iy + (gap + 3) * dy >= columns.ny or ix < 3 or iy < 3:
                     break
                 if find_node(start, z, c + (gap - 1) * stride, z[a], step) >= 0:
                     break
                 b = find_node(start, z, c + gap * stride, z[a], 2)
-                if b < 0 or not _level_agrees(start, z, a, b, gap, c - 2 * stride, c + (gap + 2) * stride, step):
+                if b < 0 or not _level_agrees(start, z, a, b, gap, c - 3 * stride, c + (gap + 3) * stride, step):
                     continue
                 za, zb = np.int64(z[a]), np.int64(z[b])
                 good = True
@@ -179,7 +202,7 @@ def _bridge(columns: Any, start: Any, column: Any, z: Any, hole: Any, step: Any,
                     between = c + j * stride
                     seen = seen_down_to(columns, between, level)
                     good &= find_node(start, z, between, level, step) < 0
-                    good &= lowest_occupied(columns, between, level - step, level + clearance) == NO_VOXEL
+                    good &= blocking_voxel(columns, between, level, step, clearance) == NO_VOXEL
                     good &= seen == NO_VOXEL or seen > level - drop
                 if good:
                     for j in range(1, gap):

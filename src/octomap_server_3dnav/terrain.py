@@ -10,14 +10,14 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
-from rigid_geometry import as_transform
-from rigid_geometry.transforms import Transform
-from stage_config import check_ranges, parameter
 
 from octomap_server_3dnav import terrain_kernels as kernels
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.surface_columns import NO_VOXEL, Columns, Surfaces, crop_columns, surfaces_of, top_near
 from octomap_server_3dnav.surface_graph import nearest_neighbours, steppable_neighbours
+from rigid_geometry import as_transform
+from rigid_geometry.transforms import Transform
+from stage_config import check_ranges, parameter
 
 
 class TerrainClass(IntEnum):
@@ -46,11 +46,11 @@ class TerrainConfig:
     inflation_radius_m: float = parameter(0.60, "m", "distance kept from obstacles by the robot's centre", low=0.0, high=3.0)
     cliff_inflation_radius_m: float = parameter(0.60, "m", "distance kept from cliffs by the robot's centre", low=0.0, high=3.0)
     inflation_shape: str = parameter("circle", "-", "exact distance, or the square cuboid of the thesis", choices=("circle", "square"))
-    start_search_radius_m: float = parameter(0.5, "m", "where the start voxel is looked for around the robot's centre", low=0.05, high=2.0)
-    start_height_tolerance_m: float = parameter(0.30, "m", "height by which the start voxel may miss the wheels' plane", low=0.05, high=2.0)
+    start_search_radius_m: float = parameter(0.5, "m", "where around the robot the start voxel is looked for", low=0.05, high=2.0)
+    start_height_tolerance_m: float = parameter(0.30, "m", "how far the start voxel may lie off the wheels' plane", low=0.05, high=2.0)
     min_traversable_voxels: int = parameter(50, "voxels", "a start voxel with less ground around it is discarded", low=1, high=100000)
-    soft_clearance_m: float = parameter(0.5, "m", "width of the strip beyond the inflation where driving costs more", low=0.0, high=3.0)
-    soft_clearance_weight: float = parameter(2.0, "-", "extra cost a metre at the inner edge of that strip, 0 at the outer", low=0.0, high=50.0)
+    soft_clearance_m: float = parameter(0.5, "m", "width of the strip beyond the inflation that costs more", low=0.0, high=3.0)
+    soft_clearance_weight: float = parameter(2.0, "-", "extra cost a metre at the inner edge of that strip", low=0.0, high=50.0)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
@@ -68,11 +68,11 @@ class Terrain:
     `surface_count` surface voxels that the flood reached, sorted by column of the window (`window_key`, `window_size`,
     `column_start`) and height, then obstacle voxels beside them, then frontier voxels.
 
-    Fields: ix, iy (N,) int32; z (N,) int16; label (N,) uint8 of TerrainClass; bridged (N,) bool, floor assumed over a hole; reached (N,) bool, in
-    the second flood (frontiers: seen from such a node); cost (N,) float32, factor on the length of a path, inf where no path may go; neighbours
-    (N, 4) int32 to +x, +y, -x, -y, -1 for none (a frontier's are the nodes it was seen from); start, the voxel beneath the robot, and
-    departure, where paths begin when the start lies in the inflation: node indices, None when there is none; radius_m of the
-    classification, None for the whole map.
+    Fields: ix, iy (N,) int32; z (N,) int16; label (N,) uint8 of TerrainClass; bridged (N,) bool, floor assumed over a hole; reached (N,)
+    bool, in the second flood (frontiers: seen from such a node); cost (N,) float32, factor on the length of a path, inf where no path may
+    go; neighbours (N, 4) int32 to +x, +y, -x, -y, -1 for none (a frontier's are the nodes it was seen from); start, the voxel beneath the
+    robot, and departure, where paths begin when the start lies in the inflation: node indices, None when there is none; radius_m of the
+    classification, None for the whole map; robot_xyz, where base_link was.
     """
 
     resolution: float
@@ -207,10 +207,12 @@ def _start_candidates(scene: _Scene, T_map_base: Transform, config: TerrainConfi
     miss = np.abs((scene.surfaces.z[nodes] + 0.5) * limits.resolution - expected)
     fits = miss <= config.start_height_tolerance_m
     order = np.lexsort((nodes[fits], np.round(np.hypot(dx, dy)[fits] + miss[fits], 6)))
-    return nodes[fits][order]
+    return np.asarray(nodes[fits][order])
 
 
-def _first_flood(scene: _Scene, candidates: NDArray[np.int64], reach_m: float | None, config: TerrainConfig, limits: _Limits) -> tuple[NDArray, int | None]:
+def _first_flood(
+    scene: _Scene, candidates: NDArray[np.int64], reach_m: float | None, config: TerrainConfig, limits: _Limits
+) -> tuple[NDArray[np.uint8], int | None]:
     """Labels of the first candidate with enough ground around it (algorithm 3 lines 8-16), or none reached and None."""
     inside = np.ones(scene.distance_m.size, dtype=bool) if reach_m is None else scene.distance_m <= reach_m
     shape = _shape(config, limits)
@@ -235,11 +237,11 @@ def _offsets(radius_m: float, shape: str, resolution: float) -> NDArray[np.int64
     reach = int(radius_m / resolution + 1e-9)
     grid = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
     if shape == "square":
-        return grid
-    return grid[(grid**2).sum(axis=1) * resolution**2 <= radius_m**2 + 1e-9]
+        return np.asarray(grid)
+    return np.asarray(grid[(grid**2).sum(axis=1) * resolution**2 <= radius_m**2 + 1e-9])
 
 
-def _inflate(scene: _Scene, label: NDArray, obstacles: NDArray[np.int64], config: TerrainConfig, limits: _Limits) -> None:
+def _inflate(scene: _Scene, label: NDArray[np.uint8], obstacles: NDArray[np.int64], config: TerrainConfig, limits: _Limits) -> None:
     """addRobotPadding: obstacles and cliffs take the ground around them at their own level out of the graph."""
     column, z = scene.surfaces.column.astype(np.int64), scene.surfaces.z.astype(np.int64)
     own, cliff = np.flatnonzero(label == TerrainClass.OBSTACLE), np.flatnonzero(label == TerrainClass.CLIFF)
@@ -254,7 +256,7 @@ def _inflate(scene: _Scene, label: NDArray, obstacles: NDArray[np.int64], config
         kernels.inflate(label, scene.surfaces, pairs[:, 0].copy(), pairs[:, 1].copy(), offsets, band, scene.columns.nx, scene.columns.ny)
 
 
-def _departure(scene: _Scene, label: NDArray, start: int, config: TerrainConfig) -> tuple[int | None, NDArray[np.bool_]]:
+def _departure(scene: _Scene, label: NDArray[np.uint8], start: int, config: TerrainConfig) -> tuple[int | None, NDArray[np.bool_]]:
     """changeStartingPointIfInsidePadding: the nearest traversable node over the ground, and (N,) the nodes connected with it."""
     component, sizes = kernels.components(label, scene.graph)
     if not sizes.size:
@@ -274,14 +276,17 @@ def _departure(scene: _Scene, label: NDArray, start: int, config: TerrainConfig)
     return nearest, component == component[nearest]
 
 
-def _frontier_edges(scene: _Scene, label: NDArray, radius_m: float | None, config: TerrainConfig, limits: _Limits) -> NDArray[np.int64]:
+def _frontier_edges(
+    scene: _Scene, label: NDArray[np.uint8], radius_m: float | None, config: TerrainConfig, limits: _Limits
+) -> NDArray[np.int64]:
     sources = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
     if radius_m is not None:
         sources &= scene.distance_m[scene.surfaces.column] <= radius_m
-    return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, scene.near, sources, limits.clearance, _shape(config, limits)))
+    shape = _shape(config, limits)
+    return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, label, scene.near, sources, limits.clearance, shape))
 
 
-def _soft_cost(scene: _Scene, label: NDArray, config: TerrainConfig, limits: _Limits) -> NDArray[np.float32]:
+def _soft_cost(scene: _Scene, label: NDArray[np.uint8], config: TerrainConfig, limits: _Limits) -> NDArray[np.float32]:
     """Cost factor of every node: 1 in the open, more towards the inflation, inf in it and on what cannot be driven."""
     width = max(1, round(config.soft_clearance_m / limits.resolution))
     free = label == TerrainClass.TRAVERSABLE
@@ -303,9 +308,18 @@ def _unique_frontiers(edges: NDArray[np.int64], step: int) -> tuple[NDArray[np.i
 
 
 def _assemble(
-    scene: _Scene, label: NDArray, start: int | None, departure: int | None, reached: NDArray[np.bool_], obstacles: NDArray[np.int64],
-    edges: NDArray[np.int64], cost: NDArray[np.float32], limits: _Limits, radius_m: float | None, robot: NDArray[np.float64],
-) -> Terrain:  # fmt: skip
+    scene: _Scene,
+    label: NDArray[np.uint8],
+    start: int | None,
+    departure: int | None,
+    reached: NDArray[np.bool_],
+    obstacles: NDArray[np.int64],
+    edges: NDArray[np.int64],
+    cost: NDArray[np.float32],
+    limits: _Limits,
+    radius_m: float | None,
+    robot: NDArray[np.float64],
+) -> Terrain:
     keep = np.flatnonzero(label != kernels.UNREACHED)
     renumbered = np.full(label.size + 1, -1, dtype=np.int32)
     renumbered[keep] = np.arange(keep.size)
@@ -353,9 +367,9 @@ def classify(runs: ColumnRuns, T_map_base: Transform, config: TerrainConfig, rad
     """The terrain around the robot at `T_map_base` out to `radius_m`, or of the whole map when it is None.
 
     The ground plane beneath the robot must already be in the map (algorithm 3 line 2). When no start voxel has enough ground around it,
-    the terrain has no nodes and `start` is None; when all ground is inflated `departure` is None. The flood goes on for one
-    inflation radius beyond `radius_m`, so that what lies inside is inflated by what lies just outside. ValueError for a transform that is not rigid or
-    a radius that is not positive. Thesis 5.5, algorithm 3 lines 2-21.
+    the terrain has no nodes and `start` is None; when all ground is inflated `departure` is None. The flood goes on for one inflation
+    radius beyond `radius_m`, so that what lies inside is inflated by what lies just outside. ValueError for a transform that is not rigid
+    or a radius that is not positive. Thesis 5.5, algorithm 3 lines 2-21.
     """
     T_map_base = as_transform(T_map_base)
     if radius_m is not None and not radius_m > 0:

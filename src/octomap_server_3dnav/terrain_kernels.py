@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from octomap_server_3dnav.surface_columns import DX, DY, NO_VOXEL, find_node, lowest_occupied, seen_down_to
+from octomap_server_3dnav.surface_columns import DX, DY, NO_VOXEL, blocking_voxel, find_node, lowest_occupied, seen_down_to
 from octomap_server_3dnav.surface_graph import slope_at
 
 UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = 255, 0, 1, 2, 3, 4
@@ -61,7 +61,7 @@ def look(columns: Any, start: Any, z: Any, c: Any, level: Any, k: Any, clearance
     """
     step, half_width = shape[0], shape[1]
     stride, aside = DX[k] * columns.ny + DY[k], DX[(k + 1) % 4] * columns.ny + DY[(k + 1) % 4]
-    if lowest_occupied(columns, c + stride, level - step, level + clearance) != NO_VOXEL:
+    if blocking_voxel(columns, c + stride, level, step, clearance) != NO_VOXEL:
         return SEES_OBSTACLE
     if _drop_along(columns, start, z, c, stride, level, shape):
         return SEES_DROP
@@ -147,7 +147,7 @@ def obstacles_seen(columns: Any, surfaces: Any, label: Any, near: Any, clearance
                 c = column[s] + j * stride
                 if find_node(start, z, c, level, _limit(j, step, max_slope)) >= 0:
                     break
-                voxel = lowest_occupied(columns, c, level - step, level + clearance)
+                voxel = blocking_voxel(columns, c, level, step, clearance)
                 if voxel != NO_VOXEL:
                     found.append((np.int64(c), np.int64(voxel), level))
                     break
@@ -178,7 +178,7 @@ def components(label: Any, graph: Any) -> Any:
     """(N,) int32 component of every traversable node, -1 elsewhere, and the (C,) size of each."""
     component = np.full(label.size, -1, np.int32)
     queue = np.empty(label.size, np.int32)
-    sizes = []
+    sizes: list[int] = []
     for seed in range(label.size):
         if label[seed] != TRAVERSABLE or component[seed] >= 0:
             continue
@@ -224,21 +224,31 @@ def hops_from(seeds: Any, passable: Any, graph: Any, most: Any) -> Any:
 
 
 @njit(cache=True)
-def _occupied_around(columns: Any, c: Any, low: Any, high: Any) -> Any:
-    """Whether column c or one of its four neighbours is occupied between the two heights."""
-    if lowest_occupied(columns, c, low, high) != NO_VOXEL:
+def _ends_at(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, step: Any, clearance: Any) -> Any:
+    """Whether the unknown ends at column c: at something that stands there, or at ground that the flood reached some other way."""
+    if lowest_occupied(columns, c, level + step + 1, level + clearance) != NO_VOXEL:
+        return True
+    node = find_node(surfaces.start, surfaces.z, c, level, step + 1)
+    return node >= 0 and label[node] != UNREACHED
+
+
+@njit(cache=True)
+def _ends_around(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, step: Any, clearance: Any) -> Any:
+    """The same for column c and its four neighbours."""
+    if _ends_at(columns, surfaces, label, c, level, step, clearance):
         return True
     for k in range(4):
-        if lowest_occupied(columns, c + DX[k] * columns.ny + DY[k], low, high) != NO_VOXEL:
+        if _ends_at(columns, surfaces, label, c + DX[k] * columns.ny + DY[k], level, step, clearance):
             return True
     return False
 
 
 @njit(cache=True)
-def frontier_edges(columns: Any, surfaces: Any, near: Any, sources: Any, clearance: Any, shape: Any) -> Any:
+def frontier_edges(columns: Any, surfaces: Any, label: Any, near: Any, sources: Any, clearance: Any, shape: Any) -> Any:
     """(M, 4) int64 (column, z, node it was seen from, direction) of frontier voxels beside the `sources` (bool per node).
 
-    The two-step test of thesis figure 5.13: no ground in a direction, and nothing occupied around one step further.
+    The two-step test of thesis figure 5.13: no ground in a direction, and nothing occupied around one step further. Ground that the flood
+    did not reach does not count as occupied here, it is what the look is for: a deck seen from below only, a slope behind a gap.
     """
     start, column, z = surfaces.start, surfaces.column, surfaces.z
     step = shape[0]
@@ -251,7 +261,7 @@ def frontier_edges(columns: Any, surfaces: Any, near: Any, sources: Any, clearan
             if near[s, k] >= 0 or look(columns, start, z, c, level, k, clearance, shape) != SEES_UNKNOWN:
                 continue
             stride = DX[k] * columns.ny + DY[k]
-            if not _occupied_around(columns, c + 2 * stride, level - step - 1, level + clearance):
+            if not _ends_around(columns, surfaces, label, c + 2 * stride, level, step, clearance):
                 found.append((c + stride, level, np.int64(s), np.int64(k)))
     out = np.empty((len(found), 4), np.int64)
     for i in range(len(found)):

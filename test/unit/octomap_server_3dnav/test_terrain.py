@@ -4,8 +4,22 @@ import math
 
 import numpy as np
 import pytest
+
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
-from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, drawn, grid_of_heights, label_at, label_set, pose, runs_of, terrain_of
+from terrain_worlds import (
+    BELOW,
+    FREE,
+    OCCUPIED,
+    RESOLUTION,
+    UNKNOWN,
+    drawn,
+    grid_of_heights,
+    label_at,
+    label_set,
+    pose,
+    runs_of,
+    terrain_of,
+)
 
 TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = TerrainClass
 
@@ -310,3 +324,24 @@ def test_graph_edges_are_mutual_and_join_neighbouring_columns_within_a_step():
 def test_configuration_lists_its_violations():
     assert TerrainConfig().validate() == []
     assert len(TerrainConfig(max_step_m=-1.0, inflation_shape="star").validate()) == 2
+
+
+def test_underside_of_a_deck_is_no_surface_and_its_unseen_top_is_a_frontier():
+    states = flat(90)
+    deck = BELOW + 20
+    states[30:, :, deck] = OCCUPIED
+    states[30:60, :, deck + 1 :] = FREE  # seen from above
+    states[60:, :, deck] = UNKNOWN
+    states[60:, :, deck + 1 :] = UNKNOWN
+    states[60:, :, deck - 2] = OCCUPIED  # seen from below, two voxels lower
+    states[60:, :, deck - 1] = UNKNOWN
+    terrain = terrain_of(states, pose(3.6, 2.4, ground=20 * RESOLUTION))
+    assert label_at(terrain, 60.5 * RESOLUTION, 2.4, 1.64) == FRONTIER
+    assert label_at(terrain, 59.5 * RESOLUTION, 2.4, 1.64) == TRAVERSABLE
+
+
+def test_gap_before_ground_that_nothing_else_leads_to_is_a_frontier():
+    states = flat()
+    states[40:44, :, : BELOW + 1] = UNKNOWN
+    terrain = terrain_of(states, pose(1.6, 2.4))
+    assert drawn(terrain, 30, 38, 45) == "..?     "

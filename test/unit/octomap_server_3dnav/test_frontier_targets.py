@@ -1,0 +1,101 @@
+"""Frontier voxels as targets: clusters, sizes, costs (thesis 5.5)."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.sparse.csgraph import connected_components
+
+from octomap_server_3dnav.frontiers import FrontierConfig, cluster_voxels, find_frontiers
+from octomap_server_3dnav.planner import PlannerConfig
+from octomap_server_3dnav.terrain import TerrainClass
+from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, terrain_of
+
+
+def room(nx=80, ny=80, openings=()):
+    """A walled floor; each opening is (slice, slice) of columns that were not seen at all."""
+    states = grid_of_heights(lambda x, y: 0.04 + 0 * x * y, nx, ny)
+    for edge in (np.s_[0], np.s_[-1]):
+        states[edge, :, BELOW:] = OCCUPIED
+        states[:, edge, BELOW:] = OCCUPIED
+    for opening in openings:
+        states[opening] = UNKNOWN
+    return states
+
+
+def targets(states, T_map_base, **config):
+    return find_frontiers(terrain_of(states, T_map_base), T_map_base, FrontierConfig(**config), PlannerConfig())
+
+
+def test_closed_room_has_no_frontier():
+    assert targets(room(), pose(3.2, 3.2)) == []
+
+
+def test_opening_in_the_wall_is_one_target_in_its_middle():
+    found = targets(room(openings=[np.s_[-1, 30:50]]), pose(3.2, 3.2))
+    assert len(found) == 1
+    assert found[0].xyz[:2] == pytest.approx((79.5 * RESOLUTION, 40 * RESOLUTION), abs=0.05)
+
+
+def test_small_cluster_is_dropped():
+    states = room(openings=[np.s_[40:42, 50:52]])
+    assert targets(states, pose(1.6, 1.6), min_voxels=1) == []  # bridged: a hole and no frontier
+    states = room(openings=[np.s_[40:46, 50:56]])
+    assert len(targets(states, pose(1.6, 1.6), min_voxels=6)) == 1
+    assert targets(states, pose(1.6, 1.6), min_voxels=40) == []
+
+
+def test_target_in_front_is_preferred_to_one_behind_at_equal_distance():
+    openings = [np.s_[-1, 30:50], np.s_[0, 30:50]]
+    ahead = targets(room(openings=openings), pose(3.2, 3.2, yaw=0.0))
+    behind = targets(room(openings=openings), pose(3.2, 3.2, yaw=math.pi))
+    assert ahead[0].xyz[0] > 6.0 and behind[0].xyz[0] < 0.5
+    assert ahead[1].cost - ahead[0].cost == pytest.approx(0.5 * math.pi, abs=0.2)
+
+
+def test_distance_over_the_ground_counts_the_way_round_a_wall():
+    states = room(openings=[np.s_[-1, 30:50]])
+    states[60, 10:, BELOW:] = OCCUPIED
+    states[60, :10, BELOW + 1 :] = 1
+    states[60, 10:22, BELOW + 1 :] = 1
+    path, straight = (targets(states, pose(3.2, 4.8), frontier_distance=choice)[0] for choice in ("path", "euclidean"))
+    assert path.distance_m > straight.distance_m + 1.0
+
+
+def test_long_frontier_is_split_into_targets_of_limited_extent():
+    states = grid_of_heights(lambda x, y: 0.04 + 0 * x * y, 80, 80)
+    found = targets(states, pose(3.2, 3.2), target_radius_m=1.0)
+    terrain = terrain_of(states, pose(3.2, 3.2))
+    assert len(found) > 10
+    assert sorted(v for f in found for v in f.voxels) == terrain.nodes_of(TerrainClass.FRONTIER).tolist()
+
+
+def test_frontier_in_a_corridor_hardly_wider_than_the_robot_counts():
+    states = room(80, 18, openings=[np.s_[-1, 1:17]])
+    found = targets(states, pose(1.6, 0.72))
+    assert len(found) == 1 and found[0].node >= 0
+
+
+def test_frontier_beside_inflated_ground_only_is_approached_from_the_nearest_open_ground():
+    states = room(openings=[np.s_[-1, 30:50]])
+    states[70, :36, BELOW:] = OCCUPIED  # a gap of 0.64 m leads to the opening
+    states[70, 44:, BELOW:] = OCCUPIED
+    terrain = terrain_of(states, pose(1.6, 3.2))
+    found = find_frontiers(terrain, pose(1.6, 3.2), FrontierConfig(approach_m=2.0), PlannerConfig())
+    assert [f.inflated for f in found] == [True] * len(found) and found
+    assert all(terrain.label[f.node] == TerrainClass.TRAVERSABLE for f in found)
+    assert find_frontiers(terrain, pose(1.6, 3.2), FrontierConfig(approach_m=0.5), PlannerConfig()) == []
+
+
+def test_clusters_agree_with_scipy():
+    voxels = np.random.default_rng(0).integers(0, 30, (200, 3))
+    gap = np.abs(voxels[:, None] - voxels[None])
+    linked = (gap[:, :, 0] <= 2) & (gap[:, :, 1] <= 2) & (gap[:, :, 2] <= 3)
+    count, oracle = connected_components(linked, directed=False)
+    mine = cluster_voxels(voxels)
+    assert len(set(zip(mine.tolist(), oracle.tolist(), strict=True))) == count == mine.max() + 1
+
+
+def test_order_is_by_cost():
+    found = targets(grid_of_heights(lambda x, y: 0.04 + 0 * x * y, 80, 80), pose(2.0, 3.2))
+    assert [f.cost for f in found] == sorted(f.cost for f in found)

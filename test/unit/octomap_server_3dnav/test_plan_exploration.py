@@ -1,0 +1,187 @@
+"""The choice of goals: local then whole map, setting aside, and journeys through small worlds to their end (thesis algorithm 3)."""
+
+import math
+
+import numpy as np
+import pytest
+
+from octomap_server_3dnav.exploration import DecisionKind, ExplorationConfig, ExplorationPlanner, Validity
+from octomap_server_3dnav.planner import PlannerConfig
+from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of
+from virtual_explorer import explore
+
+GOAL, EXPLORED, TRAPPED = DecisionKind
+
+
+def room(nx=90, ny=90, height=lambda x, y: 0.04 + 0 * x * y):
+    """A walled world whose solid ground reaches down, so that its steps have sides."""
+    states = grid_of_heights(height, nx, ny, top_m=3.6)
+    layer, top = np.arange(states.shape[2]), (states == OCCUPIED).argmax(axis=2)
+    states[(layer <= top[:, :, None]) & (layer >= BELOW)] = OCCUPIED
+    for edge in (np.s_[0], np.s_[-1]):
+        states[edge, :, BELOW:] = OCCUPIED
+        states[:, edge, BELOW:] = OCCUPIED
+    return states
+
+
+def opening(states, first=30, last=50):
+    states[-1, first:last] = UNKNOWN
+    return states
+
+
+def test_goal_lies_before_the_frontier_and_faces_it():
+    decision = ExplorationPlanner().decide(runs_of(opening(room())), pose(2.0, 2.0))
+    assert decision.kind is GOAL and decision.scope == "local" and decision.open_frontiers == 1
+    x, y, _, yaw = decision.goal
+    gap = math.hypot(decision.frontier[0] - x, decision.frontier[1] - y)
+    assert PlannerConfig().trim_m <= gap < PlannerConfig().trim_m + 0.2
+    assert yaw == pytest.approx(math.atan2(decision.frontier[1] - y, decision.frontier[0] - x))
+    assert decision.path[-1] == pytest.approx(decision.goal[:3])
+
+
+def test_whole_map_is_searched_when_nothing_is_near():
+    asked = []
+
+    def runs_within(radius):
+        asked.append(radius)
+        return runs_of(opening(room(150, 60)))
+
+    decision = ExplorationPlanner().decide(runs_within, pose(1.6, 2.0))
+    assert decision.kind is GOAL and decision.scope == "global" and asked == [6.0, None]
+
+
+def test_closed_room_is_explored():
+    decision = ExplorationPlanner().decide(runs_of(room()), pose(2.0, 2.0))
+    assert decision.kind is EXPLORED and "no reachable frontier" in decision.reason
+    assert decision.path is None and decision.goal is None
+
+
+def test_robot_without_ground_and_robot_in_a_closet_are_trapped():
+    planner = ExplorationPlanner()
+    assert planner.decide(runs_of(room()), pose(2.0, 2.0, ground=2.0)).kind is TRAPPED
+    closet = room()
+    closet[[20, 34], 20:35, BELOW:] = OCCUPIED
+    closet[20:35, [20, 34], BELOW:] = OCCUPIED
+    decision = planner.decide(runs_of(closet), pose(27.5 * RESOLUTION, 27.5 * RESOLUTION))
+    assert decision.kind is TRAPPED and "near" in decision.reason
+
+
+def test_frontier_that_cannot_be_reached_is_set_aside_after_the_failures():
+    planner, runs = ExplorationPlanner(ExplorationConfig(max_failures=2)), runs_of(opening(room()))
+    for _ in range(2):
+        decision = planner.decide(runs, pose(2.0, 2.0))
+        assert decision.kind is GOAL
+        planner.report_failure(decision.frontier, "no progress")
+    decision = planner.decide(runs, pose(2.0, 2.0))
+    assert decision.kind is EXPLORED and decision.set_aside == 1 and "1 set aside" in decision.reason
+    assert "no progress" in planner.set_aside()[0][1]
+
+
+def test_next_frontier_is_tried_when_the_first_is_set_aside():
+    states = opening(room())
+    states[30:50, -1] = UNKNOWN
+    planner = ExplorationPlanner(ExplorationConfig(max_failures=1))
+    first = planner.decide(runs_of(states), pose(2.0, 2.0))
+    planner.report_failure(first.frontier, "blocked")
+    second = planner.decide(runs_of(states), pose(2.0, 2.0))
+    assert second.kind is GOAL and math.dist(first.frontier, second.frontier) > 3.0
+
+
+def test_frontier_that_no_look_changes_is_approached_more_closely_and_then_set_aside():
+    planner, runs = ExplorationPlanner(), runs_of(opening(room()))
+    here, gaps = pose(2.0, 2.0), []
+    for _ in range(20):
+        decision = planner.decide(runs, here)
+        if decision.kind is not GOAL:
+            break
+        x, y, z, yaw = decision.goal
+        gaps.append(math.hypot(decision.frontier[0] - x, decision.frontier[1] - y))
+        here = pose(x, y, 0.0, yaw)
+    assert decision.kind is EXPLORED and "unchanged" in planner.set_aside()[0][1]
+    assert len(gaps) == 2 and gaps[1] < gaps[0]
+
+
+def test_robot_that_never_gets_near_ends_by_the_number_of_goals():
+    planner, runs = ExplorationPlanner(ExplorationConfig(max_goals=4)), runs_of(opening(room()))
+    kinds = [planner.decide(runs, pose(2.0, 2.0)).kind for _ in range(5)]
+    assert kinds == [GOAL] * 4 + [EXPLORED]
+
+
+def test_frontier_nearer_than_the_trim_is_faced_from_where_the_robot_stands():
+    states = opening(room())
+    here = pose(79.5 * RESOLUTION, 40.5 * RESOLUTION, yaw=math.pi)
+    decision = ExplorationPlanner(planner=PlannerConfig(trim_m=2.0)).decide(runs_of(states), here)
+    assert decision.path.shape == (1, 3)
+    assert decision.goal[3] == pytest.approx(0.0, abs=0.2)
+
+
+def test_plan_stays_valid_until_the_path_is_blocked_or_the_frontier_is_gone():
+    planner, states = ExplorationPlanner(), opening(room())
+    decision = planner.decide(runs_of(states), pose(2.0, 2.0))
+
+    def after(world):
+        terrain = classify(runs_of(world), pose(2.3, 2.2), TerrainConfig(), 6.0)
+        return planner.still_valid(terrain, decision.path, decision.frontier)
+
+    assert after(states) is Validity.VALID
+    assert after(room()) is Validity.FRONTIER_GONE
+    blocked = states.copy()
+    blocked[55, 10:70, BELOW:] = OCCUPIED
+    assert after(blocked) is Validity.PATH_BLOCKED
+
+
+def test_wrong_configuration_and_wrong_frontier_are_refused():
+    with pytest.raises(ValueError, match="max_goals"):
+        ExplorationPlanner(ExplorationConfig(max_goals=1, max_looks=3))
+    with pytest.raises(ValueError, match="finite"):
+        ExplorationPlanner().report_failure((0.0, math.nan, 0.0), "lost")
+
+
+def coverage(journey, world, start):
+    true = classify(runs_of(world), start, TerrainConfig(), None).traversable_area_m2
+    return journey.decisions[-1].terrain.traversable_area_m2 / true
+
+
+def test_two_rooms_are_explored_to_the_end():
+    world = room(110, 80)
+    world[55, :, BELOW : BELOW + 30] = OCCUPIED
+    world[55, 50:70, BELOW + 1 :] = FREE
+    journey = explore(world, 2.0, 2.0, 0.04, ExplorationPlanner(), most=20)
+    assert journey.decisions[-1].kind is EXPLORED
+    assert coverage(journey, world, pose(2.0, 2.0)) > 0.97
+
+
+def two_levels():
+    slope = math.tan(math.radians(18))
+    world = room(
+        150, 110, lambda x, y: np.where((abs(y - 4.4) < 1.5) & (x > 2.5), np.clip((x - 2.5) * slope, 0, 1.6) * (x < 7.6), 0.0) + 0.04
+    )
+    deck = BELOW + 20
+    world[95:135, 20:95, deck - 1 : deck + 1] = OCCUPIED
+    world[95:135, 20:95, deck + 1 :] = FREE
+    return world
+
+
+def test_deck_is_explored_above_and_below_and_its_edges_are_never_left():
+    world = two_levels()
+    journey = explore(world, 1.5, 1.5, 0.04, ExplorationPlanner(), most=30)
+    last = journey.decisions[-1]
+    assert last.kind is EXPLORED
+    assert coverage(journey, world, pose(1.5, 1.5)) > 0.95
+    edge = classify(runs_of(world), pose(1.5, 1.5), TerrainConfig(), None)
+    cliffs = edge.centers(edge.nodes_of(TerrainClass.CLIFF))
+    for T_map_base in journey.poses:
+        ground = T_map_base[:3, 3] - [0, 0, 0.132]
+        level = np.abs(cliffs[:, 2] - ground[2]) < 0.3
+        assert np.linalg.norm(cliffs[level, :2] - ground[:2], axis=1).min(initial=9.0) > 0.5
+
+
+def test_rough_ground_with_range_noise_ends_explored():
+    random = np.random.default_rng(4)
+    hills = [(*random.uniform(0, 9, 2), random.uniform(0.8, 2.0), random.uniform(-0.35, 0.35)) for _ in range(14)]
+    world = room(110, 110, lambda x, y: 0.4 + sum(a * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / s**2) for cx, cy, s, a in hills))
+    ground = ((world[50, 50] == OCCUPIED).nonzero()[0].max() - BELOW + 0.5) * RESOLUTION
+    journey = explore(world, 50.5 * RESOLUTION, 50.5 * RESOLUTION, ground, ExplorationPlanner(), most=30, noise_m=0.015)
+    assert journey.decisions[-1].kind is EXPLORED
+    assert coverage(journey, world, pose(50.5 * RESOLUTION, 50.5 * RESOLUTION, ground)) > 0.85

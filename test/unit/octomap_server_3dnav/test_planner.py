@@ -1,0 +1,138 @@
+"""Paths over, under and around: A*, shortcuts, trimming (thesis 5.5.1, 6.2.2)."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from octomap_server_3dnav.planner import Path, PlannerConfig, distances_over_ground, plan_path, trim_path
+from octomap_server_3dnav.terrain import TerrainClass
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, grid_of_heights, pose, terrain_of
+
+CONFIG = PlannerConfig()
+
+
+def flat(nx=90, ny=60):
+    return grid_of_heights(lambda x, y: 0.04 + 0 * x * y, nx, ny)
+
+
+def path_to(terrain, x, y, z):
+    node = terrain.surface_near((x, y, z))
+    return None if node is None else plan_path(terrain, node, CONFIG)
+
+
+def test_path_over_open_floor_is_a_straight_line():
+    path = path_to(terrain_of(flat(), pose(0.6, 0.6)), 6.5, 3.7, 0.04)
+    straight = math.dist(path.points[0], path.points[-1])
+    assert path.length_m == pytest.approx(straight, rel=0.01)
+    assert (np.linalg.norm(np.diff(path.points, axis=0), axis=1) <= CONFIG.waypoint_spacing_m + 1e-9).all()
+
+
+def test_path_over_the_ramp_reaches_the_plateau_with_smooth_heights():
+    slope = math.tan(math.radians(20))
+    states = grid_of_heights(lambda x, y: np.clip((x - 2.0) * slope, 0.0, 1.2) + 0.04 + 0 * y, 100, 40)
+    path = path_to(terrain_of(states, pose(1.0, 1.6)), 7.0, 1.6, 1.24)
+    assert path.points[-1][2] == pytest.approx(1.24, abs=0.08)
+    assert np.abs(np.diff(path.points[:, 2])).max() < 0.09
+
+
+def test_path_leads_under_the_bridge():
+    states = flat(90, 60)
+    states[30:60, :, BELOW + 20] = OCCUPIED
+    path = path_to(terrain_of(states, pose(1.0, 2.4)), 6.4, 2.4, 0.04)
+    assert path is not None and path.points[:, 2].max() < 0.1
+
+
+def test_path_keeps_the_inflation_radius_from_walls_and_likes_the_middle():
+    states = flat()
+    states[40, :22, BELOW:] = OCCUPIED
+    states[40, 48:, BELOW:] = OCCUPIED
+    terrain = terrain_of(states, pose(1.0, 1.0))
+    path = path_to(terrain, 6.0, 1.0, 0.04)
+    walls = terrain.centers(terrain.nodes_of(TerrainClass.OBSTACLE))
+    gaps = np.linalg.norm(path.points[:, None, :2] - walls[None, :, :2], axis=2)
+    assert gaps.min() > 0.75  # 0.6 m is allowed, the soft strip wants more
+
+
+def test_no_path_through_a_closed_wall():
+    states = flat()
+    states[40, :, BELOW:] = OCCUPIED
+    states[45:, :, BELOW] = OCCUPIED
+    terrain = terrain_of(states, pose(1.0, 2.4))
+    assert terrain.surface_near((6.0, 2.4, 0.04)) is None
+
+
+def test_goal_in_the_inflation_or_on_an_obstacle_has_no_path():
+    states = flat()
+    states[40, :, BELOW:] = OCCUPIED
+    terrain = terrain_of(states, pose(1.0, 2.4))
+    assert plan_path(terrain, int(terrain.nodes_of(TerrainClass.INFLATION)[0]), CONFIG) is None
+    assert plan_path(terrain, int(terrain.nodes_of(TerrainClass.OBSTACLE)[0]), CONFIG) is None
+
+
+def test_robot_in_the_inflation_leaves_it_first_and_never_over_an_obstacle():
+    states = flat()
+    states[40, :, BELOW:] = OCCUPIED
+    terrain = terrain_of(states, pose(37.5 * RESOLUTION, 2.4))
+    path = path_to(terrain, 0.6, 2.4, 0.04)
+    assert path.points[0][0] == pytest.approx(37.5 * RESOLUTION)
+    assert (np.diff(path.points[:, 0]) < 0).all()
+
+
+def test_unknown_node_is_refused():
+    with pytest.raises(ValueError, match="node"):
+        plan_path(terrain_of(flat(), pose(1, 1)), 10**6, CONFIG)
+
+
+def test_distances_agree_with_scipy_on_the_same_graph():
+    random = np.random.default_rng(3)
+    states = grid_of_heights(lambda x, y: 0.15 * np.sin(x) * np.cos(y) + 0.1, 70, 60)
+    for _ in range(4):
+        ix, iy = random.integers(10, 60, 2)
+        states[ix, iy, BELOW : BELOW + 12] = OCCUPIED
+    terrain = terrain_of(states, pose(0.8, 0.8))
+    mine = distances_over_ground(terrain, CONFIG)
+    voxels = {v: i for i, v in enumerate(zip(terrain.ix.tolist(), terrain.iy.tolist(), strict=True)) if math.isfinite(terrain.cost[i])}
+    rows = []
+    for (x, y), i in voxels.items():
+        for dx, dy in itertools.product((-1, 0, 1), repeat=2):
+            around = [voxels.get((x + dx, y)), voxels.get((x, y + dy)), voxels.get((x + dx, y + dy))]
+            if (dx or dy) and None not in around:
+                rise = float(terrain.z[i]) - float(terrain.z[around[2]])
+                rows.append((i, around[2], math.sqrt(dx * dx + dy * dy + rise * rise) * RESOLUTION))
+    i, j, w = zip(*rows, strict=True)
+    n = terrain.label.size
+    oracle = dijkstra(coo_matrix((w, (i, j)), (n, n)).tocsr(), indices=terrain.departure)
+    offset = mine[terrain.departure]
+    open_nodes = np.array(sorted(voxels.values()))
+    np.testing.assert_allclose(mine[open_nodes] - offset, oracle[open_nodes], atol=1e-5)
+
+
+def test_a_star_costs_what_dijkstra_costs():
+    from octomap_server_3dnav.planner import _search
+
+    states = flat()
+    states[40, :40, BELOW:] = OCCUPIED
+    t = terrain_of(states, pose(1.0, 1.0))
+    goal = t.surface_near((6.0, 1.0, 0.04))
+    arguments = (t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, t.departure)
+    assert _search(*arguments, goal)[0][goal] == pytest.approx(_search(*arguments, -1)[0][goal])
+
+
+def test_trimmed_path_ends_the_distance_before_the_frontier():
+    path = Path(np.column_stack([np.linspace(0, 5, 51), np.zeros(51), np.zeros(51)]))
+    trimmed = trim_path(path, np.array([5.1, 0.0, 0.0]), 0.9)
+    assert trimmed.points[-1][0] == pytest.approx(4.2)
+    assert trim_path(path, np.array([0.2, 0.0, 0.0]), 9.0).points.shape == (1, 3)
+
+
+def test_free_space_above_a_hole_is_not_crossed_by_a_shortcut():
+    states = flat()
+    states[35:50, 20:40, : BELOW + 1] = FREE
+    terrain = terrain_of(states, pose(1.0, 2.4))
+    path = path_to(terrain, 6.4, 2.4, 0.04)
+    in_hole = (path.points[:, 0] > 34 * RESOLUTION) & (path.points[:, 0] < 51 * RESOLUTION) & (abs(path.points[:, 1] - 2.4) < 0.8 + 0.6)
+    assert not in_hole.any()
