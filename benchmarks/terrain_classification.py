@@ -2,8 +2,8 @@
 
     PYTHONPATH=src:BINDING python benchmarks/terrain_classification.py [MAP.bt] [--runs 15]
 
-Without a map: a made two-level world of 20 x 20 m. With one: an octree file, the robot on its ground nearest to the middle. BINDING is the folder of the
-octree's extension module, needed for a map only.
+Without a map: a made two-level world of 20 x 20 m. With one: an octree file, the robot on ground near its middle. BINDING is the folder
+of the octree's extension module, needed for a map only.
 """
 
 import argparse
@@ -14,6 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.frontiers import FrontierConfig, find_frontiers
 from octomap_server_3dnav.planner import PlannerConfig, plan_path
@@ -51,7 +52,9 @@ def pose_near_the_middle(runs: ColumnRuns, config: TerrainConfig) -> NDArray[np.
     best: tuple[int, NDArray[np.float64]] | None = None
     for top in tops[np.argsort(gap, kind="stable")][:4000:100]:
         T_map_base = np.eye(4)
-        key = np.array([runs.columns[top] // runs.ny + runs.origin_key[0], runs.columns[top] % runs.ny + runs.origin_key[1], runs.z_hi[top]])
+        key = np.array(
+            [runs.columns[top] // runs.ny + runs.origin_key[0], runs.columns[top] % runs.ny + runs.origin_key[1], runs.z_hi[top]]
+        )
         T_map_base[:3, 3] = (key + 0.5) * runs.resolution + [0.0, 0.0, config.base_height_m]
         ground = int(np.count_nonzero(classify(runs, T_map_base, config, LOCAL_RADIUS_M).label == TerrainClass.TRAVERSABLE))
         if best is None or ground > best[0]:
@@ -87,12 +90,15 @@ def main() -> None:
     config, planner = TerrainConfig(), PlannerConfig()
     runs = load_runs(arguments.map) if arguments.map else two_level_world()
     T_map_base = pose_near_the_middle(runs, config)
-    print(f"{runs.nx} x {runs.ny} columns of {runs.resolution} m, {int(runs.occupied.sum())} occupied runs, robot at {T_map_base[:3, 3].round(2)}")
+    print(f"{runs.nx} x {runs.ny} columns of {runs.resolution} m, {int(runs.occupied.sum())} occupied runs")
+    print(f"robot at {T_map_base[:3, 3].round(2)}")
     for name, radius in ((f"local ({LOCAL_RADIUS_M} m)", LOCAL_RADIUS_M), ("global", None)):
         terrain = classify(runs, T_map_base, config, radius)
         print(f"{name}: classes {np.bincount(terrain.label, minlength=5).tolist()}")
         print(f"  classify  {median_ms(lambda r=radius: classify(runs, T_map_base, config, r), arguments.runs):8.2f} ms")
-        print(f"  frontiers {median_ms(lambda t=terrain: find_frontiers(t, T_map_base, FrontierConfig(), planner), arguments.runs):8.2f} ms")
+        print(
+            f"  frontiers {median_ms(lambda t=terrain: find_frontiers(t, T_map_base, FrontierConfig(), planner), arguments.runs):8.2f} ms"
+        )
         if terrain.departure is not None:
             goal = farthest_node(terrain)
             print(f"  path      {median_ms(lambda t=terrain, g=goal: plan_path(t, g, planner), arguments.runs):8.2f} ms")

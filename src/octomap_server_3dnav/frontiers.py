@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from octomap_server_3dnav.planner import PlannerConfig, distances_over_ground
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
-from rigid_geometry import angle_difference, yaw_of
+from rigid_geometry import yaw_of
 from rigid_geometry.transforms import Transform
 from stage_config import check_ranges, parameter
 
@@ -104,9 +104,8 @@ def _costs(
     terrain: Terrain, frontier: NDArray[np.int64], distance: NDArray[np.float64], T_map_base: Transform, weight: float
 ) -> NDArray[np.float64]:
     offset = terrain.centers(frontier)[:, :2].astype(np.float64) - T_map_base[:2, 3]
-    yaw = np.arctan2(offset[:, 1], offset[:, 0])
-    here = yaw_of(T_map_base)
-    angle = np.array([abs(angle_difference(float(a), here)) for a in yaw])
+    turn = np.arctan2(offset[:, 1], offset[:, 0]) - yaw_of(T_map_base)
+    angle = np.abs(np.arctan2(np.sin(turn), np.cos(turn)))
     return np.asarray(distance + weight * angle)
 
 

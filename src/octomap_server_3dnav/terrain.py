@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
 from octomap_server_3dnav.column_runs import ColumnRuns
-from octomap_server_3dnav.surface_columns import NO_VOXEL, Columns, Surfaces, crop_columns, surfaces_of, top_near
+from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, surfaces_of
 from octomap_server_3dnav.surface_graph import nearest_neighbours, steppable_neighbours
 from rigid_geometry import as_transform
 from rigid_geometry.transforms import Transform
@@ -355,14 +355,6 @@ def _assemble(
     )
 
 
-def _obstacle_voxels(scene: _Scene, obstacles: NDArray[np.int64], limits: _Limits) -> NDArray[np.int64]:
-    """The same with the floor voxel in place of the low ceiling above it, where there is one: that is what cannot be driven on."""
-    for row in obstacles:
-        top = top_near(scene.columns, row[0], row[2], limits.step)
-        row[1] = row[1] if top == NO_VOXEL else top
-    return obstacles
-
-
 def classify(runs: ColumnRuns, T_map_base: Transform, config: TerrainConfig, radius_m: float | None) -> Terrain:
     """The terrain around the robot at `T_map_base` out to `radius_m`, or of the whole map when it is None.
 
@@ -387,5 +379,4 @@ def classify(runs: ColumnRuns, T_map_base: Transform, config: TerrainConfig, rad
     departure, reached = (None, np.zeros(label.size, dtype=bool)) if start is None else _departure(scene, label, start, config)
     edges = _frontier_edges(scene, label, radius_m, config, limits)
     cost = _soft_cost(scene, label, config, limits)
-    obstacles = _obstacle_voxels(scene, obstacles, limits)
     return _assemble(scene, label, start, departure, reached, obstacles, edges, cost, limits, radius_m, robot)

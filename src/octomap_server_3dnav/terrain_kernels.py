@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from octomap_server_3dnav.surface_columns import DX, DY, NO_VOXEL, blocking_voxel, find_node, lowest_occupied, seen_down_to
+from octomap_server_3dnav.surface_columns import DX, DY, NO_VOXEL, blocking_voxel, find_node, lowest_occupied, seen_down_to, top_near
 from octomap_server_3dnav.surface_graph import slope_at
 
 UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = 255, 0, 1, 2, 3, 4
@@ -149,7 +149,8 @@ def obstacles_seen(columns: Any, surfaces: Any, label: Any, near: Any, clearance
                     break
                 voxel = blocking_voxel(columns, c, level, step, clearance)
                 if voxel != NO_VOXEL:
-                    found.append((np.int64(c), np.int64(voxel), level))
+                    floor = top_near(columns, c, level, step)  # under a low ceiling it is the floor that cannot be driven on
+                    found.append((np.int64(c), np.int64(voxel if floor == NO_VOXEL else floor), level))
                     break
     out = np.empty((len(found), 3), np.int64)
     for i in range(len(found)):
