@@ -2,7 +2,8 @@
 
 Error state of 16: position, attitude, velocity, gyroscope bias, accelerometer bias, wheel slip. Attitude errors turn about
 the axes of odom, R_true = Exp(error) R, so that the pose's covariance is the one of nav_msgs/Odometry as it stands. Biases and
-slip are states because they are the same from sample to sample: as white noise they would make the filter over-confident.
+slip are states because they are the same from sample to sample: as white noise they would make the filter over-confident. Nothing
+here can observe the slip. It acts between velocity and position, so that no measurement of the velocity is taken for news of it.
 Error-state formulation as in Sola, "Quaternion kinematics for the error-state Kalman filter" (2017), global angular error.
 """
 
@@ -23,8 +24,9 @@ SIZE = 16
 class State:
     """Mean and covariance at a time.
 
-    `position` (3,) and `R_odom_base` (3, 3) in odom; `velocity` (3,) of base_link in base_link; `gyro_bias` (3,) rad/s;
-    `accel_bias` (3,) m/s^2; `slip`: share of the wheels' forward velocity beyond the known slip; `covariance` (16, 16).
+    `position` (3,) and `R_odom_base` (3, 3) in odom; `velocity` (3,) m/s of base_link in its own axes, as without further slip;
+    `gyro_bias` (3,) rad/s; `accel_bias` (3,) m/s^2; `covariance` (16, 16). `anchor_cross` (16, 6): covariance of the error with
+    the error that the pose had at an earlier instant, zero when there is none.
     """
 
     stamp_s: float
@@ -33,16 +35,17 @@ class State:
     velocity: FloatArray
     gyro_bias: FloatArray
     accel_bias: FloatArray
-    slip: float
     covariance: FloatArray
+    anchor_cross: FloatArray
 
 
 @dataclass(frozen=True)
 class ProcessNoise:
-    """What an interval adds to the covariance; densities as in OdometryConfig, `attitude_variance` (rad^2) once an interval."""
+    """What an interval adds to the covariance; densities as in OdometryConfig, `velocity_walk` forward and across;
+    `attitude_variance` (rad^2) once an interval."""
 
     gyro: float
-    velocity_walk: float
+    velocity_walk: tuple[float, float]
     gyro_bias_walk: float
     accel_bias_walk: float
     slip_sigma: float
@@ -87,14 +90,15 @@ def predict(state: State, rates: FloatArray, durations: FloatArray, noise: Proce
     moved = R_integral @ state.velocity
     total_s = float(durations.sum())
     F = _transition(moved, R_integral, math.exp(-total_s / noise.slip_time_s))
+    F[POSITION, SLIP] = -state.velocity[0] * R_integral[:, 0]
     covariance = F @ state.covariance @ F.T + _process_covariance(state.R_odom_base, total_s, noise)
     return replace(
         state,
         stamp_s=state.stamp_s + total_s,
         position=state.position + moved,
         R_odom_base=R,
-        slip=state.slip * F[SLIP, SLIP],
         covariance=covariance,
+        anchor_cross=F @ state.anchor_cross,
     )
 
 
@@ -123,8 +127,8 @@ def update(state: State, residual: FloatArray, H: FloatArray, variances: FloatAr
         velocity=state.velocity + error[VELOCITY],
         gyro_bias=state.gyro_bias + error[GYRO_BIAS],
         accel_bias=state.accel_bias + error[ACCEL_BIAS],
-        slip=state.slip + float(error[SLIP]),
         covariance=0.5 * (covariance + covariance.T),
+        anchor_cross=state.anchor_cross - gain @ (H @ state.anchor_cross),
     )
 
 
@@ -147,14 +151,16 @@ def _transition(moved: FloatArray, R_integral: FloatArray, slip_decay: float) ->
 def _process_covariance(R: FloatArray, t: float, noise: ProcessNoise) -> FloatArray:
     """Random walks over t seconds; the velocity's walk also moves the position, so that the next wheel message mends both."""
     diagonal = np.zeros(SIZE)
-    q = noise.velocity_walk**2
-    diagonal[POSITION] = q * t**3 / 3.0
+    forward, across = noise.velocity_walk
+    q = np.array([forward, across, across]) ** 2
     diagonal[ATTITUDE] = noise.gyro**2 * t + noise.attitude_variance
     diagonal[VELOCITY] = q * t
     diagonal[GYRO_BIAS] = noise.gyro_bias_walk**2 * t
     diagonal[ACCEL_BIAS] = noise.accel_bias_walk**2 * t
     diagonal[SLIP] = noise.slip_sigma**2 * -math.expm1(-2.0 * t / noise.slip_time_s)
     Q = np.diag(diagonal)
-    Q[POSITION, VELOCITY] = R * (q * t**2 / 2.0)
+    R_q = R * q
+    Q[POSITION, POSITION] = R_q @ R.T * (t**3 / 3.0)
+    Q[POSITION, VELOCITY] = R_q * (t**2 / 2.0)
     Q[VELOCITY, POSITION] = Q[POSITION, VELOCITY].T
     return Q

@@ -18,6 +18,13 @@ class PoseIncrement:
     covariance: FloatArray
 
 
+def carried(lever: FloatArray) -> FloatArray:
+    """(6, 6) matrix that takes the error of a pose to that of a pose (3,) `lever` metres away in odom: a turn moves it along."""
+    carry = np.eye(6)
+    carry[:3, 3:] = np.cross(np.eye(3), lever).T
+    return carry
+
+
 def pose_increment(
     T_odom_a: FloatArray,
     covariance_a: FloatArray,
@@ -25,17 +32,15 @@ def pose_increment(
     covariance_b: FloatArray,
     *,
     position_floor_m: float = 0.002,
-    rotation_floor_rad: float = 0.002,
+    rotation_floor_rad: float = 0.001,
 ) -> PoseIncrement:
-    """The movement from pose a to the later pose b of one dead-reckoned track.
+    """The movement from pose a to the later pose b of one track of the odometry.
 
-    Covariances are (6, 6) as in nav_msgs/Odometry: x, y, z, rotation x, y, z, about the axes of odom. Dead reckoning carries
-    the error of a on to b, so what was gained in between is the difference of b's covariance and a's carried over. Gravity
-    makes the difference of roll and pitch vanish or turn negative: each direction gets at least the floor's variance.
+    Covariances are (6, 6) as in nav_msgs/Odometry: x, y, z, rotation x, y, z, about the axes of odom. A track's error at a is
+    carried on to b, so what was gained in between is b's covariance minus a's carried over. The filter's `pose_covariance` is made
+    for this: from stop to stop the difference is exact. Where it is smaller than the floor, or negative, it is raised to the floor.
     """
-    lever = T_odom_b[:3, 3] - T_odom_a[:3, 3]
-    carry = np.eye(6)
-    carry[:3, 3:] = np.cross(np.eye(3), lever).T  # a turn by e at a moves b by e x lever
+    carry = carried(T_odom_b[:3, 3] - T_odom_a[:3, 3])
     gained = covariance_b - carry @ covariance_a @ carry.T
     to_b = np.kron(np.eye(2), T_odom_b[:3, :3].T)
     floor = np.repeat([position_floor_m, rotation_floor_rad], 3)

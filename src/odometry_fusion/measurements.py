@@ -20,7 +20,16 @@ def level(stamp_s: float, mean_accel: FloatArray, duration_s: float, disturbance
     `disturbance_mps2`: how far the force may be from gravity beside noise and bias, in m/s^2.
     """
     up = mean_accel / float(np.linalg.norm(mean_accel))
-    state = State(stamp_s, np.zeros(3), _level_rotation(up), np.zeros(3), np.zeros(3), np.zeros(3), 0.0, _first_covariance(still, config))
+    state = State(
+        stamp_s=stamp_s,
+        position=np.zeros(3),
+        R_odom_base=_level_rotation(up),
+        velocity=np.zeros(3),
+        gyro_bias=np.zeros(3),
+        accel_bias=np.zeros(3),
+        covariance=_first_covariance(still, config),
+        anchor_cross=np.zeros((SIZE, 6)),
+    )
     variance = config.accel_noise**2 / duration_s + disturbance_mps2**2
     residual, H = _gravity(state, mean_accel, config)
     return update(state, residual, H, np.full(3, variance))
@@ -45,10 +54,9 @@ def roll_wheels(state: State, interval: ImuInterval, forward_mps: float, yaw_rat
     rate = interval.mean_rate - state.gyro_bias
     turning, tipping = abs(float(rate[2])), math.hypot(rate[0], rate[1])
     forward = forward_mps * (1.0 - config.forward_slip)
-    residual = np.array([forward - state.velocity[0] - forward * state.slip, -state.velocity[1], -state.velocity[2], yaw_rate - rate[2]])
+    residual = np.array([forward - state.velocity[0], -state.velocity[1], -state.velocity[2], yaw_rate - rate[2]])
     H = np.zeros((4, SIZE))
     H[0:3, VELOCITY] = np.eye(3)
-    H[0, SLIP] = forward
     H[3, GYRO_BIAS_Z] = -1.0
     sigmas = [
         math.hypot(config.forward_sigma_mps, config.turning_sigma_m * turning),

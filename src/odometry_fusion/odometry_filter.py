@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from odometry_fusion import measurements
 from odometry_fusion.config import OdometryConfig
-from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, VELOCITY, ProcessNoise, State, orthonormal, predict, rest
+from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, orthonormal, predict, rest
+from odometry_fusion.increments import carried
 from odometry_fusion.interval import ImuInterval, imu_interval
 from odometry_fusion.sample_buffer import Arrival, SampleBuffer
 
@@ -27,7 +28,8 @@ FIRST_LEVELLING_S = 1.0  # IMU samples older than this say nothing about the att
 class OdometryEstimate:
     """Where the robot is at `stamp_s`, and how sure that is.
 
-    `T_odom_base` (4, 4); `pose_covariance` (6, 6): x, y, z, rotation about x, y, z, in axes of odom, as nav_msgs/Odometry has it.
+    `T_odom_base` (4, 4); `pose_covariance` (6, 6): x, y, z, rotation about x, y, z, in axes of odom, as nav_msgs/Odometry has it,
+    summed up from stop to stop so that `pose_increment` finds the true covariance of the movement between two stops.
     `twist` (6,) m/s and rad/s, linear then angular, in base_link, with `twist_covariance` (6, 6). `standing`: wheels and body are
     still. Only then `up_in_base` (3,) is the unit direction against gravity in base_link, the mean over the time of standing, less
     the accelerometer's bias as far as known, with `up_sigma_rad` an axis; otherwise both are None.
@@ -63,6 +65,15 @@ class _Rest:
 
 
 @dataclass(frozen=True, eq=False)
+class _Anchor:
+    """The end of the latest stop: position, covariance (6, 6) of the pose in the filter, and that summed up from stop to stop."""
+
+    position: FloatArray
+    filter_covariance: FloatArray
+    track_covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
 class _Track:
     """All that is known at the latest processed instant."""
 
@@ -70,6 +81,7 @@ class _Track:
     wheels: _Wheels
     rate: FloatArray
     rest: _Rest | None
+    anchor: _Anchor | None
 
 
 class OdometryFilter:
@@ -83,7 +95,7 @@ class OdometryFilter:
         self._config = config
         self._noise = ProcessNoise(
             gyro=config.gyro_noise,
-            velocity_walk=config.velocity_walk,
+            velocity_walk=(config.forward_velocity_walk, config.across_velocity_walk),
             gyro_bias_walk=config.gyro_bias_walk,
             accel_bias_walk=config.accel_bias_walk,
             slip_sigma=config.forward_slip_sigma,
@@ -180,7 +192,7 @@ class OdometryFilter:
         disturbance = abs(strength - self._config.gravity_mps2) + (0.0 if still else self._config.gravity_driving_sigma)
         duration_s = max(float(np.ptp(stamps[before])), 0.01)
         state = measurements.level(wheels.stamp_s, force, duration_s, disturbance, still, self._config)
-        return _Track(state, wheels, rows[before, :3][-1], None)
+        return _Track(state, wheels, rows[before, :3][-1], None, None)
 
     def _advanced(self, track: _Track, wheels: _Wheels) -> _Track:
         """The track at the next wheel message, with its measurements."""
@@ -188,19 +200,21 @@ class OdometryFilter:
         self._count_gaps(interval, wheels.stamp_s - track.wheels.stamp_s)
         if self._stands(track, interval, wheels):
             state = measurements.stand_still(rest(track.state, interval.duration_s, self._noise), interval, self._config)
-            return _Track(_at(state, wheels.stamp_s), wheels, interval.rates[-1], _longer(track.rest, interval))
+            return _Track(_at(state, wheels.stamp_s), wheels, interval.rates[-1], _longer(track.rest, interval), track.anchor)
+        track = _anchored(track)
         state = self._driven(track.state, interval)
         state = measurements.roll_wheels(state, interval, wheels.forward_mps, wheels.yaw_rate, self._config)
         forward_accel = (wheels.forward_mps - track.wheels.forward_mps) / interval.duration_s
         state = measurements.feel_gravity(state, interval, forward_accel, self._config)
-        return _Track(_at(state, wheels.stamp_s), wheels, interval.rates[-1], None)
+        return _Track(_at(state, wheels.stamp_s), wheels, interval.rates[-1], None, track.anchor)
 
     def _between(self, track: _Track, stamp_s: float, following: _Wheels) -> _Track:
         """The track at a time before the wheel message that follows, which only tells whether the robot stands."""
         interval = imu_interval(self._imu, track.state.stamp_s, stamp_s)
         if self._stands(track, interval, following):
             return replace(track, state=_at(track.state, stamp_s), rate=interval.rates[-1])
-        return replace(track, state=_at(self._driven(track.state, interval), stamp_s), rate=interval.rates[-1], rest=None)
+        track = _anchored(track)
+        return replace(track, state=_at(self._driven(track.state, interval), stamp_s), rate=interval.rates[-1])
 
     def _stands(self, track: _Track, interval: ImuInterval, wheels: _Wheels) -> bool:
         """Wheels stood for long enough, at both ends of the interval, and the body is quiet."""
@@ -234,7 +248,7 @@ class OdometryFilter:
         return OdometryEstimate(
             stamp_s=state.stamp_s,
             T_odom_base=T_odom_base,
-            pose_covariance=state.covariance[:6, :6].copy(),
+            pose_covariance=_track_covariance(track),
             twist=np.concatenate([np.zeros(3) if standing else state.velocity, rate]),
             twist_covariance=self._twist_covariance(state),
             standing=standing,
@@ -245,6 +259,7 @@ class OdometryFilter:
     def _twist_covariance(self, state: State) -> FloatArray:
         covariance = np.zeros((6, 6))
         covariance[:3, :3] = state.covariance[VELOCITY, VELOCITY]
+        covariance[0, 0] += state.covariance[SLIP, SLIP] * state.velocity[0] ** 2
         covariance[3:, 3:] = state.covariance[GYRO_BIAS, GYRO_BIAS] + np.eye(3) * self._config.gyro_noise**2 * IMU_RATE_HZ
         return covariance
 
@@ -255,6 +270,31 @@ class OdometryFilter:
         P = state.covariance[ACCEL_BIAS, ACCEL_BIAS]
         level_variance = 0.5 * float(np.trace(P) - up @ P @ up) + self._config.accel_noise**2 / rest_sums.duration_s
         return up, math.hypot(math.sqrt(level_variance) / strength, self._config.up_sigma_floor_rad)
+
+
+def _anchored(track: _Track) -> _Track:
+    """The track as the robot leaves: a stop that ends becomes the anchor."""
+    if track.rest is None:
+        return track
+    state = track.state
+    anchor = _Anchor(state.position, state.covariance[:6, :6], _track_covariance(track))
+    return replace(track, state=replace(state, anchor_cross=state.covariance[:, :6]), rest=None, anchor=anchor)
+
+
+def _track_covariance(track: _Track) -> FloatArray:
+    """(6, 6) the anchor's covariance carried on, and what was gained since.
+
+    The difference of the filter's own covariances is not what was gained: an error that lasts, as slip does, grows on the way out and
+    shrinks on the way back. Its covariance with the anchor's error gives the gain exactly (stochastic cloning, Roumeliotis 2002).
+    """
+    P = track.state.covariance[:6, :6]
+    if track.anchor is None:
+        return P.copy()
+    carry = carried(track.state.position - track.anchor.position)
+    cross = carry @ track.state.anchor_cross[:6].T
+    gained = P + carry @ track.anchor.filter_covariance @ carry.T - cross - cross.T
+    total = carry @ track.anchor.track_covariance @ carry.T + gained
+    return np.asarray(0.5 * (total + total.T), dtype=np.float64)
 
 
 def _at(state: State, stamp_s: float) -> State:

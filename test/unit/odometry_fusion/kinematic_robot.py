@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+
 from odometry_fusion.error_state import exp_rotation
 
 GRAVITY = 9.81

@@ -1,0 +1,133 @@
+"""Jacobians against numerical ones, and the algebra that the filter rests on."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from odometry_fusion import OdometryConfig, measurements, pose_increment
+from odometry_fusion.error_state import (
+    ACCEL_BIAS,
+    ATTITUDE,
+    GYRO_BIAS,
+    POSITION,
+    SIZE,
+    VELOCITY,
+    ProcessNoise,
+    State,
+    exp_rotation,
+    orthonormal,
+    predict,
+    skew,
+    update,
+)
+from odometry_fusion.increments import carried
+from odometry_fusion.interval import ImuInterval
+from rigid_geometry import inverse, transform_from_rpy
+
+QUIET = ProcessNoise(0.0, (0.0, 0.0), 0.0, 0.0, 0.0, 60.0)
+RNG = np.random.default_rng(7)
+
+
+def some_state() -> State:
+    rng = np.random.default_rng(5)
+    A = rng.normal(size=(SIZE, SIZE)) * 0.1
+    R = Rotation.from_rotvec([0.3, -0.2, 1.1]).as_matrix()
+    velocity, biases = np.array([0.5, 0.02, -0.01]), rng.normal(size=(2, 3)) * 0.02
+    return State(1.0, rng.normal(size=3), R, velocity, biases[0], biases[1], A @ A.T, A[:, :6])
+
+
+def moved_by(state: State, error: np.ndarray) -> State:
+    return replace(
+        state,
+        position=state.position + error[POSITION],
+        R_odom_base=exp_rotation(error[ATTITUDE]) @ state.R_odom_base,
+        velocity=state.velocity + error[VELOCITY],
+        gyro_bias=state.gyro_bias + error[GYRO_BIAS],
+        accel_bias=state.accel_bias + error[ACCEL_BIAS],
+    )
+
+
+def difference(a: State, b: State) -> np.ndarray:
+    turn = Rotation.from_matrix(a.R_odom_base @ b.R_odom_base.T).as_rotvec()
+    return np.r_[a.position - b.position, turn, a.velocity - b.velocity, a.gyro_bias - b.gyro_bias, a.accel_bias - b.accel_bias]
+
+
+@pytest.mark.parametrize("vector", [(0, 0, 0), (1e-9, 0, 0), (1e-6, 2e-6, 0), (0.3, -0.2, 1.0), (0, 3.1, 0)])
+def test_exponential_agrees_with_scipy(vector):
+    np.testing.assert_allclose(exp_rotation(np.array(vector, dtype=float)), Rotation.from_rotvec(vector).as_matrix(), atol=1e-14)
+
+
+def test_prediction_carries_errors_as_its_jacobian_says():
+    state, rates, durations = some_state(), RNG.normal(size=(5, 3)) * 0.5, np.full(5, 0.01)
+    base = predict(state, rates, durations, QUIET)
+    for index in range(15):
+        error = np.zeros(SIZE)
+        error[index] = 1e-5
+        numerical = difference(predict(moved_by(state, error), rates, durations, QUIET), base) / 1e-5
+        unit = replace(state, anchor_cross=np.tile(error[:, None], 6))
+        jacobian = predict(unit, rates, durations, QUIET).anchor_cross[:15, 0] / 1e-5
+        np.testing.assert_allclose(jacobian, numerical, atol=2e-4)
+
+
+def test_gravity_jacobian_is_the_numerical_one():
+    state, config = some_state(), OdometryConfig()
+    residual, H = measurements._gravity(state, np.array([0.1, 0.2, 9.7]), config)
+    for index in range(15):
+        error = np.zeros(SIZE)
+        error[index] = 1e-6
+        changed, _ = measurements._gravity(moved_by(state, error), np.array([0.1, 0.2, 9.7]), config)
+        np.testing.assert_allclose(-(changed - residual) / 1e-6, H[:, index], atol=1e-4)
+
+
+def test_update_is_the_least_squares_solution():
+    state, P = some_state(), some_state().covariance
+    H, residual, variances = RNG.normal(size=(2, SIZE)), np.array([0.01, -0.02]), np.array([0.1, 0.2])
+    after = update(state, residual, H, variances)
+    information = np.linalg.inv(P) + H.T @ np.diag(1 / variances) @ H
+    np.testing.assert_allclose(after.covariance, np.linalg.inv(information), atol=1e-9)
+    step = np.linalg.solve(information, H.T @ (residual / variances))
+    np.testing.assert_allclose(difference(after, state), step[:15], atol=1e-9)
+
+
+def test_slip_shortens_the_way_and_is_not_learnt_from_wheels():
+    state, rates, durations = some_state(), np.zeros((1, 3)), np.full(1, 0.1)
+    one_percent = replace(state, anchor_cross=np.zeros((SIZE, 6)))
+    one_percent.anchor_cross[15, 0] = 0.01
+    carried_slip = predict(one_percent, rates, durations, QUIET).anchor_cross[POSITION, 0]
+    assert np.linalg.norm(carried_slip) == pytest.approx(0.01 * 0.05, rel=1e-3)
+    config = OdometryConfig()
+    level = measurements.level(0.0, np.array([0.0, 0.0, 9.81]), 1.0, 0.0, True, config)
+    interval = ImuInterval(0.05, rates, np.full(1, 0.05), np.zeros(3), None, 0, 0.01)
+    after = measurements.roll_wheels(level, interval, 0.5, 0.0, config)
+    assert after.covariance[15, 15] == level.covariance[15, 15]
+
+
+def test_orthonormal_mends_rounding():
+    R = exp_rotation(np.array([0.3, 0.2, -1.0])) + RNG.normal(size=(3, 3)) * 1e-7
+    fixed = orthonormal(R)
+    np.testing.assert_allclose(fixed @ fixed.T, np.eye(3), atol=1e-12)
+
+
+def test_carried_error_is_the_cross_product():
+    lever, turn = np.array([3.0, -1.0, 0.5]), np.array([0.01, 0.02, -0.03])
+    np.testing.assert_allclose((carried(lever) @ np.r_[0, 0, 0, turn])[:3], np.cross(turn, lever))
+    np.testing.assert_allclose(carried(lever)[:3, 3:], -skew(lever))
+
+
+def test_increment_of_dead_reckoning_forgets_the_uncertainty_before_it():
+    """b's covariance is a's carried over plus what was gained: the increment has exactly the gain, in axes of b."""
+    T_a, T_b = transform_from_rpy((1, 2, 0), (0.1, 0, 0.5)), transform_from_rpy((4, 3, 0.5), (0, 0.2, 2.0))
+    A = RNG.normal(size=(6, 6))
+    gain = np.diag([0.1, 0.2, 0.05, 0.01, 0.02, 0.03]) ** 2
+    carry, R = carried(T_b[:3, 3] - T_a[:3, 3]), np.kron(np.eye(2), T_b[:3, :3])
+    step = pose_increment(T_a, A @ A.T, T_b, carry @ A @ A.T @ carry.T + R @ gain @ R.T)
+    np.testing.assert_allclose(step.T_a_b, inverse(T_a) @ T_b)
+    np.testing.assert_allclose(step.covariance, gain, atol=1e-9)
+
+
+def test_increment_without_gain_has_the_floor():
+    T = transform_from_rpy((1, 2, 0), (0.1, 0, 0.5))
+    step = pose_increment(T, np.eye(6), T, np.eye(6) * 0.5, position_floor_m=0.01, rotation_floor_rad=0.02)
+    np.testing.assert_allclose(step.covariance, np.diag([1e-4] * 3 + [4e-4] * 3), atol=1e-12)

@@ -1,0 +1,306 @@
+"""The fused odometry against exact motions: where it must be exact, how fast it may drift, and whether it knows."""
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from odometry_fusion import OdometryConfig, OdometryFilter, pose_increment
+from rigid_geometry import inverse, rotation_from_rpy, rpy_from_rotation, yaw_of
+
+sys.path.insert(0, str(Path(__file__).parent))
+from kinematic_robot import Errors, Motion, simulate  # noqa: E402
+
+REST = Motion(2.0)
+
+
+def drive(motions, errors=None, seed=0, R_start=None):
+    return simulate(motions, errors or Errors(), np.random.default_rng(seed), R_start)
+
+
+def estimates(data, odometry=None):
+    """One estimate a wheel message, as in lock-step."""
+    odometry = odometry or OdometryFilter(OdometryConfig())
+    pending, found = list(data.imu), []
+    for stamp, v, w in data.wheels:
+        while pending and pending[0][0] <= stamp:
+            odometry.add_imu(*pending.pop(0))
+        odometry.add_wheels(stamp, v, w)
+        found.append(odometry.estimate(stamp))
+    return found
+
+
+def pose_error(data, estimate):
+    """(6,) true minus estimated: position and rotation in odom, which is the true frame at the first wheel message."""
+    T_true = data.truth[estimate.stamp_s]
+    T = estimate.T_odom_base
+    return np.r_[T_true[:3, 3] - T[:3, 3], Rotation.from_matrix(T_true[:3, :3] @ T[:3, :3].T).as_rotvec()]
+
+
+def tour(rng):
+    """Five legs with turns and ramps, a stop of five seconds after each."""
+    motions = [Motion(3.0)]
+    for _ in range(5):
+        pitch = float(rng.uniform(-0.2, 0.2))
+        motions += [Motion(float(rng.uniform(2, 7)), 0.5), Motion(float(rng.uniform(0.5, 2)), 0.1, float(rng.choice([-0.8, 0.8])))]
+        motions += [Motion(float(rng.uniform(1, 4)), 0.4, float(rng.uniform(-0.2, 0.2)))]
+        motions += [Motion(1, 0.4, 0, pitch), Motion(3, 0.5), Motion(1, 0.4, 0, -pitch), Motion(1.5), Motion(5.0)]
+    return motions
+
+
+def stops(found):
+    """The last estimate of every time of standing."""
+    return [e for e, after in zip(found, [*found[1:], None], strict=True) if e.standing and (after is None or not after.standing)]
+
+
+@pytest.fixture(scope="module")
+def tours():
+    """Ten tours with drawn errors of the sensors, each with its estimates."""
+    found = []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        data = simulate(tour(rng), Errors.drawn(rng), rng)
+        found.append((data, estimates(data)))
+    return found
+
+
+def test_straight_drive_gives_its_length():
+    data = drive([REST, Motion(10.0, 0.5), REST])
+    assert estimates(data)[-1].T_odom_base[:3, 3] == pytest.approx([5.0, 0.0, 0.0], abs=5e-3)
+
+
+def test_circle_comes_back_to_its_start():
+    data = drive([REST, Motion(2 * math.pi / 0.4, 0.4, 0.4), REST])
+    last = estimates(data)[-1]
+    assert np.abs(pose_error(data, last)[:3]).max() < 0.01
+    assert abs(pose_error(data, last)[5]) < 1e-3
+
+
+def test_ramp_climbs():
+    """Nose up by 0.3 rad, 5 s at 0.5 m/s: z rises by 2.5 sin 0.3."""
+    data = drive([REST, Motion(1.0, 0.0, 0.0, -0.3), Motion(5.0, 0.5), REST])
+    last = estimates(data)[-1]
+    assert last.T_odom_base[2, 3] == pytest.approx(2.5 * math.sin(0.3), abs=5e-3)
+    assert rpy_from_rotation(last.T_odom_base[:3, :3])[1] == pytest.approx(-0.3, abs=1e-3)
+
+
+@pytest.mark.parametrize("rpy", [(0.0, 0.0, 0.0), (0.1, -0.2, 0.0), (-0.3, 0.35, 0.0)])
+def test_first_estimate_is_level_and_refines_at_rest(rpy):
+    errors = Errors(accel_noise=0.05, gyro_noise=0.005)
+    found = estimates(drive([Motion(3.0)], errors, R_start=rotation_from_rpy(*rpy)))
+    first, last = (np.array(rpy_from_rotation(e.T_odom_base[:3, :3])) for e in (found[0], found[-1]))
+    assert first == pytest.approx(rpy, abs=0.012)
+    assert last == pytest.approx(rpy, abs=0.0015)
+    assert found[-1].pose_covariance[3, 3] < found[0].pose_covariance[3, 3]
+
+
+def test_every_tick_from_the_first_has_an_estimate():
+    data = drive([Motion(1.0)])
+    found = estimates(data)
+    assert [e.stamp_s for e in found] == [stamp for stamp, _, _ in data.wheels]
+
+
+def test_gyroscope_bias_is_learnt_while_standing_and_yaw_does_not_creep():
+    errors = Errors(gyro_bias=np.array([0.003, -0.002, 0.004]))
+    data = drive([Motion(10.0), Motion(30.0, 0.5)], errors)
+    found = estimates(data)
+    at_rest = found[195]
+    assert at_rest.standing and abs(yaw_of(at_rest.T_odom_base)) < 2e-3
+    assert abs(yaw_of(found[-1].T_odom_base)) < math.radians(0.3)
+
+
+def test_wheels_that_slip_in_turns_do_not_turn_the_estimate():
+    data = drive([REST, Motion(4.0, 0.0, 0.8), REST], Errors(turning_slip=0.15))
+    assert abs(pose_error(data, estimates(data)[-1])[5]) < 5e-3
+
+
+def test_yaw_and_position_drift_stay_small_on_tours(tours):
+    yaw_deg_per_min, share_of_path = [], []
+    for data, found in tours:
+        error = pose_error(data, found[-1])
+        yaw_deg_per_min.append(math.degrees(abs(error[5])) / (len(found) * 0.05 / 60.0))
+        share_of_path.append(np.linalg.norm(error[:3]) / data.path_m)
+    assert np.mean(yaw_deg_per_min) < 0.3 and max(yaw_deg_per_min) < 0.6
+    assert np.mean(share_of_path) < 0.015
+
+
+def test_covariance_of_increments_between_stops_is_honest(tours):
+    """Mean NEES of six degrees of freedom, and none that would be one in a million."""
+    nees = []
+    for data, found in tours:
+        at = stops(found)
+        for a, b in zip(at, at[1:], strict=False):
+            step = pose_increment(a.T_odom_base, a.pose_covariance, b.T_odom_base, b.pose_covariance)
+            error = inverse(step.T_a_b) @ inverse(data.truth[a.stamp_s]) @ data.truth[b.stamp_s]
+            e = np.r_[error[:3, 3], Rotation.from_matrix(error[:3, :3]).as_rotvec()]
+            nees.append(e @ np.linalg.solve(step.covariance, e))
+    assert len(nees) == 50
+    assert 3.0 < np.mean(nees) < 12.0
+    assert max(nees) < 40.0
+
+
+def test_up_is_known_as_well_as_it_says(tours):
+    ratio = []
+    for data, found in tours:
+        for e in stops(found):
+            angle = np.linalg.norm(np.cross(data.truth[e.stamp_s][2, :3], e.up_in_base))
+            assert np.linalg.norm(e.up_in_base) == pytest.approx(1.0)
+            ratio.append(angle**2 / (2.0 * e.up_sigma_rad**2))
+    assert 0.2 < np.mean(ratio) < 2.0
+
+
+def test_covariance_grows_while_driving_and_not_while_standing():
+    data = drive([Motion(3.0), Motion(6.0, 0.5, 0.1), Motion(8.0)], Errors(gyro_noise=0.005, accel_noise=0.05))
+    found = estimates(data)
+    volume = [np.trace(e.pose_covariance[:3, :3]) + e.pose_covariance[5, 5] for e in found]
+    driving = volume[70:175]
+    assert all(b > a for a, b in zip(driving, driving[1:], strict=False))
+    assert found[200].standing and volume[-1] <= volume[200] * 1.02
+    assert all(np.linalg.eigvalsh(e.pose_covariance).min() > 0.0 for e in found[::10])
+
+
+def test_standing_is_told_only_when_wheels_and_body_are_still():
+    data = drive([REST, Motion(2.0, 0.3), REST])
+    flags = np.array([e.standing for e in estimates(data)])
+    assert not flags[:3].any() and flags[10:40].all() and not flags[42:86].any() and flags[-20:].all()
+    rocking = OdometryFilter(OdometryConfig())
+    for i in range(1, 101):
+        rocking.add_imu(i * 0.01, [0.0, 0.1, 0.0], [0.0, 0.0, 9.81])
+        if i % 5 == 0:
+            rocking.add_wheels(i * 0.01, 0.0, 0.0)
+    assert not rocking.estimate(1.0).standing
+
+
+def test_direction_of_gravity_is_given_only_while_standing():
+    for e in estimates(drive([REST, Motion(2.0, 0.3), REST])):
+        assert (e.up_in_base is None) == (e.up_sigma_rad is None) == (not e.standing)
+
+
+def test_twist_is_the_motion_of_the_body():
+    found = estimates(drive([REST, Motion(3.0, 0.4, 0.2)]))
+    assert found[-1].twist == pytest.approx([0.4, 0, 0, 0, 0, 0.2], abs=0.01)
+    assert found[20].twist == pytest.approx(np.zeros(6), abs=1e-3)
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(st.randoms(use_true_random=False))
+def test_order_between_topics_and_earlier_questions_do_not_matter(random):
+    data = drive([Motion(0.5), Motion(1.0, 0.5, 0.3), Motion(0.6)], Errors(gyro_noise=0.005, accel_noise=0.05))
+    expected = {e.stamp_s: e for e in estimates(data)}
+    odometry, asked = OdometryFilter(OdometryConfig()), [s for s in expected if random.random() < 0.7]
+    asked = sorted({*asked, data.wheels[-1][0]} | {s + 0.013 for s in asked[:-1]})
+    imu, wheels = list(data.imu), list(data.wheels)
+    while imu or wheels:
+        for _ in range(random.choice([1, 5, 40])):
+            if imu and (random.random() < 0.8 or not wheels):
+                odometry.add_imu(*imu.pop(0))
+            elif wheels:
+                odometry.add_wheels(*wheels.pop(0))
+        while asked and (e := odometry.estimate(asked[0])) is not None:
+            stamp = asked.pop(0)
+            if stamp in expected:
+                np.testing.assert_array_equal(e.T_odom_base, expected[stamp].T_odom_base)
+                np.testing.assert_array_equal(e.pose_covariance, expected[stamp].pose_covariance)
+    assert asked == []
+
+
+def test_estimate_waits_for_both_inputs_up_to_its_stamp():
+    odometry = OdometryFilter(OdometryConfig())
+    for i in range(1, 11):
+        odometry.add_imu(i * 0.01, np.zeros(3), [0, 0, 9.81])
+    assert odometry.estimate(0.05) is None
+    odometry.add_wheels(0.05, 0.0, 0.0)
+    assert odometry.estimate(0.05) is not None
+    assert odometry.estimate(0.07) is None
+    odometry.add_wheels(0.10, 0.0, 0.0)
+    assert odometry.estimate(0.07).stamp_s == pytest.approx(0.07)
+    assert odometry.estimate(0.11) is None
+    assert odometry.estimate(0.02) is None  # before the first wheel message
+    with pytest.raises(ValueError, match="finite"):
+        odometry.estimate(math.nan)
+
+
+def test_estimate_between_wheel_messages_lies_between_theirs():
+    data = drive([REST, Motion(4.0, 0.5)])
+    odometry = OdometryFilter(OdometryConfig())
+    for sample in data.imu:
+        odometry.add_imu(*sample)
+    for message in data.wheels:
+        odometry.add_wheels(*message)
+    x = [odometry.estimate(s).T_odom_base[0, 3] for s in (5.0, 5.02, 5.05)]
+    assert x[1] - x[0] == pytest.approx(0.01, abs=1e-4) and x[2] - x[0] == pytest.approx(0.025, abs=1e-4)
+
+
+def test_unreadable_late_and_repeated_samples_are_dropped_and_counted():
+    odometry = OdometryFilter(OdometryConfig())
+    odometry.add_imu(1.0, np.zeros(3), [0, 0, 9.81])
+    odometry.add_imu(1.0, np.zeros(3), [0, 0, 9.81])
+    odometry.add_imu(1.01, [0, np.nan, 0], [0, 0, 9.81])
+    odometry.add_wheels(1.0, math.inf, 0.0)
+    odometry.add_wheels(1.0, 0.0, 0.0)
+    odometry.add_wheels(0.9, 0.0, 0.0)
+    assert odometry.dropped == {"imu_late": 1, "imu_not_finite": 1, "wheels_not_finite": 1, "wheels_late": 1}
+    assert odometry.estimate(1.0) is not None
+    with pytest.raises(ValueError, match="three rates"):
+        odometry.add_imu(1.1, np.zeros(2), np.zeros(3))
+
+
+def test_time_that_jumps_back_starts_afresh():
+    data = drive([REST, Motion(2.0, 0.5)])
+    odometry = OdometryFilter(OdometryConfig())
+    estimates(data, odometry)
+    again = estimates(data, odometry)
+    assert odometry.dropped["time_jump"] >= 1
+    np.testing.assert_array_equal(again[-1].T_odom_base, estimates(data)[-1].T_odom_base)
+
+
+def test_pause_of_the_imu_inflates_the_attitude_and_is_counted():
+    data = drive([REST, Motion(4.0, 0.5)])
+    whole = estimates(data)[-1]
+    odometry = OdometryFilter(OdometryConfig())
+    gapped = type(data)([s for s in data.imu if not 4.0 < s[0] < 4.4], data.wheels, data.truth, data.path_m)
+    for sample in gapped.imu:
+        odometry.add_imu(*sample)
+    for message in gapped.wheels:
+        odometry.add_wheels(*message)
+    last = odometry.estimate(data.wheels[-1][0])
+    assert odometry.dropped["imu_gap"] >= 7
+    assert last.pose_covariance[5, 5] > whole.pose_covariance[5, 5] + 0.1**2
+
+
+def test_pause_of_the_wheels_inflates_the_position_and_is_counted():
+    data = drive([REST, Motion(6.0, 0.5)])
+    whole = estimates(data)[-1]
+    odometry = OdometryFilter(OdometryConfig())
+    gapped = type(data)(data.imu, [m for m in data.wheels if not 4.0 < m[0] < 6.0], data.truth, data.path_m)
+    last = estimates(gapped, odometry)[-1]
+    assert odometry.dropped["wheels_gap"] == 1
+    assert last.pose_covariance[0, 0] > 2 * whole.pose_covariance[0, 0]
+    assert abs(pose_error(data, last)[0]) < 3 * math.sqrt(last.pose_covariance[0, 0])
+
+
+def test_start_in_free_fall_waits_for_gravity():
+    odometry = OdometryFilter(OdometryConfig())
+    odometry.add_imu(1.0, np.zeros(3), np.zeros(3))
+    odometry.add_wheels(1.0, 0.0, 0.0)
+    assert odometry.estimate(1.0) is None
+    assert odometry.dropped == {"start_without_gravity": 1}
+
+
+def test_memory_stays_bounded_when_nobody_asks_or_a_topic_is_silent():
+    odometry = OdometryFilter(OdometryConfig(buffer_s=2.0))
+    for i in range(1000):
+        odometry.add_imu(i * 0.01, np.zeros(3), [0, 0, 9.81])
+    assert len(odometry._imu) <= 202
+    assert odometry.dropped["imu_overflow"] > 700
+
+
+def test_configuration_is_checked():
+    assert OdometryConfig().validate() == []
+    with pytest.raises(ValueError, match="gyro_noise"):
+        OdometryFilter(OdometryConfig(gyro_noise=-1.0))
