@@ -16,6 +16,8 @@ from octomap_server_3dnav.octree import OctreeMap, SensorModel
 
 _LEVER_M = 4.0  # a turned sweep counts as moved by what its points at this distance move
 
+RUNS_MARGIN_M = 2.5  # columns beyond a classified radius that inflation and the look for cliffs read
+
 
 @dataclass(frozen=True)
 class MapConfig:

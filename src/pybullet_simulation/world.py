@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import open3d as o3d
@@ -47,6 +48,12 @@ class World:
     start_xyyaw: tuple[float, float, float]
     start_z: float
     heightfield: HeightField | None = None
+
+    def write_mesh(self, path: Path) -> None:
+        """Writes the joint mesh (.ply, .obj, .stl), for the judge; OSError when it cannot be written."""
+        mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(self.vertices), o3d.utility.Vector3iVector(self.triangles))
+        if not o3d.io.write_triangle_mesh(str(path), mesh):
+            raise OSError(f"the world's mesh could not be written to {path}")
 
 
 def joined(parts: Sequence[Solid | Surface]) -> tuple[Array, NDArray[np.int32]]:

@@ -5,6 +5,7 @@ A transform `T_a_b` is a (4, 4) float64 array that takes coordinates in frame b 
 fixed-axis x, y, z, and quaternions are x, y, z, w (REP 103).
 """
 
+from rigid_geometry.pose_history import PoseHistory
 from rigid_geometry.transforms import (
     angle_difference,
     as_transform,
@@ -24,6 +25,7 @@ from rigid_geometry.transforms import (
 )
 
 __all__ = [
+    "PoseHistory",
     "angle_difference",
     "as_transform",
     "interpolate_transforms",

@@ -20,8 +20,14 @@ CLOUD_FIELDS = ("x", "y", "z", "vp_x", "vp_y", "vp_z")
 _POINT_BYTES = 4 * len(CLOUD_FIELDS)
 
 
+def ros_time(stamp_s: float) -> rospy.Time:
+    """A stamp rounded to whole microseconds: `from_sec` truncates, and then equal times of different arithmetic differ."""
+    seconds, microseconds = divmod(round(stamp_s * 1e6), 1_000_000)
+    return rospy.Time(seconds, microseconds * 1000)
+
+
 def header(stamp_s: float, frame: str) -> Header:
-    return Header(stamp=rospy.Time.from_sec(stamp_s), frame_id=frame)
+    return Header(stamp=ros_time(stamp_s), frame_id=frame)
 
 
 def stamp_of(message: object) -> float:
@@ -168,15 +174,22 @@ def terrain_grid_arrays(message: TerrainGrid) -> tuple[NDArray[np.int8], Singles
     )
 
 
+def occupancy_grid_message(
+    stamp_s: float, frame: str, cost: NDArray[np.int8], origin_xy: tuple[float, float], resolution: float
+) -> OccupancyGrid:
+    """(ny, nx) occupancies of -1 or 0..100; cell (0, 0) starts at `origin_xy`."""
+    grid = OccupancyGrid(header=header(stamp_s, frame), info=_grid_info(cost.shape, origin_xy, resolution))
+    grid.data = cost.ravel().tolist()
+    return grid
+
+
 # costmap_2d's translation of costs for OccupancyGrid: free 0, inscribed 99, lethal 100, unknown -1, between them 1..98
 _OCCUPANCY_OF_COST = np.concatenate([[0], np.linspace(1, 98, 252), [99, 100, -1]]).astype(np.int8)
 
 
 def costmap_message(stamp_s: float, frame: str, cost: NDArray[np.uint8], origin_xy: tuple[float, float], resolution: float) -> OccupancyGrid:
     """(ny, nx) costs of costmap_2d as the OccupancyGrid that it publishes."""
-    grid = OccupancyGrid(header=header(stamp_s, frame), info=_grid_info(cost.shape, origin_xy, resolution))
-    grid.data = _OCCUPANCY_OF_COST[cost].ravel().tolist()
-    return grid
+    return occupancy_grid_message(stamp_s, frame, _OCCUPANCY_OF_COST[cost], origin_xy, resolution)
 
 
 def scan_points(message: LaserScan) -> tuple[Floats, Floats]:

@@ -1,6 +1,7 @@
 """Which nodes do not answer: asked through their slave API, as rosnode ping does."""
 
 import socket
+import time
 import xmlrpc.client
 from collections.abc import Sequence
 
@@ -10,26 +11,33 @@ import rospy
 _TIMEOUT_S = 3.0
 
 
-def _answers(master: "rosgraph.Master", name: str) -> bool:
-    """True unless the node's process is gone: unregistered, or its port refuses connections."""
-    try:
-        uri = master.lookupNode(name)
-    except rosgraph.MasterError:
-        return False
-    host, _, port = uri.rstrip("/").rpartition("//")[2].partition(":")
-    try:
-        with socket.create_connection((host, int(port)), timeout=_TIMEOUT_S):
+class Liveness:
+    """Watches nodes from their first registration on; one that has not come after a while counts as gone, too."""
+
+    def __init__(self, names: Sequence[str], start_limit_s: float = 40.0) -> None:
+        self._names = list(names)
+        self._seen: set[str] = set()
+        self._deadline = time.monotonic() + start_limit_s
+        self._master = rosgraph.Master(rospy.get_name())
+
+    def gone(self) -> list[str]:
+        """Names of nodes whose process is gone or never came; empty when the master itself cannot be asked."""
+        try:
+            return [name for name in self._names if self._is_gone(name)]
+        except (OSError, xmlrpc.client.Error):
+            return []
+
+    def _is_gone(self, name: str) -> bool:
+        try:
+            uri = self._master.lookupNode(f"/{name}")
+        except rosgraph.MasterError:
+            return name in self._seen or time.monotonic() > self._deadline
+        self._seen.add(name)
+        host, _, port = uri.rstrip("/").rpartition("//")[2].partition(":")
+        try:
+            with socket.create_connection((host, int(port)), timeout=_TIMEOUT_S):
+                return False
+        except ConnectionRefusedError:
             return True
-    except ConnectionRefusedError:
-        return False
-    except OSError:
-        return True  # slow is not dead
-
-
-def dead_nodes(names: Sequence[str]) -> list[str]:
-    """The names whose processes are gone; empty when the master itself cannot be asked."""
-    master = rosgraph.Master(rospy.get_name())
-    try:
-        return [name for name in names if not _answers(master, f"/{name}")]
-    except (OSError, xmlrpc.client.Error):
-        return []
+        except OSError:
+            return False  # slow is not dead

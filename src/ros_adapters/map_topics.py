@@ -4,13 +4,15 @@ import numpy as np
 from geometry_msgs.msg import Point, Quaternion, Vector3
 from nav_msgs.msg import OccupancyGrid, Path
 from numpy.typing import NDArray
+from octomap_server_3dnav.local_grid import project
 from octomap_server_3dnav.octree import OctreeMap
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
+from rigid_geometry import transform_from_rpy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from ros_adapters.conversions import cloud_message, grid_of_surface, header, path_message
+from ros_adapters.conversions import cloud_message, header, occupancy_grid_message, path_message
 from ros_adapters.node import Node
 from ros_adapters.octomap_messages import Octomap, octomap_message
 
@@ -67,6 +69,14 @@ def graph_lines(stamp_s: float, terrain: Terrain) -> MarkerArray:
     return MarkerArray([marker])
 
 
+def projected_map(stamp_s: float, terrain: Terrain) -> OccupancyGrid:
+    """octomap_server's 2-D map, of classified ground: 100 obstacle or cliff, 0 ground, -1 unknown."""
+    centers = terrain.centers()
+    low, high = centers.min(axis=0), centers.max(axis=0)
+    grid = project(terrain, transform_from_rpy((low + high) / 2), float((high - low)[:2].max()) + terrain.resolution, terrain.resolution)
+    return occupancy_grid_message(stamp_s, "map", grid.cost, grid.origin_xy, grid.resolution)
+
+
 class MapTopics:
     """Builds a message only when somebody listens to its topic."""
 
@@ -94,7 +104,7 @@ class MapTopics:
             "graph": lambda: graph_lines(stamp_s, terrain),
             "occupied": lambda: occupied_markers(stamp_s, tree),
             "centers": lambda: cloud_message(stamp_s, "map", tree.occupied_voxels()[0], tree.occupied_voxels()[0]),
-            "projected": lambda: grid_of_surface(stamp_s, terrain),
+            "projected": lambda: projected_map(stamp_s, terrain),
             "plan": lambda: path_message(stamp_s, "map", np.zeros((0, 3)) if path is None else path, 0.0),
         }
         for name, make in makers.items():

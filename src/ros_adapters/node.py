@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from ros_adapters.conversions import ros_time
 from stage_config import ConfigError, load_config
 from std_msgs.msg import String
 
@@ -47,7 +48,7 @@ class Diagnostics:
         values = [KeyValue(str(k), str(v)) for k, v in self.values.items()]
         values += [KeyValue(f"dropped: {what}", f"{n}, last: {self._last_text[what]}") for what, n in self._counts.items()]
         array = DiagnosticArray(status=[DiagnosticStatus(level, self._name, message, "explore_3dnav", values)])
-        array.header.stamp = rospy.Time.from_sec(stamp_s)
+        array.header.stamp = ros_time(stamp_s)
         self._publisher.publish(array)
 
 

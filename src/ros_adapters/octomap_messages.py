@@ -2,6 +2,7 @@
 
 import numpy as np
 import rospy
+from ros_adapters.conversions import ros_time
 from std_msgs.msg import Header
 
 _DEFINITION = """Header header
@@ -28,7 +29,7 @@ except ImportError:
 
 def octomap_message(stamp_s: float, frame: str, resolution: float, data: bytes, *, binary: bool) -> "Octomap":
     """An OcTree's data (binary: writeBinaryData, else writeData) as octomap_msgs/Octomap."""
-    header = Header(stamp=rospy.Time.from_sec(stamp_s), frame_id=frame)
+    header = Header(stamp=ros_time(stamp_s), frame_id=frame)
     return Octomap(header=header, binary=binary, id="OcTree", resolution=resolution, data=np.frombuffer(data, np.int8).tolist())
 
 

@@ -127,6 +127,9 @@ class RunLog:
         if not judged:
             write_json(self._out / "summary.json", {**self._run_description(), **self._counters(reason), "success": reason.startswith("explored")})
             return json.dumps(self._counters(reason), indent=1)
+        if not (self._out / "world.ply").exists():
+            write_json(self._out / "summary.json", {**self._run_description(), **self._counters(reason), "success": False})
+            return f"ended before it began: {reason}"
         summary = evaluate_run(self._out, *read_mesh(self._out / "world.ply"), RobotShape())
         try:
             draw_pictures(self._out)

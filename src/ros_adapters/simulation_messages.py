@@ -10,7 +10,7 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState, LaserScan
 
-from ros_adapters.conversions import header, pose_message
+from ros_adapters.conversions import header, pose_message, ros_time
 
 if TYPE_CHECKING:
     from pybullet_simulation import ImuSample, JointSample, Scan, ScanGeometry, TickData, Truth, WheelOdometry
@@ -36,7 +36,7 @@ class TickPublisher:
         self._contacts = small("/ground_truth/contacts", Contact)
 
     def __call__(self, data: "TickData") -> None:
-        self._clock.publish(Clock(rospy.Time.from_sec(data.stamp_s)))
+        self._clock.publish(Clock(ros_time(data.stamp_s)))
         self._truth.publish(_truth_message(data.truth))
         for contact in data.contacts:
             self._contacts.publish(Contact(header(data.stamp_s, "world"), contact.link, contact.speed_mps, contact.force_n))

@@ -7,7 +7,7 @@ import rospy
 import tf2_ros
 from numpy.typing import NDArray
 
-from ros_adapters.conversions import transform_from_message
+from ros_adapters.conversions import ros_time, transform_from_message
 
 _POLL_S = 0.0003
 
@@ -22,7 +22,7 @@ class TransformLookup:
 
     def at(self, target: str, source: str, stamp_s: float) -> NDArray[np.float64]:
         """T_target_source at `stamp_s`; ValueError when it has not come within the wall time limit."""
-        stamp = rospy.Time.from_sec(stamp_s)
+        stamp = ros_time(stamp_s)
         deadline = time.monotonic() + self._wall_timeout_s
         while True:
             try:

@@ -1,0 +1,40 @@
+"""The newest poses of a moving frame, asked for times that lie between them and for no others."""
+
+from collections import deque
+
+import numpy as np
+
+from rigid_geometry.transforms import Transform, as_transform, interpolate_transforms
+
+_KEPT_POSES = 400
+
+
+class PoseHistory:
+    """Stamped poses in order; time that jumped back starts it afresh."""
+
+    def __init__(self) -> None:
+        self._stamps: deque[float] = deque(maxlen=_KEPT_POSES)
+        self._poses: deque[Transform] = deque(maxlen=_KEPT_POSES)
+
+    def add(self, stamp_s: float, T: Transform) -> None:
+        """Takes a (4, 4) pose; ValueError when it is not rigid."""
+        pose = as_transform(T)
+        if self._stamps and stamp_s <= self._stamps[-1]:
+            self._stamps.clear()
+            self._poses.clear()
+        self._stamps.append(stamp_s)
+        self._poses.append(pose)
+
+    def reaches(self, stamp_s: float) -> bool:
+        """True when a pose at or after `stamp_s` is there."""
+        return bool(self._stamps) and self._stamps[-1] >= stamp_s - 1e-6
+
+    def at(self, stamp_s: float) -> Transform:
+        """The (4, 4) pose at `stamp_s`, between the poses around it; ValueError when it lies outside."""
+        if not self._stamps:
+            raise ValueError(f"no pose is known at {stamp_s:.3f} s")
+        stamps = np.array(self._stamps)
+        last = min(int(np.searchsorted(stamps, stamp_s)), len(stamps) - 1)
+        first = max(last - 1, 0)
+        poses = np.stack([self._poses[i] for i in range(first, last + 1)])
+        return np.asarray(interpolate_transforms(stamps[first : last + 1], poses, min(stamp_s, stamps[-1]) if self.reaches(stamp_s) else stamp_s)[0])
