@@ -17,7 +17,7 @@ from odometry_fusion.config import OdometryConfig
 from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, orthonormal, predict, rest
 from odometry_fusion.increments import carried
 from odometry_fusion.interval import ImuInterval, imu_interval
-from odometry_fusion.sample_buffer import Arrival, SampleBuffer
+from odometry_fusion.sample_buffer import STAMP_TOLERANCE_S, Arrival, SampleBuffer
 
 FloatArray = NDArray[np.float64]
 IMU_RATE_HZ = 100.0  # bandwidth for which the noise of the reported rates holds
@@ -137,10 +137,10 @@ class OdometryFilter:
             return None
         self._commit_until(stamp_s)
         track = self._track
-        if track is None or stamp_s < track.state.stamp_s:
+        if track is None or stamp_s < track.state.stamp_s - STAMP_TOLERANCE_S:
             return None
         following = self._wheels.first()
-        if stamp_s > track.state.stamp_s and following is not None:
+        if stamp_s > track.state.stamp_s + STAMP_TOLERANCE_S and following is not None:
             track = self._between(track, stamp_s, self._observed(*following))
         return self._described(track)
 
@@ -158,11 +158,12 @@ class OdometryFilter:
         buffer.append(stamp_s, row)
 
     def _complete(self, stamp_s: float) -> bool:
-        return all(b.last_stamp_s is not None and b.last_stamp_s >= stamp_s for b in (self._imu, self._wheels))
+        needed = stamp_s - STAMP_TOLERANCE_S
+        return all(b.last_stamp_s is not None and b.last_stamp_s >= needed for b in (self._imu, self._wheels))
 
     def _commit_until(self, stamp_s: float) -> None:
         """Processes the wheel messages up to a time; the IMU is complete up to there."""
-        while (following := self._wheels.first()) is not None and following[0] <= stamp_s:
+        while (following := self._wheels.first()) is not None and following[0] <= stamp_s + STAMP_TOLERANCE_S:
             wheels = self._observed(*following)
             self._track = self._started(wheels) if self._track is None else self._advanced(self._track, wheels)
             self._wheels.drop_first()

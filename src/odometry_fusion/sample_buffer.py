@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
 
+STAMP_TOLERANCE_S = 1e-6  # stamps nearer than this are the same instant: sums of periods and nanoseconds round differently
+
 
 class Arrival(Enum):
     """How a sample's stamp stands to the latest one of its sensor."""
@@ -82,5 +84,5 @@ class SampleBuffer:
     def around(self, low_s: float, high_s: float) -> tuple[FloatArray, FloatArray]:
         """(M,) stamps and (M, C) rows from the last at or before `low_s` to the first at or after `high_s`, as far as there are."""
         first = max(bisect_right(self._stamps, low_s) - 1, 0)
-        last = bisect_left(self._stamps, high_s) + 1
+        last = bisect_left(self._stamps, high_s - 2.0 * STAMP_TOLERANCE_S) + 1
         return np.array(self._stamps[first:last]), np.array(self._rows[first:last], dtype=np.float64)

@@ -225,6 +225,23 @@ def test_estimate_waits_for_both_inputs_up_to_its_stamp():
         odometry.estimate(math.nan)
 
 
+def test_stamps_that_differ_by_rounding_are_the_same_instant():
+    data = drive([Motion(1.0), Motion(2.0, 0.5)])
+    jitter = np.random.default_rng(2)
+    imu = [(stamp + jitter.uniform(-2e-7, 2e-7), gyro, accel) for stamp, gyro, accel in data.imu]
+    found = estimates(type(data)([(min(s, round(s, 2)), g, a) for s, g, a in imu], data.wheels, data.truth, data.path_m))
+    exact = estimates(data)
+    assert all(e is not None for e in found)
+    np.testing.assert_allclose(found[-1].T_odom_base, exact[-1].T_odom_base, atol=1e-5)
+    odometry = OdometryFilter(OdometryConfig())
+    for sample in data.imu:
+        odometry.add_imu(*sample)
+    for message in data.wheels:
+        odometry.add_wheels(*message)
+    asked = [odometry.estimate(e.stamp_s + jitter.uniform(-2e-7, 2e-7)) for e in exact]
+    np.testing.assert_array_equal(asked[-1].T_odom_base, exact[-1].T_odom_base)
+
+
 def test_estimate_between_wheel_messages_lies_between_theirs():
     data = drive([REST, Motion(4.0, 0.5)])
     odometry = OdometryFilter(OdometryConfig())
