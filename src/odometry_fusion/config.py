@@ -22,6 +22,9 @@ class OdometryConfig:
     lateral_sigma_mps: float = parameter(0.015, "m/s", "how far the sideways velocity strays from zero", low=1e-4)
     vertical_sigma_mps: float = parameter(0.015, "m/s", "how far the velocity along the body's z strays from zero", low=1e-4)
     turning_sigma_m: float = parameter(0.04, "m", "added to these sigmas for every rad/s of turning: skid steering slips", low=0.0)
+    turning_slip_walk: float = parameter(
+        0.15, "m/rad*sqrt(s)", "skidding of seconds: walk of the position, forward and sideways, for every rad/s of turning", low=0.0
+    )
     forward_slip: float = parameter(0.0, "-", "known share of the wheels' forward velocity that is slip", low=-0.5, high=0.5)
     forward_slip_sigma: float = parameter(0.02, "-", "how far the true slip strays from it", low=1e-5, high=0.5)
     forward_slip_time_s: float = parameter(60.0, "s", "for how long it stays as it is, before terrain and load change it", low=0.1)

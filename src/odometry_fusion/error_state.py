@@ -42,7 +42,7 @@ class State:
 @dataclass(frozen=True)
 class ProcessNoise:
     """What an interval adds to the covariance; densities as in OdometryConfig, `velocity_walk` forward and across;
-    `attitude_variance` (rad^2) once an interval."""
+    `skid_walk` (m/sqrt(s)) of the position forward and sideways; `attitude_variance` (rad^2) once an interval."""
 
     gyro: float
     velocity_walk: tuple[float, float]
@@ -50,6 +50,7 @@ class ProcessNoise:
     accel_bias_walk: float
     slip_sigma: float
     slip_time_s: float
+    skid_walk: float = 0.0
     attitude_variance: float = 0.0
 
 
@@ -160,7 +161,7 @@ def _process_covariance(R: FloatArray, t: float, noise: ProcessNoise) -> FloatAr
     diagonal[SLIP] = noise.slip_sigma**2 * -math.expm1(-2.0 * t / noise.slip_time_s)
     Q = np.diag(diagonal)
     R_q = R * q
-    Q[POSITION, POSITION] = R_q @ R.T * (t**3 / 3.0)
+    Q[POSITION, POSITION] = R_q @ R.T * (t**3 / 3.0) + R[:, :2] @ R[:, :2].T * (noise.skid_walk**2 * t)
     Q[POSITION, VELOCITY] = R_q * (t**2 / 2.0)
     Q[VELOCITY, POSITION] = Q[POSITION, VELOCITY].T
     return Q

@@ -227,7 +227,8 @@ class OdometryFilter:
         return quiet and interval.end_stamp_s - since >= config.still_delay_s
 
     def _driven(self, state: State, interval: ImuInterval) -> State:
-        noise = self._noise
+        turning = abs(float(interval.mean_rate[2] - state.gyro_bias[2]))
+        noise = replace(self._noise, skid_walk=self._config.turning_slip_walk * turning)
         if interval.longest_gap_s > self._config.max_imu_gap_s:
             unseen_s = min(interval.longest_gap_s, interval.duration_s)
             variance = self._config.gap_rate_sigma**2 * interval.longest_gap_s * unseen_s  # over the whole gap: (sigma * length)^2

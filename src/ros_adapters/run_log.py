@@ -132,7 +132,7 @@ class RunLog:
             return f"ended before it began: {reason}"
         summary = evaluate_run(self._out, *read_mesh(self._out / "world.ply"), RobotShape())
         try:
-            draw_pictures(self._out)
+            draw_pictures(self._out, summary)
         except ValueError as error:
             return f"{format_summary(summary)}\nno pictures: {error}"
         return format_summary(summary)

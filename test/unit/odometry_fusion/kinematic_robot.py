@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from odometry_fusion.error_state import exp_rotation
+from scipy.signal import lfilter
 
 GRAVITY = 9.81
 IMU_S, WHEELS_S = 0.01, 0.05
@@ -30,6 +31,7 @@ class Errors:
     accel_noise: float = 0.0
     forward_slip: float = 0.0
     turning_slip: float = 0.0
+    skid_m: float = 0.0
 
     @staticmethod
     def drawn(rng: np.random.Generator) -> "Errors":
@@ -41,6 +43,7 @@ class Errors:
             accel_noise=0.05,
             forward_slip=rng.normal(0.0, 0.02),
             turning_slip=rng.normal(0.10, 0.02),
+            skid_m=0.1,
         )
 
 
@@ -63,17 +66,27 @@ def smooth(motions: list[Motion]) -> np.ndarray:
     return rows
 
 
+def skid(errors: Errors, yaw_rates: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """(N, 3) velocity of skidding in m/s, forward and sideways: `skid_m` for every rad/s of turning, lasting about a second."""
+    keep = np.exp(-IMU_S / 1.0)
+    kicks = rng.normal(0.0, errors.skid_m * np.sqrt(1.0 - keep**2), (len(yaw_rates), 2))
+    walk = lfilter([1.0], [1.0, -keep], kicks, axis=0)
+    return np.column_stack([np.abs(yaw_rates)[:, None] * walk, np.zeros(len(yaw_rates))])
+
+
 def simulate(motions: list[Motion], errors: Errors, rng: np.random.Generator, R_start=None, begin_s: float = 1.0) -> Drive:
     """Exact motion of base_link from the origin, starting at rest; begins at `begin_s`, the first messages one step later."""
     rows = smooth(motions)
+    skidding = skid(errors, rows[:, 1], rng)
     R = np.eye(3) if R_start is None else R_start
     position, velocity = np.zeros(3), np.zeros(3)
     imu, wheels, truth, path = [], [], {}, 0.0
     for i, (speed, yaw_rate, pitch_rate) in enumerate(rows, start=1):
         rate = np.array([0.0, pitch_rate, yaw_rate])
         R_next = R @ exp_rotation(rate * IMU_S)
-        position = position + 0.5 * (R + R_next) @ np.array([speed, 0.0, 0.0]) * IMU_S
-        velocity_next = R_next @ np.array([speed, 0.0, 0.0])
+        velocity_base = np.array([speed, 0.0, 0.0]) + skidding[i - 1]
+        position = position + 0.5 * (R + R_next) @ velocity_base * IMU_S
+        velocity_next = R_next @ velocity_base
         force = R_next.T @ ((velocity_next - velocity) / IMU_S + np.array([0.0, 0.0, GRAVITY]))
         R, velocity, path = R_next, velocity_next, path + abs(speed) * IMU_S
         stamp = round(begin_s + i * IMU_S, 6)
