@@ -3,7 +3,7 @@
 import sys
 
 from explore_command.arguments import ArgumentProblem, parse, prepare_out
-from explore_command.launching import run_launch, world_problem
+from explore_command.launching import parameter_problem, run_launch, world_problem
 
 
 def main() -> int:
@@ -12,7 +12,7 @@ def main() -> int:
         if arguments.check_only:
             print("set up; for a ROS shell: source .ws/devel/setup.bash")
             return 0
-        problem = world_problem(arguments)
+        problem = parameter_problem(arguments) or world_problem(arguments)
         if problem:
             raise ArgumentProblem(problem)
         prepare_out(arguments.out, arguments.force)

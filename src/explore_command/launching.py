@@ -13,6 +13,7 @@ from typing import TextIO
 import yaml
 
 from explore_command.arguments import NAMED_WORLDS, ExploreArguments
+from explore_command.parameters import override_problems, parsed_overrides
 
 _DEFAULT_PORT = 11311
 _SHUTDOWN_S = 60
@@ -31,6 +32,15 @@ def world_problem(arguments: ExploreArguments) -> str | None:
     except ValueError as error:
         return f"--world {arguments.world}: {error}"
     return None
+
+
+def parameter_problem(arguments: ExploreArguments) -> str | None:
+    """What is wrong with --set's names and values, in one line, or None."""
+    try:
+        problems = override_problems(parsed_overrides(arguments.set_parameters))
+    except ValueError as error:
+        problems = [str(error)]
+    return f"--set: wrong parameter: {'; '.join(problems)}" if problems else None
 
 
 def free_port() -> int:
@@ -76,13 +86,8 @@ def _write_overrides(arguments: ExploreArguments) -> str:
     """The file with --set's parameters for the launch file; empty without any."""
     if not arguments.set_parameters:
         return ""
-    overrides: dict[str, dict[str, object]] = {}
-    for text in arguments.set_parameters:
-        name, _, value = text.partition("=")
-        node, _, parameter = name.strip("/").partition("/")
-        overrides.setdefault(node, {})[parameter] = yaml.safe_load(value)
     path = arguments.out / "overrides.yaml"
-    path.write_text(yaml.safe_dump(overrides))
+    path.write_text(yaml.safe_dump(parsed_overrides(arguments.set_parameters)))
     return str(path)
 
 
@@ -106,10 +111,19 @@ def run_launch(arguments: ExploreArguments) -> int:
     environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_LOG_DIR=str(arguments.out / "log"))
     command = ["roslaunch", "--port", str(port), f"--sigint-timeout={_SHUTDOWN_S}", "explore_3dnav", "explore.launch"]
     command += launch_arguments(arguments, _write_overrides(arguments))
-    print(f"exploring {arguments.world}, seed {arguments.seed}; results in {arguments.out}; ROS_MASTER_URI=http://localhost:{port}", flush=True)
+    print(
+        f"exploring {arguments.world}, seed {arguments.seed}; results in {arguments.out}; ROS_MASTER_URI=http://localhost:{port}",
+        flush=True,
+    )
     with (arguments.out / "roslaunch.log").open("w") as log:
         launch = subprocess.Popen(
-            command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True, preexec_fn=_end_with_parent
+            command,
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+            preexec_fn=_end_with_parent,
         )
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, lambda _n, _f: launch.send_signal(signal.SIGINT))

@@ -1,0 +1,133 @@
+"""Starts ./explore as a person would, watches what it prints and leaves, and finds what it left running."""
+
+import json
+import os
+import queue
+import re
+import signal
+import subprocess
+import threading
+import time
+import uuid
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[2]
+RUN_MARK = "EXPLORE_3DNAV_TEST_RUN"
+_ONE_SWEEP = re.compile(r"\b1 sweeps\b")
+
+
+def running_with(mark: str) -> dict[int, str]:
+    """Process id and command line of every process with a mark in its environment."""
+    wanted = f"{RUN_MARK}={mark}".encode()
+    found = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                if wanted in (entry / "environ").read_bytes().split(b"\0"):
+                    found[int(entry.name)] = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode(errors="replace").strip()
+            except OSError:
+                continue  # it ended while we looked, or is another user's
+    return found
+
+
+class ExploreRun:
+    """One ./explore process in a process group of its own; every process that comes of it inherits a mark in its environment."""
+
+    def __init__(self, *arguments: object, environment: dict[str, str] | None = None) -> None:
+        self.mark = uuid.uuid4().hex
+        self.output: list[str] = []
+        self._lines: queue.Queue[str | None] = queue.Queue()
+        self.process = subprocess.Popen(
+            [str(PACKAGE / "explore"), *map(str, arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+            env={**os.environ, **(environment or {}), RUN_MARK: self.mark},
+        )
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self._lines.put(line)
+        self._lines.put(None)
+
+    def wait_for_line(self, pattern: re.Pattern[str] | str, timeout_s: float) -> str:
+        """The first line from now on that matches; AssertionError with all output when the run or the time ends before."""
+        deadline = time.monotonic() + timeout_s
+        while (left := deadline - time.monotonic()) > 0:
+            try:
+                line = self._lines.get(timeout=left)
+            except queue.Empty:
+                break
+            if line is None:
+                break
+            self.output.append(line)
+            if re.search(pattern, line):
+                return line
+        raise AssertionError(f"no line with {pattern!r} within {timeout_s:.0f} s in:\n{self.text}")
+
+    def wait_for_first_sweep(self, timeout_s: float = 90.0) -> None:
+        """Until the status line says that one sweep is over."""
+        self.wait_for_line(_ONE_SWEEP, timeout_s)
+
+    def wait(self, timeout_s: float) -> int:
+        """The exit code; the output up to there is in `output`. AssertionError, and an end of the run, when it takes longer."""
+        deadline = time.monotonic() + timeout_s
+        while (left := deadline - time.monotonic()) > 0:
+            try:
+                line = self._lines.get(timeout=left)
+            except queue.Empty:
+                break
+            if line is None:
+                return self.process.wait(timeout=5.0)
+            self.output.append(line)
+        raise AssertionError(f"./explore still ran after {timeout_s:.0f} s, its output:\n{self.text}")
+
+    @property
+    def text(self) -> str:
+        """Everything that was printed so far."""
+        return "".join(self.output)
+
+    def interrupt(self) -> None:
+        """Ctrl-C: SIGINT to the whole foreground process group, as a terminal does it."""
+        os.killpg(self.process.pid, signal.SIGINT)
+
+    def running(self) -> dict[int, str]:
+        """Process id and command line of everything that came of this run and still runs."""
+        return running_with(self.mark)
+
+    def pid_of(self, node: str) -> int:
+        """Process id of a node of this run; AssertionError when there is not exactly one."""
+        pids = [pid for pid, command in self.running().items() if f"__name:={node} " in f"{command} "]
+        assert len(pids) == 1, f"expected one process of {node}, found {pids}"
+        return pids[0]
+
+    def end(self) -> None:
+        """Ends what is still running, however the test went."""
+        for _ in range(3):
+            for pid in self.running():
+                try:
+                    os.kill(pid, signal.SIGKILL)
+                except ProcessLookupError:
+                    continue
+            time.sleep(0.05)
+
+    def __enter__(self) -> "ExploreRun":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+
+def summary(out: Path) -> dict[str, object]:
+    """summary.json of a run folder."""
+    loaded = json.loads((out / "summary.json").read_text())
+    assert isinstance(loaded, dict)
+    return loaded
+
+
+def lines_of_sweeps(out: Path) -> list[str]:
+    """trajectory.txt's lines, one a sweep."""
+    return [line for line in (out / "trajectory.txt").read_text().splitlines() if line and not line.startswith("#")]
