@@ -72,7 +72,7 @@ class Motion:
     fell: bool
 
 
-def covered_cells(ground: ArrayLike, voxels: ArrayLike, horizontal_m: float = 0.12, vertical_m: float = 0.15) -> NDArray[np.bool_]:
+def covered_cells(ground: ArrayLike, voxels: ArrayLike, horizontal_m: float = 0.12, vertical_m: float = 0.10) -> NDArray[np.bool_]:
     """(N,) whether each (N, 3) cell of ground has one of the (K, 3) mapped voxels' centres near it.
 
     Near is a box: at most `horizontal_m` away in x and in y, at most `vertical_m` in z. Both in the world frame.
@@ -87,7 +87,7 @@ def covered_cells(ground: ArrayLike, voxels: ArrayLike, horizontal_m: float = 0.
     return np.asarray(np.isfinite(distance))
 
 
-def coverage(ground: ArrayLike, voxels: ArrayLike, horizontal_m: float = 0.12, vertical_m: float = 0.15) -> float:
+def coverage(ground: ArrayLike, voxels: ArrayLike, horizontal_m: float = 0.12, vertical_m: float = 0.10) -> float:
     """Share of the (N, 3) cells of ground that the map's (K, 3) occupied voxels cover (see `covered_cells`).
 
     ValueError without ground: a share of nothing is not known.

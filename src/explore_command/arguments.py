@@ -7,8 +7,30 @@ from dataclasses import dataclass
 from pathlib import Path
 
 NAMED_WORLDS = ("rooms", "ramp", "moon")
-_RUN_FILES = ("run.json", "summary.json", "counters.json", "trajectory.txt", "trajectory_truth.txt", "contacts.csv", "map.bt", "map.ot")
-_RUN_FILES += ("cloud.ply", "graph.g2o", "occupied.npz", "terrain.npz", "path.npz", "map_top.png", "map_angle.png", "world.ply", "config.yaml", "run.bag", "overrides.yaml", "roslaunch.log")
+_RUN_FILES: tuple[str, ...] = (
+    "run.json",
+    "summary.json",
+    "counters.json",
+    "trajectory.txt",
+    "trajectory_truth.txt",
+    "contacts.csv",
+    "map.bt",
+    "map.ot",
+)
+_RUN_FILES += (
+    "cloud.ply",
+    "graph.g2o",
+    "occupied.npz",
+    "terrain.npz",
+    "path.npz",
+    "map_top.png",
+    "map_angle.png",
+    "world.ply",
+    "config.yaml",
+    "run.bag",
+    "overrides.yaml",
+    "roslaunch.log",
+)
 _RUN_FOLDERS = ("sweeps", "log")
 
 
@@ -43,9 +65,16 @@ def parser() -> argparse.ArgumentParser:
         epilog="Exit code: 0 explored, 1 the run failed (summary.json says why), 2 wrong argument or missing package. "
         "A shell for roslaunch, rosrun and rostest: ./explore --setup, then source .ws/devel/setup.bash",
     )
-    p.add_argument("--world", default="ramp", metavar="W", help="rooms, ramp, moon, or a FILE: mesh (.dae .obj .stl .ply) or height map (.png); default ramp")
+    p.add_argument(
+        "--world",
+        default="ramp",
+        metavar="W",
+        help="rooms, ramp, moon, or a FILE: mesh (.dae .obj .stl .ply) or height map (.png); default ramp",
+    )
     p.add_argument("--size", nargs=3, type=float, metavar=("X", "Y", "Z"), help="metres that a height map covers; needed for .png")
-    p.add_argument("--area", nargs=2, type=float, metavar=("X", "Y"), help="explore only X by Y metres of a FILE, around the start, behind walls")
+    p.add_argument(
+        "--area", nargs=2, type=float, metavar=("X", "Y"), help="explore only X by Y metres of a FILE, around the start, behind walls"
+    )
     p.add_argument("--start", nargs=3, type=float, metavar=("X", "Y", "YAW"), help="where the robot starts; default: chosen by the seed")
     p.add_argument("--seed", type=int, default=1, help="sets start, noise, slip and clutter; default 1")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for the results; default runs/WORLD-SEED")
@@ -90,7 +119,9 @@ def _check_world(world: str, size: list[float] | None) -> None:
     if world in NAMED_WORLDS:
         return
     if not Path(world).is_file():
-        raise ArgumentProblem(f"--world {world}: no such world or file; worlds are {', '.join(NAMED_WORLDS)}, or a .dae .obj .stl .ply .png file")
+        raise ArgumentProblem(
+            f"--world {world}: no such world or file; worlds are {', '.join(NAMED_WORLDS)}, or a .dae .obj .stl .ply .png file"
+        )
     if Path(world).suffix.lower() == ".png" and size is None:
         raise ArgumentProblem(f"--world {world}: a height map needs --size X Y Z, the metres that it covers")
 

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from rigid_geometry import as_transform, rotation_angle, transform_points
-from stage_config import check_ranges, parameter
 
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.octree import OctreeMap, SensorModel
+from rigid_geometry import as_transform, rotation_angle, transform_points
+from stage_config import check_ranges, parameter
 
 _LEVER_M = 4.0  # a turned sweep counts as moved by what its points at this distance move
 
@@ -26,10 +26,14 @@ class MapConfig:
     resolution: float = parameter(0.08, "m", "edge of a voxel", low=0.01, high=1.0)
     frame_id: str = parameter("map", "-", "frame of the octree")
     max_range_m: float = parameter(12.0, "m", "rays free voxels up to this range", low=0.5, high=100.0)
-    crop_half_m: float = parameter(7.0, "m", "half side of the cuboid around the robot in which a sweep is dense enough to be inserted", low=1.0, high=100.0)
+    crop_half_m: float = parameter(
+        7.0, "m", "half side of the cuboid around the robot in which a sweep is dense enough to be inserted", low=1.0, high=100.0
+    )
     crop_below_m: float = parameter(4.0, "m", "how far below the robot the cuboid reaches", low=0.5, high=50.0)
     crop_above_m: float = parameter(4.0, "m", "how far above the robot the cuboid reaches", low=0.5, high=50.0)
-    start_plane_half_m: float = parameter(0.8, "m", "half side of the plane put under the robot at the start, where the laser is blind", low=0.0, high=3.0)
+    start_plane_half_m: float = parameter(
+        0.8, "m", "half side of the plane put under the robot at the start, where the laser is blind", low=0.0, high=3.0
+    )
     base_height_m: float = parameter(0.132, "m", "height of base_link above the ground", low=0.0, high=2.0)
 
     def validate(self) -> list[str]:

@@ -52,7 +52,7 @@ class World:
     def write_mesh(self, path: Path) -> None:
         """Writes the joint mesh (.ply, .obj, .stl), for the judge; OSError when it cannot be written."""
         mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(self.vertices), o3d.utility.Vector3iVector(self.triangles))
-        if not o3d.io.write_triangle_mesh(str(path), mesh):
+        if not o3d.io.write_triangle_mesh(path, mesh):
             raise OSError(f"the world's mesh could not be written to {path}")
 
 

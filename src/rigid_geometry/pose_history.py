@@ -37,4 +37,6 @@ class PoseHistory:
         last = min(int(np.searchsorted(stamps, stamp_s)), len(stamps) - 1)
         first = max(last - 1, 0)
         poses = np.stack([self._poses[i] for i in range(first, last + 1)])
-        return np.asarray(interpolate_transforms(stamps[first : last + 1], poses, min(stamp_s, stamps[-1]) if self.reaches(stamp_s) else stamp_s)[0])
+        return np.asarray(
+            interpolate_transforms(stamps[first : last + 1], poses, min(stamp_s, stamps[-1]) if self.reaches(stamp_s) else stamp_s)[0]
+        )

@@ -94,18 +94,18 @@ def interpolate_transforms(stamps: ArrayLike, transforms: NDArray[np.float64], a
 
     Linear in translation, spherical in rotation. ValueError when a time lies outside: nothing is extrapolated.
     """
-    stamps = np.asarray(stamps, dtype=np.float64)
-    at = np.atleast_1d(np.asarray(at, dtype=np.float64))
-    if at.size and (at.min() < stamps[0] - 1e-9 or at.max() > stamps[-1] + 1e-9):
-        raise ValueError(f"times {at.min():.4f}..{at.max():.4f} s lie outside the poses {stamps[0]:.4f}..{stamps[-1]:.4f} s")
-    at = np.clip(at, stamps[0], stamps[-1])
-    out = np.tile(np.eye(4), (at.size, 1, 1))
-    if stamps.size == 1:
+    known = np.asarray(stamps, dtype=np.float64)
+    times = np.atleast_1d(np.asarray(at, dtype=np.float64))
+    if times.size and (times.min() < known[0] - 1e-9 or times.max() > known[-1] + 1e-9):
+        raise ValueError(f"times {times.min():.4f}..{times.max():.4f} s lie outside the poses {known[0]:.4f}..{known[-1]:.4f} s")
+    times = np.clip(times, known[0], known[-1])
+    out = np.tile(np.eye(4), (times.size, 1, 1))
+    if known.size == 1:
         out[:] = transforms[0]
         return out
-    out[:, :3, :3] = Slerp(stamps, Rotation.from_matrix(transforms[:, :3, :3]))(at).as_matrix()
+    out[:, :3, :3] = Slerp(known, Rotation.from_matrix(transforms[:, :3, :3]))(times).as_matrix()
     for axis in range(3):
-        out[:, axis, 3] = np.interp(at, stamps, transforms[:, axis, 3])
+        out[:, axis, 3] = np.interp(times, known, transforms[:, axis, 3])
     return out
 
 

@@ -8,9 +8,10 @@ from explore_3dnav.msg import TerrainGrid
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry, Path
 from numpy.typing import NDArray
-from rigid_geometry import quat_xyzw_from_transform, transform_from_quat, transform_from_rpy
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 from std_msgs.msg import Header
+
+from rigid_geometry import quat_xyzw_from_transform, transform_from_quat, transform_from_rpy
 from sweep_assembly import ScanGeometry
 
 Floats = NDArray[np.float64]
@@ -35,7 +36,7 @@ def stamp_of(message: object) -> float:
     return float(message.header.stamp.to_sec())  # type: ignore[attr-defined]
 
 
-def cloud_message(stamp_s: float, frame: str, points: Singles, origins: Singles) -> PointCloud2:
+def cloud_message(stamp_s: float, frame: str, points: NDArray[np.floating], origins: NDArray[np.floating]) -> PointCloud2:
     """(N, 3) points and where their beams started, as one PointCloud2 with fields x y z vp_x vp_y vp_z."""
     data = np.hstack([points, origins]).astype(np.float32, copy=False)
     fields = [PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(CLOUD_FIELDS)]
@@ -69,7 +70,9 @@ def cloud_arrays(message: PointCloud2, expected_frame: str | None = None) -> tup
         raise ValueError("cloud without points")
     if message.is_bigendian or len(message.data) < count * message.point_step or message.point_step < max(offsets.values()) + 4:
         raise ValueError(f"cloud of {count} points with {len(message.data)} bytes of step {message.point_step} cannot be read")
-    layout = np.dtype({"names": CLOUD_FIELDS, "formats": ["<f4"] * 6, "offsets": [offsets[n] for n in CLOUD_FIELDS], "itemsize": message.point_step})
+    layout = np.dtype(
+        {"names": CLOUD_FIELDS, "formats": ["<f4"] * 6, "offsets": [offsets[n] for n in CLOUD_FIELDS], "itemsize": message.point_step}
+    )
     raw = np.frombuffer(message.data, dtype=layout, count=count)
     table = np.stack([raw[name] for name in CLOUD_FIELDS], axis=1)
     finite = np.isfinite(table).all(axis=1)
@@ -164,7 +167,10 @@ def terrain_grid_arrays(message: TerrainGrid) -> tuple[NDArray[np.int8], Singles
     """Costs (ny, nx), heights (ny, nx), origin (x, y) and resolution; ValueError when the sizes do not agree."""
     shape = (message.info.height, message.info.width)
     if not len(message.cost) == len(message.height) == shape[0] * shape[1] or not message.info.resolution > 0:
-        raise ValueError(f"terrain grid of {shape} cells with {len(message.cost)} costs, {len(message.height)} heights, resolution {message.info.resolution}")
+        raise ValueError(
+            f"terrain grid of {shape} cells with {len(message.cost)} costs and {len(message.height)} heights, "
+            f"resolution {message.info.resolution}"
+        )
     origin = message.info.origin.position
     return (
         np.asarray(message.cost, dtype=np.int8).reshape(shape),
@@ -187,7 +193,9 @@ def occupancy_grid_message(
 _OCCUPANCY_OF_COST = np.concatenate([[0], np.linspace(1, 98, 252), [99, 100, -1]]).astype(np.int8)
 
 
-def costmap_message(stamp_s: float, frame: str, cost: NDArray[np.uint8], origin_xy: tuple[float, float], resolution: float) -> OccupancyGrid:
+def costmap_message(
+    stamp_s: float, frame: str, cost: NDArray[np.uint8], origin_xy: tuple[float, float], resolution: float
+) -> OccupancyGrid:
     """(ny, nx) costs of costmap_2d as the OccupancyGrid that it publishes."""
     return occupancy_grid_message(stamp_s, frame, _OCCUPANCY_OF_COST[cost], origin_xy, resolution)
 

@@ -16,7 +16,9 @@ _UNTURNED = Quaternion(0.0, 0.0, 0.0, 1.0)
 
 
 def _marker(stamp_s: float, namespace: str, kind: int, size: float, colour: ColorRGBA, points: list[Point]) -> Marker:
-    marker = Marker(header=header(stamp_s, "map"), ns=namespace, id=0, type=kind, action=Marker.ADD, scale=Vector3(size, size, size), color=colour)
+    marker = Marker(
+        header=header(stamp_s, "map"), ns=namespace, id=0, type=kind, action=Marker.ADD, scale=Vector3(size, size, size), color=colour
+    )
     marker.pose.orientation = _UNTURNED
     marker.points = points
     if not points:

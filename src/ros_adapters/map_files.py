@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import rospy
 from numpy.typing import NDArray
+
 from octomap_server_3dnav.octree import OctreeMap
 from octomap_server_3dnav.terrain import Terrain
 
@@ -69,5 +70,5 @@ class MapFiles:
         assert self._folder is not None
         beside = self._folder / f".{name}"
         with beside.open("wb") as file:
-            np.savez(file, **arrays)
+            np.savez(file, allow_pickle=False, **arrays)  # type: ignore[arg-type]
         beside.replace(self._folder / name)

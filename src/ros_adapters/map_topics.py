@@ -4,14 +4,14 @@ import numpy as np
 from geometry_msgs.msg import Point, Quaternion, Vector3
 from nav_msgs.msg import OccupancyGrid, Path
 from numpy.typing import NDArray
-from octomap_server_3dnav.local_grid import project
-from octomap_server_3dnav.octree import OctreeMap
-from octomap_server_3dnav.terrain import Terrain, TerrainClass
-from rigid_geometry import transform_from_rpy
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from octomap_server_3dnav.local_grid import project
+from octomap_server_3dnav.octree import OctreeMap
+from octomap_server_3dnav.terrain import Terrain, TerrainClass
+from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import cloud_message, header, occupancy_grid_message, path_message
 from ros_adapters.node import Node
 from ros_adapters.octomap_messages import Octomap, octomap_message
@@ -33,7 +33,9 @@ def _points(rows: NDArray[np.floating]) -> list[Point]:
 
 
 def _cubes(stamp_s: float, namespace: str, number: int, centers: NDArray[np.floating], size: float, colour: ColorRGBA) -> Marker:
-    marker = Marker(header=header(stamp_s, "map"), ns=namespace, id=number, type=Marker.CUBE_LIST, scale=Vector3(size, size, size), color=colour)
+    marker = Marker(
+        header=header(stamp_s, "map"), ns=namespace, id=number, type=Marker.CUBE_LIST, scale=Vector3(size, size, size), color=colour
+    )
     marker.pose.orientation = _UNTURNED
     marker.points = _points(centers)
     marker.action = Marker.ADD if marker.points else Marker.DELETE
@@ -43,7 +45,10 @@ def _cubes(stamp_s: float, namespace: str, number: int, centers: NDArray[np.floa
 def terrain_markers(stamp_s: float, terrain: Terrain) -> MarkerArray:
     """The classes of all surface voxels as one cube list a class."""
     return MarkerArray(
-        [_cubes(stamp_s, c.name.lower(), int(c), terrain.centers(terrain.nodes_of(c)), terrain.resolution, colour) for c, colour in _CLASS_COLOURS.items()]
+        [
+            _cubes(stamp_s, c.name.lower(), int(c), terrain.centers(terrain.nodes_of(c)), terrain.resolution, colour)
+            for c, colour in _CLASS_COLOURS.items()
+        ]
     )
 
 
@@ -51,7 +56,9 @@ def occupied_markers(stamp_s: float, tree: OctreeMap) -> MarkerArray:
     """octomap_server's occupied_cells_vis_array: one cube list a leaf size, coloured by height."""
     centers, sizes = tree.occupied_voxels()
     grey = ColorRGBA(0.75, 0.78, 0.8, 1.0)
-    return MarkerArray([_cubes(stamp_s, "occupied", i, centers[sizes == size], float(size), grey) for i, size in enumerate(np.unique(sizes))])
+    return MarkerArray(
+        [_cubes(stamp_s, "occupied", i, centers[sizes == size], float(size), grey) for i, size in enumerate(np.unique(sizes))]
+    )
 
 
 def graph_lines(stamp_s: float, terrain: Terrain) -> MarkerArray:
@@ -63,7 +70,9 @@ def graph_lines(stamp_s: float, terrain: Terrain) -> MarkerArray:
         neighbour = terrain.neighbours[:, direction]
         linked = np.flatnonzero(traversable & (neighbour >= 0) & traversable[neighbour])
         ends.append(np.stack([centers[linked], centers[neighbour[linked]]], axis=1).reshape(-1, 3))
-    marker = Marker(header=header(stamp_s, "map"), ns="navigation_graph", type=Marker.LINE_LIST, scale=Vector3(0.01, 0.0, 0.0), color=_LINK_COLOUR)
+    marker = Marker(
+        header=header(stamp_s, "map"), ns="navigation_graph", type=Marker.LINE_LIST, scale=Vector3(0.01, 0.0, 0.0), color=_LINK_COLOUR
+    )
     marker.pose.orientation = _UNTURNED
     marker.points = _points(np.concatenate(ends) + np.array([0.0, 0.0, 0.06]))
     return MarkerArray([marker])

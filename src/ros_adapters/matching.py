@@ -5,8 +5,9 @@ import rospy
 from explore_3dnav.srv import MatchClouds, MatchCloudsRequest, MatchCloudsResponse
 from geometry_msgs.msg import Transform
 from numpy.typing import NDArray
-from pose_graph_mapping.registration import PointCloud, RegistrationResult, Verdict, refused
+from sensor_msgs.msg import PointCloud2
 
+from pose_graph_mapping.registration import PointCloud, RegistrationResult, Verdict, refused
 from ros_adapters.conversions import cloud_arrays, cloud_message, transform_from_message, transform_message
 
 _UNKNOWN = Transform()
@@ -15,9 +16,7 @@ _UNKNOWN.translation.x = _UNKNOWN.translation.y = _UNKNOWN.translation.z = float
 
 def match_request_clouds(request: MatchCloudsRequest) -> tuple[PointCloud, PointCloud, NDArray[np.float64]]:
     """Reference, reading and guess of a request; ValueError when one cannot be read."""
-    reference = PointCloud(*cloud_arrays(request.reference))
-    reading = PointCloud(*cloud_arrays(request.reading))
-    return reference, reading, transform_from_message(request.guess)
+    return _cloud(request.reference), _cloud(request.reading), transform_from_message(request.guess)
 
 
 def match_response(result: RegistrationResult) -> MatchCloudsResponse:
@@ -54,6 +53,11 @@ class MatchService:
             self._call = rospy.ServiceProxy("match_clouds", MatchClouds, persistent=True)
             return refused(T_guess, f"match_clouds did not answer: {error}")
         return _result(response, T_guess)
+
+
+def _cloud(message: PointCloud2) -> PointCloud:
+    points, origins = cloud_arrays(message)
+    return PointCloud(points.astype(np.float64), origins.astype(np.float64))
 
 
 def _message(cloud: PointCloud, frame: str) -> object:

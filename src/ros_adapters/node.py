@@ -10,9 +10,10 @@ from typing import Any, TypeVar
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from std_msgs.msg import String
+
 from ros_adapters.conversions import ros_time
 from stage_config import ConfigError, load_config
-from std_msgs.msg import String
 
 C = TypeVar("C")
 
@@ -102,10 +103,17 @@ class Node:
 
         return run
 
-    def subscribe(self, topic: str, message_type: type, callback: Callable[[Any], Any], *, large: bool = False, required: bool = True) -> rospy.Subscriber:
+    def subscribe(
+        self, topic: str, message_type: type, callback: Callable[[Any], Any], *, large: bool = False, required: bool = True
+    ) -> rospy.Subscriber:
         """Subscribes; `large` messages get a short queue, and what is not `required` need not be there when the clock starts."""
         subscriber = rospy.Subscriber(
-            topic, message_type, self.guarded(callback), queue_size=5 if large else None, buff_size=2**25 if large else 65536, tcp_nodelay=True
+            topic,
+            message_type,
+            self.guarded(callback),
+            queue_size=5 if large else None,
+            buff_size=2**25 if large else 65536,
+            tcp_nodelay=True,
         )
         if required:
             self._required.append(subscriber)

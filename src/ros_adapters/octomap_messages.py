@@ -1,9 +1,9 @@
 """octomap_msgs/Octomap: the installed package where there is one, else the same type built from its definition."""
 
 import numpy as np
-import rospy
-from ros_adapters.conversions import ros_time
 from std_msgs.msg import Header
+
+from ros_adapters.conversions import ros_time
 
 _DEFINITION = """Header header
 bool binary
@@ -18,7 +18,7 @@ string frame_id
 """
 
 try:
-    from octomap_msgs.msg import Octomap
+    from octomap_msgs.msg import Octomap as Octomap
     from octomap_msgs.srv import GetOctomap
 except ImportError:
     from genpy.dynamic import generate_dynamic

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from explore_3dnav.msg import Contact, ExplorationDecision, RunEvent
-from exploration_evaluation import RobotShape, evaluate_run, format_summary, read_mesh, write_json
-from exploration_evaluation.pictures import draw_pictures
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
-from rigid_geometry import quat_xyzw_from_transform
 
+from exploration_evaluation import RobotShape, evaluate_run, format_summary, read_mesh, write_json
+from exploration_evaluation.pictures import draw_pictures
+from rigid_geometry import quat_xyzw_from_transform
 from ros_adapters.conversions import stamp_of
 
 VERSION = "0.1.0"
@@ -125,7 +125,9 @@ class RunLog:
                 file.close()
         write_json(self._out / "counters.json", self._counters(reason))
         if not judged:
-            write_json(self._out / "summary.json", {**self._run_description(), **self._counters(reason), "success": reason.startswith("explored")})
+            write_json(
+                self._out / "summary.json", {**self._run_description(), **self._counters(reason), "success": reason.startswith("explored")}
+            )
             return json.dumps(self._counters(reason), indent=1)
         if not (self._out / "world.ply").exists():
             write_json(self._out / "summary.json", {**self._run_description(), **self._counters(reason), "success": False})

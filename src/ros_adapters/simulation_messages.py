@@ -64,7 +64,9 @@ def _scan_message(scan: "Scan", geometry: "ScanGeometry") -> LaserScan:
 
 
 def _joint_message(joints: "JointSample") -> JointState:
-    return JointState(header=header(joints.stamp_s, ""), name=list(joints.names), position=list(joints.positions), velocity=list(joints.velocities))
+    return JointState(
+        header=header(joints.stamp_s, ""), name=list(joints.names), position=list(joints.positions), velocity=list(joints.velocities)
+    )
 
 
 def _imu_message(imu: "ImuSample") -> Imu:

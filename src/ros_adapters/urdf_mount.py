@@ -5,6 +5,7 @@ from xml.etree import ElementTree
 import numpy as np
 import rospy
 from numpy.typing import NDArray
+
 from rigid_geometry import transform_from_rpy
 
 Transform = NDArray[np.float64]
@@ -23,7 +24,10 @@ def _origin(joint: ElementTree.Element) -> Transform:
 
 
 def mount_from_urdf(urdf: str, base: str = "base_link", laser: str = "laser") -> tuple[str, Transform, Transform]:
-    """The tilting joint's name, T_base_mount (at tilt 0) and T_tilt_laser; ValueError when there is not exactly one joint that tilts about y."""
+    """The tilting joint's name, T_base_mount (at tilt 0) and T_tilt_laser.
+
+    ValueError when there is not exactly one joint between them that moves, about y.
+    """
     parents = {j.find("child").get("link"): j for j in ElementTree.fromstring(urdf).iter("joint") if j.find("child") is not None}  # type: ignore[union-attr]
     before, after, tilt = np.eye(4), np.eye(4), None
     link = laser

@@ -13,7 +13,9 @@ class ConfigError(ValueError):
     """A configuration with at least one wrong name or value; the text lists them all, one a line."""
 
 
-def parameter(default: Any, unit: str, meaning: str, *, low: float | None = None, high: float | None = None, choices: tuple[str, ...] = ()) -> Any:
+def parameter(
+    default: Any, unit: str, meaning: str, *, low: float | None = None, high: float | None = None, choices: tuple[str, ...] = ()
+) -> Any:
     """A dataclass field with its default, unit ("m", "rad", "-"), meaning and inclusive range or choices."""
     metadata = {"unit": unit, "meaning": meaning, "low": low, "high": high, "choices": choices}
     return dataclasses.field(default=default, metadata=metadata)

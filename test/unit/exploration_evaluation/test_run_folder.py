@@ -11,9 +11,28 @@ from run_folder_on_disk import CONTACTS_HEADER, WORLD, write_run
 from exploration_evaluation import RobotShape, evaluate_run, format_summary, read_contacts, read_trajectory, write_json
 from exploration_evaluation.__main__ import main
 
-DESIGNED_KEYS = """success stop_reason sim_time_s wall_time_s distance_m sweeps loop_closures local_classifications
-local_classification_time_s global_classifications global_classification_time_s coverage map_rmse_m trajectory_ate_m collisions
-max_tilt_rad config version trajectory_origin_error_m map_tilt_rad""".split()
+DESIGNED_KEYS = [
+    "success",
+    "stop_reason",
+    "sim_time_s",
+    "wall_time_s",
+    "distance_m",
+    "sweeps",
+    "loop_closures",
+    "local_classifications",
+    "local_classification_time_s",
+    "global_classifications",
+    "global_classification_time_s",
+    "coverage",
+    "map_rmse_m",
+    "trajectory_ate_m",
+    "collisions",
+    "max_tilt_rad",
+    "config",
+    "version",
+    "trajectory_origin_error_m",
+    "map_tilt_rad",
+]
 
 
 @pytest.fixture

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.signal import lfilter
 
 from odometry_fusion.error_state import exp_rotation
-from scipy.signal import lfilter
 
 GRAVITY = 9.81
 IMU_S, WHEELS_S = 0.01, 0.05

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from synthetic_sweeps import furnished_room, pose, sweep, world_of
 
 from pose_graph_mapping.config import MappingConfig, RegistrationConfig
 from pose_graph_mapping.mapper import PoseGraphMapper, levelled, odometry_covariance
 from pose_graph_mapping.pose_graph import EdgeKind
 from pose_graph_mapping.registration import RegistrationResult, Verdict, create_registration, refused
 from rigid_geometry import inverse, tilt_angle, transform_from_rpy, translation_distance
-from synthetic_sweeps import furnished_room, pose, sweep, world_of
 
 COVARIANCE = np.diag([1e-6] * 3 + [1e-5] * 3)
 UP = (0.0, 0.0, 1.0)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 import pytest
+from synthetic_sweeps import corridor, furnished_room, pose, sweep, world_of
 
 from pose_graph_mapping.cloud import PointCloud, merged, vertex_cloud
 from pose_graph_mapping.config import RegistrationConfig
@@ -13,7 +14,6 @@ from pose_graph_mapping.gicp import facing
 from pose_graph_mapping.match_quality import exp_motion, free_space_contradiction, log_motion
 from pose_graph_mapping.registration import Verdict, create_registration
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy
-from synthetic_sweeps import corridor, furnished_room, pose, sweep, world_of
 
 METHODS = ("gicp", "thesis_chain")
 DISTURBANCE = transform_from_rpy((0.25, -0.2, 0.03), (0.01, -0.01, 0.15))

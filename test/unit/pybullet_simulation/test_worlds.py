@@ -46,7 +46,7 @@ def test_same_seed_gives_the_same_world_and_another_seed_another(name):
 def test_triangles_index_vertices_and_all_solids_face_outwards(name):
     world = load_world(name, 1)
     assert world.triangles.dtype == np.int32 and world.vertices.dtype == np.float64
-    assert 0 <= world.triangles.min() and world.triangles.max() == len(world.vertices) - 1
+    assert world.triangles.min() >= 0 and world.triangles.max() == len(world.vertices) - 1
     for solid in world.solids:
         mesh = trimesh.Trimesh(solid.vertices, solid.triangles)
         assert mesh.is_watertight and mesh.volume > 0.0, solid.name
