@@ -134,11 +134,15 @@ def blocking_voxel(columns: Any, c: Any, level: Any, step: Any, clearance: Any) 
 
 @njit(cache=True)
 def _seen_only_from_below(columns: Any, c: Any, r: Any) -> Any:
-    """Whether occupied run r of column c is the underside of something whose top is unknown: air below it and none above."""
+    """Whether occupied run r of column c is the underside of something whose top is unknown: air below it and none directly above.
+
+    Air may begin one voxel below, for the beams that hit an underside flatly leave its layer unknown. Above there is no such tolerance:
+    a thin plate's unknown top would be taken for its underside, a few voxels too low.
+    """
     first, last = columns.start[c], columns.start[c + 1] - 1
-    if r == first or columns.occupied[r - 1] or columns.z_hi[r - 1] != columns.z_lo[r] - 1:
+    if r == first or columns.occupied[r - 1] or columns.z_hi[r - 1] < columns.z_lo[r] - 2:
         return False
-    return r == last or columns.z_lo[r + 1] > columns.z_hi[r] + 2
+    return r == last or columns.z_lo[r + 1] > columns.z_hi[r] + 1
 
 
 @njit(cache=True)

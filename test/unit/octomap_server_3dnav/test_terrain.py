@@ -345,3 +345,54 @@ def test_gap_before_ground_that_nothing_else_leads_to_is_a_frontier():
     states[40:44, :, : BELOW + 1] = UNKNOWN
     terrain = terrain_of(states, pose(1.6, 2.4))
     assert drawn(terrain, 30, 38, 45) == "..?     "
+
+
+def thin_deck(top_rows, thickness=2, nx=90, ny=60):
+    """A hall and a deck over its half x >= 30, its underside seen from below everywhere, its top only in the columns of `top_rows`."""
+    states = flat(nx, ny)
+    top = BELOW + 20
+    states[:30, :, top], states[:30, :, top + 1 :], states[:30, :, :top] = OCCUPIED, FREE, UNKNOWN
+    states[30:, :, top - thickness] = OCCUPIED
+    states[30:, :, top - thickness + 1 : top + 1] = UNKNOWN
+    states[30:, :, top + 1 :] = FREE
+    states[30:, 3::7, top - thickness + 1] = OCCUPIED if thickness > 1 else UNKNOWN  # the noise of the underside's beams
+    states[list(top_rows), :, top] = OCCUPIED
+    return states
+
+
+def on_deck(states):
+    return terrain_of(states, pose(1.6, 2.4, ground=20 * RESOLUTION))
+
+
+@pytest.mark.parametrize("thickness", [1, 2, 3])
+def test_grazing_lines_on_a_thin_deck_are_bridged_over_the_undersides_between_them(thickness):
+    terrain = on_deck(thin_deck(range(31, 90, 3), thickness))
+    assert drawn(terrain, 30, 28, 92) == "." * 61 + "?   "
+    assert not ((terrain.label == OBSTACLE) | (terrain.label == CLIFF) | (terrain.label == INFLATION)).any()
+
+
+@pytest.mark.parametrize("thickness", [1, 2, 3])
+def test_grazing_lines_too_far_apart_on_a_thin_deck_end_in_a_frontier(thickness):
+    terrain = on_deck(thin_deck([*range(31, 50, 3), *range(58, 90, 8)], thickness))
+    assert drawn(terrain, 30, 46, 60) == "." * 4 + "?" + " " * 10
+    assert not ((terrain.label == OBSTACLE) | (terrain.label == CLIFF) | (terrain.label == INFLATION)).any()
+
+
+def test_box_on_a_deck_seen_in_grazing_lines_is_an_obstacle():
+    states = thin_deck(range(31, 90, 3))
+    states[60:64, 28:34, BELOW + 20 : BELOW + 24] = OCCUPIED
+    assert label_at(on_deck(states), 60.5 * RESOLUTION, 30.5 * RESOLUTION, 1.64, reach=0.4) == OBSTACLE
+
+
+def test_edge_of_a_deck_seen_in_grazing_lines_is_a_cliff():
+    states = thin_deck(range(31, 70, 3))
+    states[68:, :, BELOW + 1 :] = FREE
+    terrain = on_deck(states)
+    assert label_at(terrain, 67.5 * RESOLUTION, 2.4, 1.64) == CLIFF
+    assert not (terrain.label == FRONTIER).any() or terrain.ix[terrain.label == FRONTIER].max() < 68
+
+
+def test_floor_that_flat_beams_left_one_unknown_voxel_above_is_a_surface():
+    states = flat()
+    states[20:40:2, :, BELOW + 1] = UNKNOWN
+    assert (terrain_of(states, pose(0.8, 2.4)).label == TRAVERSABLE).sum() == 60 * 60
