@@ -26,6 +26,8 @@ _CLASS_COLOURS = {
 }
 _UNTURNED = Quaternion(0.0, 0.0, 0.0, 1.0)
 _LINK_COLOUR = ColorRGBA(0.9, 0.9, 0.9, 0.6)
+_OCCUPIED_COLOUR = ColorRGBA(0.62, 0.65, 0.68, 1.0)
+_CLASS_OVERSIZE = 1.03  # classified voxels are occupied ones too: without it rviz shows the grey of both at random
 
 
 def _points(rows: NDArray[np.floating]) -> list[Point]:
@@ -44,20 +46,20 @@ def _cubes(stamp_s: float, namespace: str, number: int, centers: NDArray[np.floa
 
 def terrain_markers(stamp_s: float, terrain: Terrain) -> MarkerArray:
     """The classes of all surface voxels as one cube list a class."""
+    size = terrain.resolution * _CLASS_OVERSIZE
     return MarkerArray(
         [
-            _cubes(stamp_s, c.name.lower(), int(c), terrain.centers(terrain.nodes_of(c)), terrain.resolution, colour)
+            _cubes(stamp_s, c.name.lower(), int(c), terrain.centers(terrain.nodes_of(c)), size, colour)
             for c, colour in _CLASS_COLOURS.items()
         ]
     )
 
 
 def occupied_markers(stamp_s: float, tree: OctreeMap) -> MarkerArray:
-    """octomap_server's occupied_cells_vis_array: one cube list a leaf size, coloured by height."""
+    """octomap_server's occupied_cells_vis_array: one cube list a leaf size."""
     centers, sizes = tree.occupied_voxels()
-    grey = ColorRGBA(0.75, 0.78, 0.8, 1.0)
     return MarkerArray(
-        [_cubes(stamp_s, "occupied", i, centers[sizes == size], float(size), grey) for i, size in enumerate(np.unique(sizes))]
+        [_cubes(stamp_s, "occupied", i, centers[sizes == size], float(size), _OCCUPIED_COLOUR) for i, size in enumerate(np.unique(sizes))]
     )
 
 
