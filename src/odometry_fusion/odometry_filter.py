@@ -111,6 +111,12 @@ class OdometryFilter:
         """How many samples were dropped, pauses bridged and resets made, by reason."""
         return dict(self._dropped)
 
+    @property
+    def complete_until_s(self) -> float | None:
+        """Both inputs are there up to this stamp: an estimate up to it that is None now will never come. None without inputs."""
+        latest = [b.last_stamp_s for b in (self._imu, self._wheels) if b.last_stamp_s is not None]
+        return min(latest) + STAMP_TOLERANCE_S if len(latest) == 2 else None
+
     def add_imu(self, stamp_s: float, gyro: ArrayLike, accel: ArrayLike) -> None:
         """Takes (3,) angular velocity in rad/s and (3,) specific force in m/s^2, both in base_link.
 
@@ -133,7 +139,7 @@ class OdometryFilter:
         """
         if not math.isfinite(stamp_s):
             raise ValueError(f"the stamp of an estimate is a finite time, not {stamp_s}")
-        if not self._complete(stamp_s):
+        if self.complete_until_s is None or stamp_s > self.complete_until_s:
             return None
         self._commit_until(stamp_s)
         track = self._track
@@ -156,10 +162,6 @@ class OdometryFilter:
             self._wheels.clear()
             self._track = None
         buffer.append(stamp_s, row)
-
-    def _complete(self, stamp_s: float) -> bool:
-        needed = stamp_s - STAMP_TOLERANCE_S
-        return all(b.last_stamp_s is not None and b.last_stamp_s >= needed for b in (self._imu, self._wheels))
 
     def _commit_until(self, stamp_s: float) -> None:
         """Processes the wheel messages up to a time; the IMU is complete up to there."""

@@ -225,8 +225,9 @@ def test_estimate_waits_for_both_inputs_up_to_its_stamp():
     odometry = OdometryFilter(OdometryConfig())
     for i in range(1, 11):
         odometry.add_imu(i * 0.01, np.zeros(3), [0, 0, 9.81])
-    assert odometry.estimate(0.05) is None
+    assert odometry.estimate(0.05) is None and odometry.complete_until_s is None
     odometry.add_wheels(0.05, 0.0, 0.0)
+    assert odometry.complete_until_s == pytest.approx(0.05, abs=1e-5)
     assert odometry.estimate(0.05) is not None
     assert odometry.estimate(0.07) is None
     odometry.add_wheels(0.10, 0.0, 0.0)
@@ -319,6 +320,7 @@ def test_start_in_free_fall_waits_for_gravity():
     odometry.add_wheels(1.0, 0.0, 0.0)
     assert odometry.estimate(1.0) is None
     assert odometry.dropped == {"start_without_gravity": 1}
+    assert odometry.complete_until_s >= 1.0  # so nobody need wait for it
 
 
 def test_memory_stays_bounded_when_nobody_asks_or_a_topic_is_silent():
