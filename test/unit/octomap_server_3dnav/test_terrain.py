@@ -355,7 +355,9 @@ def thin_deck(top_rows, thickness=2, nx=90, ny=60):
     states[30:, :, top - thickness] = OCCUPIED
     states[30:, :, top - thickness + 1 : top + 1] = UNKNOWN
     states[30:, :, top + 1 :] = FREE
-    states[30:, 3::7, top - thickness + 1] = OCCUPIED if thickness > 1 else UNKNOWN  # the noise of the underside's beams
+    if thickness > 2:
+        states[30:, 3::7, top - thickness + 1] = OCCUPIED  # the noise of the beams from below
+        states[30:, 3::7, top] = FREE  # flat beams on their way to the next line
     states[list(top_rows), :, top] = OCCUPIED
     return states
 
