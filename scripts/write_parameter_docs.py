@@ -1,0 +1,183 @@
+"""Writes docs/parameters.md from the dataclasses that hold the defaults, the launch files and the nodes' docstrings.
+
+    python scripts/write_parameter_docs.py [--check]        in the shell that `source .ws/devel/setup.bash` gives
+
+With --check nothing is written; the exit code is 1 when the file is not what the code says.
+"""
+
+import argparse
+import ast
+import dataclasses
+import math
+import sys
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "src"))
+
+from explore_command.parameters import NODE_CONFIGS, config_class  # noqa: E402
+from stage_config import documented  # noqa: E402
+
+TARGET = ROOT / "docs" / "parameters.md"
+JUDGE_CONFIGS = ("exploration_evaluation.config.RobotShape", "exploration_evaluation.config.EvaluationConfig")
+HEADER = ("Parameter", "Default", "Unit", "Allowed", "Meaning")
+INTRODUCTION = """# Parameters
+
+Made by `scripts/write_parameter_docs.py` from the dataclasses in `src/`, which are the only home of the defaults; edits here are lost.
+
+A parameter is private to its node. To change it, in the order in which one overrides the other:
+
+- in the node's file in `config/`, which its launch file loads; the values there are the defaults of those that are touched first;
+- in a YAML file of your own, by node: `roslaunch explore_3dnav explore.launch overrides:=FILE`;
+- for one run: `./explore --set octomap_server_3dnav_node/terrain/max_step_m=0.08`.
+
+An unknown name, a wrong type or a value out of range ends the run before it starts, and says which name is nearest. What was set is
+in `run.json` and `summary.json`. Angles are in radians, lengths in metres, times in seconds of the robot's clock.
+"""
+# What the nodes read beside the configuration of their stage; the rest comes from the launch arguments of the same name.
+OWN_PARAMETERS = {
+    "pybullet_sim_node": (
+        ("`~answer_timeout_s`", "120.0", "s", "> 0", "wall time after which an unanswered tick ends the run and names what is missing"),
+        ("`~ready_timeout_s`", "60.0", "s", "> 0", "wall time within which the nodes of `~wait_for_nodes` must be ready"),
+        ("`~wait_for_nodes`", "all of the launch file", "-", "names", "the clock starts when these are ready"),
+    ),
+    "exploration_monitor_node": (
+        ("`~watch`", "all of its YAML file", "-", "names", "nodes whose death ends the run"),
+        ("`~status_period_s`", "1.0", "s", "> 0", "wall time between two status lines"),
+    ),
+}
+
+
+class Launched(NamedTuple):
+    """A node as the launch files start it: its name, launch file and configuration file."""
+
+    name: str
+    launch: str
+    config: str
+
+
+def launched_nodes(launch_folder: Path) -> list[Launched]:
+    """This package's nodes in the order in which explore.launch includes their files."""
+    includes = ElementTree.parse(launch_folder / "explore.launch").getroot().iter("include")
+    return [node for include in includes for node in _nodes_of(launch_folder / Path(include.attrib["file"]).name)]
+
+
+def _nodes_of(launch: Path) -> Iterator[Launched]:
+    for node in ElementTree.parse(launch).getroot().iter("node"):
+        config = node.find("rosparam")
+        if config is not None:
+            yield Launched(node.attrib["name"], launch.name, Path(config.attrib["file"]).name)
+
+
+def purpose(node: Path) -> str:
+    """The first paragraph of a node's docstring."""
+    text = ast.get_docstring(ast.parse(node.read_text(encoding="utf-8"))) or ""
+    return text.split("\n\n")[0].replace("\n", " ")
+
+
+def _number(value: float) -> str:
+    return f"{value:.4g}" if isinstance(value, float) and len(repr(value)) > 8 else repr(value)
+
+
+def shown_value(value: Any, unit: str) -> str:
+    """A default as one would write it in YAML, long floats with four digits, angles in degrees beside it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_number, value))}]"
+    if isinstance(value, str):
+        return value or '""'
+    degrees = f" ({math.degrees(value):.3g} deg)" if unit.startswith("rad") and "/" not in unit and value else ""
+    return _number(value) + degrees
+
+
+def allowed(field: dataclasses.Field[Any]) -> str:
+    """The declared range or choices of a field in words."""
+    low, high, choices = (field.metadata.get(key) for key in ("low", "high", "choices"))
+    if choices:
+        return ", ".join(choices)
+    if isinstance(field.default, bool):
+        return "true, false"
+    if low is None and high is None:
+        return "any"
+    if high is None:
+        return f">= {low:g}"
+    return f"<= {high:g}" if low is None else f"{low:.4g} to {high:.4g}"
+
+
+def table(rows: Iterable[Iterable[str]]) -> str:
+    """A Markdown table with the reference's columns."""
+    lines = [HEADER, tuple("---" for _ in HEADER), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
+
+
+def config_table(cls: type, prefix: str) -> str:
+    """All fields of a configuration dataclass, their names behind `prefix`."""
+    fields = {f.name: f for f in dataclasses.fields(cls)}
+    return table(
+        (f"`{prefix}{name}`", shown_value(default, unit), unit, allowed(fields[name]), meaning)
+        for name, default, unit, meaning in documented(cls)
+    )
+
+
+def _section(node: str, section: str, dotted: str, first_shown: dict[str, str]) -> str:
+    prefix = f"~{section}/" if section else "~"
+    title = f"### `{prefix}`\n\n" if section else ""
+    if dotted in first_shown:
+        other = first_shown[dotted]
+        return f"{title}The same parameters as [{other}](#{other}) has below `{prefix}`; give both the same values.\n"
+    first_shown[dotted] = node
+    cls = config_class(dotted)
+    return f"{title}{(cls.__doc__ or '').splitlines()[0]}\n\n{config_table(cls, prefix)}"
+
+
+def node_chapter(node: Launched, first_shown: dict[str, str]) -> str:
+    """One node: what it is for, where it is started and set, and every parameter it reads."""
+    head = f"## {node.name}\n\n{purpose(ROOT / 'nodes' / node.name)} Started by `launch/{node.launch}`, set in `config/{node.config}`.\n"
+    sections = [_section(node.name, *item, first_shown) for item in NODE_CONFIGS.get(node.name, {}).items()]
+    own = OWN_PARAMETERS.get(node.name)
+    return "\n".join([head, *sections, *([f"Of the node itself:\n\n{table(own)}"] if own else [])])
+
+
+def launch_arguments(launch: Path) -> str:
+    """The arguments of explore.launch with their defaults."""
+    arguments = ElementTree.parse(launch).getroot().findall("arg")
+    rows = "".join(f"| `{a.attrib['name']}` | {a.attrib['default'] or 'empty'} | {a.attrib.get('doc', '')} |\n" for a in arguments)
+    return f"## Arguments of explore.launch\n\n| Argument | Default | Meaning |\n| --- | --- | --- |\n{rows}"
+
+
+def judge_chapter() -> str:
+    """What the judge of a run assumes: no ROS parameters, and out of the robot's reach."""
+    head = "## The judge\n\nWhat `exploration_evaluation` measures a run by; these are no ROS parameters.\n"
+    classes = [config_class(dotted) for dotted in JUDGE_CONFIGS]
+    parts = [f"### {cls.__name__}\n\n{cls.__doc__}\n\n{config_table(cls, '')}" for cls in classes]
+    return "\n".join([head, *parts])
+
+
+def reference() -> str:
+    """The whole file."""
+    nodes = launched_nodes(ROOT / "launch")
+    contents = "".join(f"- [{node.name}](#{node.name})\n" for node in nodes)
+    first_shown: dict[str, str] = {}
+    chapters = [node_chapter(node, first_shown) for node in nodes]
+    return "\n".join([INTRODUCTION, contents, launch_arguments(ROOT / "launch" / "explore.launch"), *chapters, judge_chapter()])
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Writes docs/parameters.md from the code.")
+    parser.add_argument("--check", action="store_true", help="write nothing; exit code 1 when the file is out of date")
+    check = parser.parse_args().check
+    text = reference()
+    if check and (not TARGET.exists() or TARGET.read_text(encoding="utf-8") != text):
+        print(f"{TARGET.relative_to(ROOT)} is out of date: run scripts/write_parameter_docs.py", file=sys.stderr)
+        return 1
+    if not check:
+        TARGET.write_text(text, encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,72 @@
+"""The files in config/ and the parameter reference say what the code says."""
+
+import importlib.util
+import sys
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+import yaml
+
+from explore_command.parameters import NODE_CONFIGS, config_class, override_problems
+from stage_config import load_config, to_mapping
+
+pytest.importorskip("_octree_binding", reason="the octree's extension module is not on PYTHONPATH: source .ws/devel/setup.bash")
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def _reference() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("write_parameter_docs", ROOT / "scripts" / "write_parameter_docs.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+REFERENCE = _reference()
+CONFIG_FILE = {node.name: ROOT / "config" / node.config for node in REFERENCE.launched_nodes(ROOT / "launch")}
+
+
+def _values(node: str) -> dict[str, dict[str, Any]]:
+    """The file's parameters by section."""
+    values = yaml.safe_load(CONFIG_FILE[node].read_text()) or {}
+    sections = {section: values.pop(section, {}) for section in NODE_CONFIGS[node] if section}
+    return {"": values, **sections}
+
+
+@pytest.mark.parametrize("node", NODE_CONFIGS)
+def test_every_parameter_of_a_file_is_known_and_in_range(node: str) -> None:
+    values = {f"{section}/{name}".lstrip("/"): v for section, part in _values(node).items() for name, v in part.items()}
+    assert values, f"{CONFIG_FILE[node].name} sets nothing"
+    assert override_problems({node: values}) == []
+
+
+@pytest.mark.parametrize("node", NODE_CONFIGS)
+def test_files_hold_the_defaults(node: str) -> None:
+    for section, dotted in NODE_CONFIGS[node].items():
+        cls, values = config_class(dotted), _values(node)[section]
+        assert to_mapping(load_config(cls, values)) == to_mapping(cls())
+
+
+def test_both_octomap_nodes_set_the_same_terrain() -> None:
+    assert _values("octomap_server_3dnav_node")["terrain"] == _values("octomap_server_3dnav_local_node")["terrain"]
+
+
+def test_every_file_belongs_to_a_node() -> None:
+    assert {path.name for path in (ROOT / "config").glob("*.yaml")} == {path.name for path in CONFIG_FILE.values()}
+
+
+def test_reference_names_every_parameter_once_a_node() -> None:
+    text = REFERENCE.reference()
+    for node, sections in NODE_CONFIGS.items():
+        assert text.count(f"\n## {node}\n") == 1
+        for section, dotted in sections.items():
+            prefix = f"~{section}/" if section else "~"
+            assert REFERENCE.config_table(config_class(dotted), prefix) in text or f"below `{prefix}`" in text
+
+
+def test_reference_on_disk_is_up_to_date() -> None:
+    assert (ROOT / "docs" / "parameters.md").read_text(encoding="utf-8") == REFERENCE.reference()
