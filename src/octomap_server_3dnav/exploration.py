@@ -49,7 +49,8 @@ class ExplorationConfig:
     near_m: float = parameter(1.6, "m", "a sweep taken within this distance of a frontier was a look at it", low=0.1, high=10.0)
     max_looks: int = parameter(2, "-", "looks that did not change a frontier before it is set aside", low=1, high=20)
     max_failures: int = parameter(2, "-", "failed drives to a frontier before it is set aside", low=1, high=20)
-    max_goals: int = parameter(6, "-", "goals at one frontier, whatever came of them, before it is set aside", low=1, high=100)
+    max_goals: int = parameter(6, "-", "goals at one frontier that brought the robot no nearer before it is set aside", low=1, high=100)
+    nearer_m: float = parameter(0.5, "m", "a frontier this much nearer over the ground than ever before is progress", low=0.05, high=10.0)
     closer_factor: float = parameter(0.6, "-", "the path is trimmed to this share at every further look", low=0.1, high=1.0)
 
     def validate(self) -> list[str]:
@@ -88,6 +89,8 @@ class _Place:
     xyz: tuple[float, float, float]
     goals: int = 0
     looks: int = 0
+    nearest_m: float = math.inf
+    idle_goals: int = 0
     failures: list[str] = field(default_factory=list)
 
 
@@ -176,6 +179,7 @@ class ExplorationPlanner:
     def _goal(self, terrain: Terrain, T_map_base: Transform, scope: str, frontier: Frontier, path: Path, left: int) -> Decision:
         place = self._place(frontier.xyz)
         place.goals += 1
+        self._count_progress(place, frontier.distance_m)
         distance = self.planner_config.trim_m * self.config.closer_factor**place.looks
         trimmed = trim_path(path, np.asarray(frontier.xyz), distance)
         x, y, z = (float(v) for v in trimmed.points[-1])
@@ -193,6 +197,12 @@ class ExplorationPlanner:
             near = math.dist(place.xyz, (T_map_base[0, 3], T_map_base[1, 3], T_map_base[2, 3])) <= self.config.near_m
             if near and place.goals > place.looks:
                 place.looks += 1
+
+    def _count_progress(self, place: _Place, distance_m: float) -> None:
+        """A far frontier may be chosen anew at every sweep on the way to it; only goals that do not bring it nearer are in vain."""
+        if distance_m <= place.nearest_m - self.config.nearer_m:
+            place.nearest_m, place.idle_goals = distance_m, 0
+        place.idle_goals += 1
 
     def _known_place(self, xyz: tuple[float, float, float]) -> _Place | None:
         near = [(math.dist(p.xyz, xyz), i) for i, p in enumerate(self._places)]
@@ -215,8 +225,8 @@ class ExplorationPlanner:
             return f"not reached in {len(place.failures)} tries: {place.failures[-1]}"
         if place.looks >= self.config.max_looks:
             return f"unchanged after {place.looks} looks from near"
-        if place.goals >= self.config.max_goals:
-            return f"still open after {place.goals} goals"
+        if place.idle_goals >= self.config.max_goals:
+            return f"no nearer after {place.idle_goals} goals"
         return None
 
     def _why_explored(self) -> str:

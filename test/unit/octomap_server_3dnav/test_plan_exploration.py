@@ -108,6 +108,13 @@ def test_robot_that_never_gets_near_ends_by_the_number_of_goals():
     assert kinds == [GOAL] * 4 + [EXPLORED]
 
 
+def test_far_frontier_chosen_anew_on_the_way_to_it_is_not_set_aside():
+    planner, runs = ExplorationPlanner(ExplorationConfig(max_goals=3)), runs_of(opening(room(150, 60), 20, 40))
+    decisions = [planner.decide(runs, pose(1.6 + 0.7 * k, 2.4)) for k in range(10)]
+    assert [d.kind for d in decisions] == [GOAL] * 10
+    assert planner.set_aside() == []
+
+
 def test_frontier_nearer_than_the_trim_is_faced_from_where_the_robot_stands():
     states = opening(room())
     here = pose(79.5 * RESOLUTION, 40.5 * RESOLUTION, yaw=math.pi)
