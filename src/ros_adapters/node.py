@@ -66,7 +66,7 @@ class Node:
         self.lock = threading.RLock()
         self.lockstep = bool(rospy.get_param("/lockstep", False))
         self.diagnostics = Diagnostics(name)
-        self._required: list[rospy.Subscriber] = []
+        self._required: list[Callable[[], bool]] = []
 
     def parameters(self, cls: type[C], *, section: str = "", own: tuple[str, ...] = ("out",)) -> C:
         """The stage's configuration from the private parameters, or those below `section`; `own` are the node's, not the stage's.
@@ -78,8 +78,7 @@ class Node:
             values = {k: v for k, v in values.items() if k not in own}
             return load_config(cls, values)
         except ConfigError as error:
-            rospy.logfatal("%s: wrong parameter: %s", self.name, error)
-            sys.stderr.write(f"{self.name}: wrong parameter: {error}\n")
+            sys.stderr.write(f"{self.name}: wrong parameter: {'; '.join(str(error).splitlines())}\n")
             sys.exit(2)
 
     def run_folder(self) -> Path | None:
@@ -99,7 +98,10 @@ class Node:
                     return callback(message)
                 except ValueError as error:
                     self.diagnostics.dropped(f"bad {type(message).__name__}", str(error))
-                    return None
+                except rospy.ROSException:
+                    if not rospy.is_shutdown():  # then topics are closed while messages still come
+                        raise
+                return None
 
         return run
 
@@ -116,8 +118,12 @@ class Node:
             tcp_nodelay=True,
         )
         if required:
-            self._required.append(subscriber)
+            self.require(lambda: subscriber.get_num_connections() > 0)
         return subscriber
+
+    def require(self, condition: Callable[[], bool]) -> None:
+        """The node is not ready before `condition` holds."""
+        self._required.append(condition)
 
     def publisher(self, topic: str, message_type: type, *, large: bool = False, latch: bool = False) -> rospy.Publisher:
         return rospy.Publisher(topic, message_type, queue_size=5 if large else None, tcp_nodelay=True, latch=latch)
@@ -126,7 +132,7 @@ class Node:
         """Waits for what it listens to, says that it is ready, and serves until shutdown."""
         ready = rospy.Publisher(READY_TOPIC, String, latch=True, queue_size=1)
         if self.lockstep:
-            while not rospy.is_shutdown() and not all(s.get_num_connections() for s in self._required):
+            while not rospy.is_shutdown() and not all(holds() for holds in self._required):
                 time.sleep(0.02)
         ready.publish(String(self.name))
         rospy.spin()
