@@ -13,7 +13,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.column_runs import ColumnRuns
+from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
 from octomap_server_3dnav.planner import Path, PlannerConfig, plan_path, trim_path
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
@@ -237,3 +237,15 @@ class ExplorationPlanner:
         if terrain.start is None:
             return "no ground beneath the robot from which enough traversable ground can be reached"
         return "all ground around the robot is too near to obstacles or cliffs"
+
+
+def compile_kernels() -> None:
+    """Compiles every kernel of the terrain analysis and the planner for the types that `decide` passes, by deciding in a small world."""
+    states = np.zeros((64, 64, 24), dtype=np.uint8)
+    states[:, :, 4], states[:, :, 5:] = VoxelState.OCCUPIED, VoxelState.FREE
+    states[:, 0, 4:] = VoxelState.OCCUPIED  # a wall, a drop that was seen, a hole to bridge, and three sides that go on
+    states[:, 60:, 1:5] = VoxelState.FREE
+    states[40, 30, 4] = VoxelState.UNKNOWN
+    T_map_base = np.eye(4)
+    T_map_base[:3, 3] = 2.5, 2.5, 0.08 * 5 + TerrainConfig().base_height_m
+    ExplorationPlanner().decide(ColumnRuns.from_dense(states), T_map_base)

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 from scipy.sparse.csgraph import connected_components
+from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, terrain_of
 
 from octomap_server_3dnav.frontiers import FrontierConfig, cluster_voxels, find_frontiers
 from octomap_server_3dnav.planner import PlannerConfig
 from octomap_server_3dnav.terrain import TerrainClass
-from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, terrain_of
 
 
 def room(nx=80, ny=80, openings=()):

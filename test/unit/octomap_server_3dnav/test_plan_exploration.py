@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of
+from virtual_explorer import explore
 
 from octomap_server_3dnav.exploration import DecisionKind, ExplorationConfig, ExplorationPlanner, Validity
 from octomap_server_3dnav.planner import PlannerConfig
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
-from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of
-from virtual_explorer import explore
 
 GOAL, EXPLORED, TRAPPED = DecisionKind
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, grid_of_heights, pose, terrain_of
 
 from octomap_server_3dnav.planner import Path, PlannerConfig, distances_over_ground, plan_path, trim_path
 from octomap_server_3dnav.terrain import TerrainClass
-from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, grid_of_heights, pose, terrain_of
 
 CONFIG = PlannerConfig()
 

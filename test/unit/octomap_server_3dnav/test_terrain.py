@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 import pytest
-
-from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
 from terrain_worlds import (
     BELOW,
     FREE,
@@ -20,6 +18,8 @@ from terrain_worlds import (
     runs_of,
     terrain_of,
 )
+
+from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
 
 TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = TerrainClass
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, pose, runs_of
 
 from octomap_server_3dnav.exploration import Decision, DecisionKind, ExplorationPlanner
-from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, pose, runs_of
 
 SENSOR_HEIGHT = 0.88
 
