@@ -42,9 +42,18 @@ class MapConfig:
 
 
 @dataclass(frozen=True, eq=False)
+class Beams:
+    """One sweep in base_link: hits and their origins (N, 3) float32, ends and origins of beams that met nothing (M, 3) float32."""
+
+    points: NDArray[np.float32]
+    origins: NDArray[np.float32]
+    free_ends: NDArray[np.float32]
+    free_origins: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
 class _PlacedSweep:
-    points_base: NDArray[np.float32]
-    origins_base: NDArray[np.float32]
+    beams: Beams
     T_map_base: NDArray[np.float64]
 
 
@@ -62,7 +71,7 @@ class MapBuilder:
     def __len__(self) -> int:
         return len(self._sweeps)
 
-    def add_sweep(self, points_base: NDArray[np.float32], origins_base: NDArray[np.float32], vertex_poses: ArrayLike) -> bool:
+    def add_sweep(self, beams: Beams, vertex_poses: ArrayLike) -> bool:
         """Adds the sweep of the last of (V, 4, 4) vertex poses; True when the tree was built anew because older ones had moved.
 
         ValueError when V is not the number of sweeps so far plus one, or a pose is not rigid; nothing is changed then.
@@ -71,7 +80,7 @@ class MapBuilder:
         if len(poses) != len(self._sweeps) + 1:
             raise ValueError(f"sweep {len(self._sweeps)} came with {len(poses)} vertex poses")
         moved = any(self._moved(sweep.T_map_base, T) for sweep, T in zip(self._sweeps, poses, strict=False))
-        self._sweeps.append(_PlacedSweep(points_base, origins_base, poses[-1]))
+        self._sweeps.append(_PlacedSweep(beams, poses[-1]))
         if moved:
             self._rebuild(poses)
         else:
@@ -91,7 +100,7 @@ class MapBuilder:
 
     def _rebuild(self, poses: list[NDArray[np.float64]]) -> None:
         self.tree.reset()
-        self._sweeps = [_PlacedSweep(s.points_base, s.origins_base, T) for s, T in zip(self._sweeps, poses, strict=True)]
+        self._sweeps = [_PlacedSweep(s.beams, T) for s, T in zip(self._sweeps, poses, strict=True)]
         for i, sweep in enumerate(self._sweeps):
             self._insert(sweep, first=i == 0)
 
@@ -99,7 +108,16 @@ class MapBuilder:
         T, c = sweep.T_map_base, self.config
         x, y, z = T[:3, 3]
         bounds = ((x - c.crop_half_m, y - c.crop_half_m, z - c.crop_below_m), (x + c.crop_half_m, y + c.crop_half_m, z + c.crop_above_m))
-        points, origins = transform_points(T, sweep.points_base), transform_points(T, sweep.origins_base)
-        self.tree.insert_sweep(points, origins, c.max_range_m, bounds)
+        b = sweep.beams
+        ends = np.concatenate([b.points, _beyond(b.free_ends, b.free_origins, c.max_range_m)])
+        origins = np.concatenate([b.origins, b.free_origins])
+        self.tree.insert_sweep(transform_points(T, ends), transform_points(T, origins), c.max_range_m, bounds)
         if first and c.start_plane_half_m > 0:
             self.tree.insert_plane(T[:3, 3] - c.base_height_m * T[:3, 2] - (0, 0, 0.25 * c.resolution), c.start_plane_half_m)
+
+
+def _beyond(ends: NDArray[np.float32], origins: NDArray[np.float32], max_range_m: float) -> NDArray[np.float32]:
+    """`ends` moved out along their beams to beyond the range of insertion, so that they free their way and occupy nothing."""
+    way = ends - origins
+    length = np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-6)
+    return np.asarray(origins + way * (2.0 * max_range_m / length), dtype=np.float32)

@@ -54,6 +54,13 @@ def cloud_message(stamp_s: float, frame: str, points: NDArray[np.floating], orig
     )
 
 
+def free_arrays(message: PointCloud2) -> tuple[Singles, Singles]:
+    """Ends and origins of beams that met nothing; (0, 3) arrays when there are none."""
+    if message.width * message.height == 0:
+        return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
+    return cloud_arrays(message)
+
+
 def cloud_arrays(message: PointCloud2, expected_frame: str | None = None) -> tuple[Singles, Singles]:
     """(N, 3) points and (N, 3) beam origins of a cloud; ValueError for another frame, other fields, no points, or a cut buffer.
 

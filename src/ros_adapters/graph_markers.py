@@ -29,10 +29,10 @@ def _marker(stamp_s: float, namespace: str, kind: int, size: float, colour: Colo
 def graph_markers(stamp_s: float, poses: NDArray[np.float64], edges: Sequence[tuple[int, int, str]]) -> MarkerArray:
     """(V, 4, 4) vertex poses and edges (i, j, kind) as spheres and lines."""
     at = [Point(*T[:3, 3]) for T in poses]
-    markers = [_marker(stamp_s, "vertices", Marker.SPHERE_LIST, 0.15, ColorRGBA(1.0, 0.8, 0.0, 1.0), at)]
+    markers = [_marker(stamp_s, "vertices", Marker.SPHERE_LIST, 0.22, ColorRGBA(1.0, 0.8, 0.0, 1.0), at)]
     for kind, colour in _COLOURS.items():
         ends = [at[k] for i, j, edge_kind in edges if edge_kind == kind for k in (i, j)]
-        markers.append(_marker(stamp_s, kind, Marker.LINE_LIST, 0.04, colour, ends))
+        markers.append(_marker(stamp_s, kind, Marker.LINE_LIST, 0.06, colour, ends))
     return MarkerArray(markers)
 
 

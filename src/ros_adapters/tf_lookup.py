@@ -20,6 +20,10 @@ class TransformLookup:
         self._listener = tf2_ros.TransformListener(self._buffer, queue_size=None, tcp_nodelay=True)
         self._wall_timeout_s = wall_timeout_s
 
+    def hears(self, publisher: str) -> bool:
+        """True when the node `publisher` is connected: a transform that it sends from now on will arrive."""
+        return any(c.callerid_pub == publisher for c in self._listener.tf_sub.impl.connections)
+
     def at(self, target: str, source: str, stamp_s: float) -> NDArray[np.float64]:
         """T_target_source at `stamp_s`; ValueError when it has not come within the wall time limit."""
         stamp = ros_time(stamp_s)

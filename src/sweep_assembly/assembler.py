@@ -36,6 +36,9 @@ class SweepAssemblyConfig:
     jump_back_s: float = parameter(0.5, "s", "a stamp this much older than its topic's latest is a jump of time: start afresh", low=0.0)
     buffer_s: float = parameter(60.0, "s", "oldest data kept while another topic is silent; at 40 Hz a second of scans is 0.2 MB", low=1.0)
 
+    free_range_m: float = parameter(12.0, "m", "beams that met nothing are known to be free up to here", low=0.5, high=60.0)
+    free_beam_stride: int = parameter(3, "-", "of those beams one in so many is kept", low=1, high=100)
+
     def validate(self) -> list[str]:
         """All violations, as sentences."""
         found = check_ranges(self)
@@ -50,13 +53,16 @@ class Sweep:
 
     `stamp_s`: the first joint sample at which the laser is horizontal again; `start_stamp_s`: the last one before it left.
     `points`: (N, 3) float32 metres, in the order in which they were measured. `origins`: (N, 3) float32, where the laser was
-    for each of them. `scans`: how many scans gave points.
+    for each of them. `free_ends`, `free_origins`: (M, 3) float32, the same for a thinned part of the beams that met nothing, cut at
+    `free_range_m`: what lies along them was seen to be free. `scans`: how many scans gave points.
     """
 
     stamp_s: float
     start_stamp_s: float
     points: NDArray[np.float32]
     origins: NDArray[np.float32]
+    free_ends: NDArray[np.float32]
+    free_origins: NDArray[np.float32]
     scans: int
 
 
@@ -166,13 +172,24 @@ class SweepAssembler:
         times = stamps[:, None] + self._geometry.beam_times
         ranges = np.stack(scans)
         inside = (times >= window.start_stamp_s) & (times <= window.end_stamp_s + STAMP_TOLERANCE_S)
-        scan_index, beam_index = np.nonzero(inside & np.isfinite(ranges))
-        if scan_index.size == 0:
+        hits = np.nonzero(inside & np.isfinite(ranges))
+        if hits[0].size == 0:
             return None
-        laser_points = ranges[scan_index, beam_index, None] * self._geometry.directions[beam_index, :2]
-        nodes, T_end_laser = self._laser_poses(window)
-        points, origins = _along_nodes(nodes, T_end_laser, times[scan_index, beam_index], laser_points)
-        return Sweep(window.end_stamp_s, window.start_stamp_s, points, origins, int(np.unique(scan_index).size))
+        trajectory = self._laser_poses(window)
+        points, origins = self._in_base(trajectory, times, hits, ranges[hits])
+        empty = inside & np.isposinf(ranges)
+        empty[:, np.arange(self._geometry.count) % self._config.free_beam_stride != 0] = False
+        free = np.nonzero(empty)
+        free_ends, free_origins = self._in_base(trajectory, times, free, np.full(free[0].size, self._config.free_range_m))
+        scan_count = int(np.unique(hits[0]).size)
+        return Sweep(window.end_stamp_s, window.start_stamp_s, points, origins, free_ends, free_origins, scan_count)
+
+    def _in_base(
+        self, trajectory: tuple[FloatArray, FloatArray], times: FloatArray, beams: tuple[FloatArray, ...], ranges: FloatArray
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(N, 3) ends and origins of the chosen (scan, beam) pairs, in base_link at the sweep's end."""
+        laser_points = ranges[:, None] * self._geometry.directions[beams[1], :2]
+        return _along_nodes(*trajectory, times[beams], laser_points)
 
     def _usable_scans(self, window: SweepWindow) -> tuple[FloatArray, list[NDArray[np.float32]]]:
         """Scans that overlap the window, less those with too long a pause of joints or odometry around them."""

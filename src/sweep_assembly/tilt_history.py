@@ -16,10 +16,12 @@ class TiltHistory:
         self._tilts: deque[float] = deque(maxlen=_KEPT_SAMPLES)
 
     def add(self, stamp_s: float, tilt_rad: float) -> None:
-        """Takes a sample; ValueError when it is not finite. One that is not newer than the last means that time jumped: start afresh."""
+        """Takes a sample; ValueError when it is not finite. One older than the last means that time jumped: start afresh."""
         if not np.isfinite([stamp_s, tilt_rad]).all():
             raise ValueError(f"tilt {tilt_rad} rad at {stamp_s} s: both must be finite")
-        if self._stamps and stamp_s <= self._stamps[-1]:
+        if self._stamps and stamp_s == self._stamps[-1]:
+            return
+        if self._stamps and stamp_s < self._stamps[-1]:
             self._stamps.clear()
             self._tilts.clear()
         self._stamps.append(stamp_s)
