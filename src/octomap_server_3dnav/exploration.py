@@ -53,6 +53,10 @@ class ExplorationConfig:
     nearer_m: float = parameter(0.5, "m", "a frontier this much nearer over the ground than ever before is progress", low=0.05, high=10.0)
     closer_factor: float = parameter(0.6, "-", "the path is trimmed to this share at every further look", low=0.1, high=1.0)
 
+    turn_slope_rad: float = parameter(
+        math.radians(8.0), "rad", "on steeper ground the robot does not turn to face the frontier", low=0.0, high=1.6
+    )
+
     def validate(self) -> list[str]:
         """All violations, as sentences."""
         problems = check_ranges(self)
@@ -66,8 +70,8 @@ class Decision:
     """What to do and why.
 
     `path` (K, 3) in map, trimmed, None unless kind is GOAL, `full_path` the same up to the frontier; `goal` (x, y, z, yaw) in map, its yaw
-    facing `frontier` (3,). `scope` is "local" or "global", the terrain that decided; `open_frontiers` were left to visit in it, this one
-    included; `set_aside` were given up in the whole run.
+    facing `frontier` (3,), on a slope that of the path's end. `scope` is "local" or "global", the terrain that decided; `open_frontiers`
+    were left to visit in it, this one included; `set_aside` were given up in the whole run.
     """
 
     kind: DecisionKind
@@ -183,10 +187,21 @@ class ExplorationPlanner:
         distance = self.planner_config.trim_m * self.config.closer_factor**place.looks
         trimmed = trim_path(path, np.asarray(frontier.xyz), distance)
         x, y, z = (float(v) for v in trimmed.points[-1])
-        yaw = facing_yaw((x, y), frontier.xyz) if math.hypot(frontier.xyz[0] - x, frontier.xyz[1] - y) > 1e-6 else yaw_of(T_map_base)
+        yaw = self._goal_yaw(terrain, T_map_base, trimmed.points, frontier.xyz)
         reason = f"frontier of {len(frontier.voxels)} voxels, {frontier.distance_m:.1f} m away"
         decision = self._decision(DecisionKind.GOAL, reason, terrain, scope, left)
         return replace(decision, path=trimmed.points, goal=(x, y, z, yaw), frontier=frontier.xyz, full_path=path.points)
+
+    def _goal_yaw(
+        self, terrain: Terrain, T_map_base: Transform, points: NDArray[np.float64], frontier_xyz: tuple[float, float, float]
+    ) -> float:
+        """Faces the frontier; on a slope as the path arrives: wheels slip when they turn there, and a sweep looks all around."""
+        if math.hypot(frontier_xyz[0] - points[-1, 0], frontier_xyz[1] - points[-1, 1]) <= 1e-6:
+            return yaw_of(T_map_base)
+        slope = terrain.slope_near(points[-1])
+        if len(points) < 2 or slope is None or slope <= self.config.turn_slope_rad:
+            return facing_yaw(points[-1], frontier_xyz)
+        return facing_yaw(points[max(-4, -len(points))], points[-1])
 
     def _decision(self, kind: DecisionKind, reason: str, terrain: Terrain, scope: str, left: int) -> Decision:
         return Decision(kind, reason, terrain, scope, left, len(self.set_aside()))

@@ -116,6 +116,15 @@ class Terrain:
         gaps = np.abs((self.z[nodes] + 0.5) * self.resolution - xyz[2])
         return int(nodes[np.argmin(gaps)]) if gaps.min() <= reach_m else None
 
+    def slope_near(self, xyz: NDArray[np.floating] | tuple[float, float, float], radius_m: float = 0.4) -> float | None:
+        """Steepest slope in radians of the plane through the surface around a point in map; None when fewer than six voxels are there."""
+        centers = self.centers(slice(0, self.surface_count)) - np.asarray(xyz, dtype=np.float64)
+        near = centers[(np.hypot(centers[:, 0], centers[:, 1]) <= radius_m) & (np.abs(centers[:, 2]) <= radius_m)]
+        if len(near) < 6:
+            return None
+        gradient = np.linalg.lstsq(np.column_stack([near[:, :2], np.ones(len(near))]), near[:, 2], rcond=None)[0][:2]
+        return math.atan(float(np.hypot(*gradient)))
+
     @property
     def traversable_area_m2(self) -> float:
         """Ground that the robot's centre may reach without leaving what is known, seen from above."""

@@ -40,6 +40,18 @@ def test_goal_lies_before_the_frontier_and_faces_it():
     assert decision.path[-1] == pytest.approx(decision.goal[:3])
 
 
+@pytest.mark.parametrize("degrees, faces", [(3, True), (15, False)])
+def test_robot_does_not_turn_to_the_frontier_on_a_slope(degrees, faces):
+    slope = math.tan(math.radians(degrees))
+    states = room(90, 60, lambda x, y: 0.04 + slope * x + 0 * y)
+    states[60:80, -1] = UNKNOWN  # an opening beside the way up
+    decision = ExplorationPlanner().decide(runs_of(states), pose(2.0, 2.4, ground=2.0 * slope))
+    (x, y, _, yaw), (a, b) = decision.goal, decision.path[[-4, -1], :2]
+    facing, arriving = math.atan2(decision.frontier[1] - y, decision.frontier[0] - x), math.atan2(b[1] - a[1], b[0] - a[0])
+    assert abs(facing - arriving) > 0.1
+    assert yaw == pytest.approx(facing if faces else arriving)
+
+
 def test_whole_map_is_searched_when_nothing_is_near():
     asked = []
 

@@ -398,3 +398,11 @@ def test_floor_that_flat_beams_left_one_unknown_voxel_above_is_a_surface():
     states = flat()
     states[20:40:2, :, BELOW + 1] = UNKNOWN
     assert (terrain_of(states, pose(0.8, 2.4)).label == TRAVERSABLE).sum() == 60 * 60
+
+
+@pytest.mark.parametrize("degrees", [0, 8, 15, 25])
+def test_slope_near_a_point_is_that_of_the_ground(degrees):
+    terrain = terrain_of(grid_of_heights(ramp(degrees), 60, 40), pose(1.0, 1.6), max_slope_rad=0.6)
+    height = (3.5 - 2.0) * math.tan(math.radians(degrees))
+    assert terrain.slope_near((3.5, 1.6, min(height, 1.2))) == pytest.approx(math.radians(degrees), abs=math.radians(2.0))
+    assert terrain.slope_near((3.5, 1.6, 5.0)) is None
