@@ -250,6 +250,12 @@ def _offsets(radius_m: float, shape: str, resolution: float) -> NDArray[np.int64
     return np.asarray(grid[(grid**2).sum(axis=1) * resolution**2 <= radius_m**2 + 1e-9])
 
 
+def _unique_pairs(column: NDArray[np.int64], z: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(M, 2) sorted distinct pairs; as single numbers they sort ten times faster than as rows."""
+    keys = np.unique(column * 2**16 + z + 2**15)
+    return np.stack([keys >> 16, (keys & 0xFFFF) - 2**15], axis=1)
+
+
 def _inflate(scene: _Scene, label: NDArray[np.uint8], obstacles: NDArray[np.int64], config: TerrainConfig, limits: _Limits) -> None:
     """addRobotPadding: obstacles and cliffs take the ground around them at their own level out of the graph."""
     column, z = scene.surfaces.column.astype(np.int64), scene.surfaces.z.astype(np.int64)
@@ -259,7 +265,7 @@ def _inflate(scene: _Scene, label: NDArray[np.uint8], obstacles: NDArray[np.int6
         (column[cliff], z[cliff], config.cliff_inflation_radius_m),
     )
     for columns, levels, radius in groups:
-        pairs = np.unique(np.stack([columns, levels], axis=1), axis=0)
+        pairs = _unique_pairs(columns, levels)
         band = limits.step + math.ceil(radius / limits.resolution * limits.max_slope)
         offsets = _offsets(radius, config.inflation_shape, limits.resolution)
         kernels.inflate(label, scene.surfaces, pairs[:, 0].copy(), pairs[:, 1].copy(), offsets, band, scene.columns.nx, scene.columns.ny)
@@ -333,8 +339,9 @@ def _assemble(
     renumbered = np.full(label.size + 1, -1, dtype=np.int32)
     renumbered[keep] = np.arange(keep.size)
     drivable = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
-    graph = np.where(drivable[scene.graph] & (scene.graph >= 0) & drivable[:, None], scene.graph, -1)[keep]
-    obstacles = np.unique(obstacles[:, :2], axis=0)
+    graph = scene.graph[keep]
+    graph = np.where(drivable[graph] & (graph >= 0) & drivable[keep, None], graph, -1)
+    obstacles = _unique_pairs(obstacles[:, 0], obstacles[:, 1])
     frontiers, frontier_of_edge = _unique_frontiers(edges, limits.step)
     parents = np.full((len(frontiers), 4), -1, dtype=np.int32)
     parents[frontier_of_edge, (edges[:, 3] + 2) % 4] = renumbered[edges[:, 2]]
