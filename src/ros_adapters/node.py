@@ -97,7 +97,7 @@ class Node:
                 try:
                     return callback(message)
                 except ValueError as error:
-                    self.diagnostics.dropped(f"bad {type(message).__name__}", str(error))
+                    self.diagnostics.dropped(f"bad {message._type.rpartition('/')[2]}", str(error))
                 except rospy.ROSException:
                     if not rospy.is_shutdown():  # then topics are closed while messages still come
                         raise

@@ -1,0 +1,179 @@
+#!/usr/bin/env python3
+"""move_base_node alone: a command for every odometry, plans that are taken or refused, and what becomes of bad input."""
+
+import sys
+import time
+import unittest
+
+import numpy as np
+import rospy
+from explore_3dnav.msg import FollowerCommand, TerrainGrid
+from explore_3dnav.srv import StorePlan
+from nav_msgs.msg import OccupancyGrid, Odometry, Path
+from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, odometry, one_line_of, run_misconfigured, scan, wait_for_node
+from sensor_msgs.msg import LaserScan
+from std_srvs.srv import Empty, SetBool
+from tf2_msgs.msg import TFMessage
+
+import rostest
+from rigid_geometry import transform_from_rpy
+from ros_adapters.conversions import path_message, terrain_grid_message, transform_stamped
+
+NODE = "move_base_node"
+TICK_S = 0.05
+TRANSFORM_PATIENCE_S = 2.3  # a little more than the node's
+CELLS, RESOLUTION_M = 100, 0.08
+HALF_M = CELLS * RESOLUTION_M / 2
+
+
+class MoveBaseTest(unittest.TestCase):
+    clock_s = 100.0
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        wait_for_node(NODE)
+        cls.commands = Inbox("/cmd_vel/move_base", FollowerCommand).wait_until_connected()
+        cls.costmaps = Inbox("/local_costmap/costmap", OccupancyGrid).wait_until_connected()
+        cls.diagnostics = DiagnosticsOf(NODE).wait_until_connected()
+        cls.odometry = feed("/odom", Odometry)
+        cls.scans = feed("/scan_horizontal", LaserScan)
+        cls.terrain = feed("/terrain_grid", TerrainGrid)
+        cls.tf = feed("/tf", TFMessage)
+        cls.store_plan = rospy.ServiceProxy("storePlan", StorePlan)
+        cls.hold = rospy.ServiceProxy(f"/{NODE}/hold", SetBool)
+        cls.hold(False)
+
+    def setUp(self) -> None:
+        """Flat free ground around the robot, nothing seen, no plan, and a second for diagnostics to be due."""
+        MoveBaseTest.clock_s = round(self.clock_s + 2.0, 3)
+        self.publish_terrain(np.zeros((CELLS, CELLS), np.int8))
+        rospy.ServiceProxy(f"/{NODE}/clear_costmaps", Empty)()
+        self.store_plan(Path())
+
+    def publish_terrain(self, cost: np.ndarray) -> None:
+        """Terrain whose middle is the map's origin; the next command is that of a robot that knows it."""
+        height = np.zeros(cost.shape, np.float32)
+        self.terrain.publish(terrain_grid_message(self.clock_s, "map", cost, height, (-HALF_M, -HALF_M), RESOLUTION_M))
+        deadline = time.monotonic() + 5.0
+        while abs(self.tick().terrain_stamp.to_sec() - self.clock_s) > 60.0 and time.monotonic() < deadline:
+            continue
+
+    def tick(self, message: Odometry | None = None, ranges: object = np.inf) -> FollowerCommand:
+        """The answer to the next odometry, with its scan and transform."""
+        MoveBaseTest.clock_s = round(self.clock_s + TICK_S, 3)
+        self.scans.publish(scan(self.clock_s - 0.025, ranges))
+        self.tf.publish(TFMessage([transform_stamped(self.clock_s, "map", "odom", transform_from_rpy((0.0, 0.0, 0.0)))]))
+        self.odometry.publish(message or odometry(self.clock_s))
+        return self.commands.wait_for_stamp(self.clock_s)
+
+    def store_straight_ahead(self) -> None:
+        points = np.column_stack([np.linspace(0.0, 3.0, 31), np.zeros(31), np.full(31, 0.04)])
+        answer = self.store_plan(path_message(self.clock_s, "map", points, 0.0))
+        self.assertTrue(answer.accepted, answer.message)
+
+    def test_every_odometry_is_answered_with_its_stamp(self) -> None:
+        answer = self.tick()
+        self.assertEqual((answer.header.frame_id, answer.state), ("base_link", "idle"))
+        self.assertEqual((answer.twist.linear.x, answer.twist.angular.z), (0.0, 0.0))
+
+    def test_stored_plan_is_followed(self) -> None:
+        self.store_straight_ahead()
+        answers = [self.tick() for _ in range(10)]
+        self.assertEqual(answers[-1].state, "following", answers[-1].reason)
+        self.assertGreater(answers[-1].twist.linear.x, 0.1)
+        self.assertLess(abs(answers[-1].twist.angular.z), 0.1)
+
+    def test_empty_plan_stops_the_robot(self) -> None:
+        self.store_straight_ahead()
+        self.tick()
+        self.store_plan(Path())
+        answer = self.tick()
+        self.assertEqual((answer.state, answer.twist.linear.x), ("idle", 0.0))
+
+    def test_obstacle_before_the_robot_stops_it(self) -> None:
+        self.store_straight_ahead()
+        ahead = np.full(1081, np.inf)
+        ahead[400:681] = 0.6  # a wall half a metre before the laser
+        answers = [self.tick(ranges=ahead) for _ in range(10)]
+        self.assertEqual(answers[-1].twist.linear.x, 0.0, answers[-1].reason)
+
+    def test_costmap_comes_in_the_map_frame(self) -> None:
+        for _ in range(5):
+            self.tick()
+        newest = self.costmaps.wait_for(lambda m: m.header.stamp.to_sec() > self.clock_s - 1.0)
+        self.assertEqual(newest.header.frame_id, "map")
+        self.assertEqual(len(newest.data), newest.info.width * newest.info.height)
+
+    def test_plan_in_another_frame_is_refused_with_the_reason(self) -> None:
+        answer = self.store_plan(path_message(self.clock_s, "odom", np.zeros((2, 3)), 0.0))
+        self.assertFalse(answer.accepted)
+        self.assertIn("odom", answer.message)
+        self.assertEqual(self.tick().state, "idle")
+
+    def test_plan_that_is_no_number_is_refused(self) -> None:
+        plan = path_message(self.clock_s, "map", np.zeros((2, 3)), 0.0)
+        plan.poses[0].pose.position.x = float("nan")
+        self.assertFalse(self.store_plan(plan).accepted)
+        self.assertEqual(self.tick().state, "idle")
+
+    def test_odometry_that_is_no_pose_is_counted_and_gets_no_command(self) -> None:
+        bad_s = round(self.clock_s + TICK_S, 3)
+        self.tf.publish(TFMessage([transform_stamped(bad_s, "map", "odom", np.eye(4))]))
+        self.odometry.publish(odometry(bad_s, x=float("nan")))
+        MoveBaseTest.clock_s = bad_s + 2.0
+        self.tick()
+        self.diagnostics.wait_for_dropped("bad Odometry")
+        self.assertNotIn(round(bad_s, 6), self.commands.stamps())
+
+    def test_missing_transform_is_counted_and_the_next_tick_answered(self) -> None:
+        before = self.diagnostics.dropped("bad Odometry")
+        MoveBaseTest.clock_s = round(self.clock_s + 2.0, 3)
+        self.odometry.publish(odometry(self.clock_s))
+        time.sleep(TRANSFORM_PATIENCE_S)  # a transform that came later would be interpolated, and be right
+        MoveBaseTest.clock_s = round(self.clock_s + 2.0, 3)
+        self.tick()
+        self.diagnostics.wait_for_dropped("bad Odometry", before + 1)
+
+    def test_terrain_whose_sizes_do_not_agree_is_counted_and_dropped(self) -> None:
+        bad = terrain_grid_message(self.clock_s, "map", np.zeros((4, 4), np.int8), np.zeros((4, 4), np.float32), (0.0, 0.0), 0.08)
+        bad.cost = bad.cost[:5]
+        self.terrain.publish(bad)
+        time.sleep(QUIET_S)
+        MoveBaseTest.clock_s += 2.0
+        self.tick()
+        self.diagnostics.wait_for_dropped("bad TerrainGrid")
+
+    def test_terrain_in_another_frame_is_counted_and_dropped(self) -> None:
+        before = self.diagnostics.dropped("bad TerrainGrid")
+        grid = np.zeros((4, 4), np.int8)
+        self.terrain.publish(terrain_grid_message(self.clock_s, "odom", grid, grid.astype(np.float32), (0.0, 0.0), 0.08))
+        time.sleep(QUIET_S)
+        MoveBaseTest.clock_s += 2.0
+        self.tick()
+        self.diagnostics.wait_for_dropped("bad TerrainGrid", before + 1)
+
+    def test_scan_without_a_number_does_no_harm(self) -> None:
+        self.store_straight_ahead()
+        answers = [self.tick(ranges=np.nan) for _ in range(10)]
+        self.assertGreater(answers[-1].twist.linear.x, 0.1)
+
+    def test_time_that_jumps_back_starts_afresh(self) -> None:
+        self.tick()
+        forward_s = self.clock_s
+        MoveBaseTest.clock_s = forward_s - 10.0
+        self.tick()
+        MoveBaseTest.clock_s = forward_s + 10.0
+
+    def test_wrong_parameter_ends_the_node_with_the_nearest_name(self) -> None:
+        for parameter, expected in (
+            ("follower/max_sped_mps:=0.3", "did you mean max_speed_mps?"),
+            ("costmap/resolutoin_m:=0.1", "resolution"),
+        ):
+            code, stderr = run_misconfigured(NODE, parameter)
+            self.assertEqual(code, 2, stderr)
+            self.assertIn(expected, one_line_of(stderr))
+
+
+if __name__ == "__main__":
+    rospy.init_node("move_base_test")
+    rostest.rosrun("explore_3dnav", "move_base", MoveBaseTest, sys.argv)

@@ -1,0 +1,164 @@
+#!/usr/bin/env python3
+"""octomap_server_3dnav_node with a made-up follower: map, decision and path for a sweep, and what becomes of bad ones."""
+
+import sys
+import unittest
+
+import numpy as np
+import rospy
+from explore_3dnav.msg import ExplorationDecision, MappedSweep
+from explore_3dnav.srv import StorePlan, StorePlanRequest, StorePlanResponse
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from nav_msgs.srv import GetPlan
+from node_testing import DiagnosticsOf, Inbox, feed, floor_and_walls, one_line_of, run_misconfigured, wait_for_node
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import MarkerArray
+
+import rostest
+from octomap_server_3dnav.octree import OctreeMap
+from rigid_geometry import transform_from_rpy
+from ros_adapters.conversions import cloud_message, header, pose_message
+from ros_adapters.octomap_messages import Octomap, octomap_bytes
+
+NODE = "octomap_server_3dnav_node"
+T_MAP_BASE = transform_from_rpy((0.0, 0.0, 0.132))
+
+
+class OctomapServer3dnavTest(unittest.TestCase):
+    clock_s = 100.0
+    mapped = 0
+    refuses_plans = False
+    plans: list[Path] = []
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        cls.service = rospy.Service("storePlan", StorePlan, cls.store)
+        wait_for_node(NODE)
+        cls.decisions = Inbox("/exploration/decision", ExplorationDecision).wait_until_connected()
+        cls.local = Inbox("/octomap_local", Octomap).wait_until_connected()
+        cls.full = Inbox("/octomap_full", Octomap).wait_until_connected()
+        cls.binary = Inbox("/octomap_binary", Octomap).wait_until_connected()
+        cls.markers = Inbox("/terrain_markers", MarkerArray).wait_until_connected()
+        cls.diagnostics = DiagnosticsOf(NODE).wait_until_connected()
+        cls.sweeps = feed("/mapped_sweep", MappedSweep)
+        points, origins = floor_and_walls()
+        inside = points[:, 0] < 2.9  # the wall ahead is missing: what lies behind is unknown
+        cls.points, cls.origins = points[inside], origins[inside]
+
+    @classmethod
+    def store(cls, request: StorePlanRequest) -> StorePlanResponse:
+        cls.plans.append(request.plan)
+        return StorePlanResponse(not cls.refuses_plans, "refused on purpose" if cls.refuses_plans else "")
+
+    def sweep(self, points: np.ndarray | None = None, frame: str = "base_link") -> MappedSweep:
+        """The next sweep from the same place, with the vertices of those that were mapped."""
+        OctomapServer3dnavTest.clock_s += 2.0
+        points = self.points if points is None else points
+        message = MappedSweep(header=header(self.clock_s, "map"), vertex_id=self.mapped)
+        message.vertex_poses = [pose_message(T_MAP_BASE)] * (self.mapped + 1)
+        message.cloud = cloud_message(self.clock_s, frame, points, self.origins[: len(points)])
+        return message
+
+    def decision(self) -> ExplorationDecision:
+        """The answer to a good sweep."""
+        self.sweeps.publish(self.sweep())
+        answer = self.decisions.wait_for_stamp(self.clock_s)
+        OctomapServer3dnavTest.mapped += 1
+        return answer
+
+    def assert_dropped(self, message: MappedSweep) -> None:
+        """A sweep that is counted and gets no decision; the next one gets one."""
+        before = self.diagnostics.dropped("bad MappedSweep")
+        self.sweeps.publish(message)
+        self.decision()
+        self.diagnostics.wait_for_dropped("bad MappedSweep", before + 1)
+        self.assertNotIn(round(message.header.stamp.to_sec(), 6), self.decisions.stamps())
+
+    def test_decision_has_stamp_and_frame_of_the_sweep_and_a_goal_at_the_unknown(self) -> None:
+        answer = self.decision()
+        self.assertEqual((answer.kind, answer.header.frame_id), ("goal", "map"), answer.reason)
+        self.assertGreater(answer.frontier.x, 1.5)
+        self.assertGreaterEqual(answer.open_frontiers, 1)
+
+    def test_path_to_the_goal_is_stored_in_the_map_frame(self) -> None:
+        self.plans.clear()
+        answer = self.decision()
+        self.assertEqual(self.plans[-1].header.frame_id, "map")
+        self.assertEqual(self.plans[-1].header.stamp, answer.header.stamp)
+        self.assertGreaterEqual(len(self.plans[-1].poses), 2)
+        first = self.plans[-1].poses[0].pose.position
+        self.assertLess(np.hypot(first.x, first.y), 0.3)
+
+    def test_local_octomap_holds_the_surroundings(self) -> None:
+        self.decision()
+        message = self.local.wait_for_stamp(self.clock_s)
+        self.assertEqual((message.header.frame_id, message.id, message.binary), ("map", "OcTree", True))
+        centers, _ = OctreeMap.from_binary(octomap_bytes(message), message.resolution).occupied_voxels()
+        self.assertGreater(len(centers), 1000)
+
+    def test_octomaps_of_the_whole_can_be_read(self) -> None:
+        self.decision()
+        full, binary = self.full.wait_for_stamp(self.clock_s), self.binary.wait_for_stamp(self.clock_s)
+        maps = OctreeMap.from_full(octomap_bytes(full), full.resolution), OctreeMap.from_binary(octomap_bytes(binary), binary.resolution)
+        self.assertEqual(*(len(tree.occupied_voxels()[0]) for tree in maps))
+
+    def test_classes_are_shown_in_the_map_frame(self) -> None:
+        self.decision()
+        shown = self.markers.wait_for(lambda m: abs(m.markers[0].header.stamp.to_sec() - self.clock_s) < 1e-6).markers
+        self.assertEqual({m.header.frame_id for m in shown}, {"map"})
+        self.assertIn("traversable", [m.ns for m in shown if m.points])
+
+    def test_empty_cloud_is_counted_and_dropped(self) -> None:
+        self.assert_dropped(self.sweep(self.points[:0]))
+
+    def test_cloud_without_a_number_is_counted_and_dropped(self) -> None:
+        self.assert_dropped(self.sweep(np.full_like(self.points, np.nan)))
+
+    def test_cloud_in_another_frame_is_counted_and_dropped(self) -> None:
+        self.assert_dropped(self.sweep(frame="laser"))
+
+    def test_sweep_with_poses_of_others_is_counted_and_dropped(self) -> None:
+        message = self.sweep()
+        message.vertex_poses = message.vertex_poses * 3
+        self.assert_dropped(message)
+
+    def test_sweep_with_a_pose_that_is_none_is_counted_and_dropped(self) -> None:
+        message = self.sweep()
+        message.vertex_poses = [*message.vertex_poses[:-1], pose_message(T_MAP_BASE)]
+        message.vertex_poses[-1].position.x = float("nan")
+        self.assert_dropped(message)
+
+    def test_sweep_that_was_lost_is_answered_all_the_same(self) -> None:
+        self.decision()
+        message = self.sweep(self.points[:0])
+        message.failure = "lost on purpose"
+        self.sweeps.publish(message)
+        self.decisions.wait_for_stamp(self.clock_s)
+        self.decision()
+        self.diagnostics.wait_for_dropped("sweep not mapped")
+
+    def test_make_plan_leads_over_the_ground_and_nowhere_else(self) -> None:
+        self.decision()
+        make_plan = rospy.ServiceProxy(f"/{NODE}/make_plan", GetPlan)
+        near = PoseStamped(header(0.0, "map"), pose_message(transform_from_rpy((1.0, 0.5, 0.0))))
+        plan = make_plan(PoseStamped(), near, 0.5).plan
+        self.assertEqual(plan.header.frame_id, "map")
+        self.assertLess(np.hypot(plan.poses[-1].pose.position.x - 1.0, plan.poses[-1].pose.position.y - 0.5), 0.5)
+        far = PoseStamped(header(0.0, "map"), pose_message(transform_from_rpy((50.0, 0.0, 0.0))))
+        foreign = PoseStamped(header(0.0, "odom"), near.pose)
+        self.assertEqual([len(make_plan(PoseStamped(), goal, 0.5).plan.poses) for goal in (far, foreign)], [0, 0])
+
+    def test_save_without_a_folder_is_no_failure(self) -> None:
+        self.assertTrue(rospy.ServiceProxy(f"/{NODE}/save", Trigger)().success)
+
+    def test_wrong_parameter_ends_the_node_with_the_nearest_name(self) -> None:
+        for parameter, expected in (("resolutoin:=0.1", "resolution"), ("terrain/clearanc_m:=1.0", "did you mean")):
+            code, stderr = run_misconfigured(NODE, parameter)
+            self.assertEqual(code, 2, stderr)
+            self.assertIn(expected, one_line_of(stderr))
+
+
+if __name__ == "__main__":
+    rospy.init_node("octomap_server_3dnav_test")
+    rostest.rosrun("explore_3dnav", "octomap_server_3dnav", OctomapServer3dnavTest, sys.argv)

@@ -1,0 +1,192 @@
+#!/usr/bin/env python3
+"""stop_scan_and_go_node with a made-up laser and follower: when it sweeps, what it forwards, which ticks it answers."""
+
+import sys
+import time
+import unittest
+
+import rospy
+from explore_3dnav.msg import ExplorationDecision, FollowerCommand, RunEvent
+from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
+from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, joints, odometry, one_line_of, run_misconfigured, wait_for_node, wait_until
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
+
+import rostest
+from ros_adapters.conversions import header, ros_time
+
+NODE = "stop_scan_and_go_node"
+TICK_S = 0.05
+
+
+class StopScanAndGoTest(unittest.TestCase):
+    clock_s = 100.0
+    sweeps_asked_for = 0
+    held: list[bool] = []
+    terrain_s = 0.0
+    x = 0.0
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        cls.services = [rospy.Service("start_sweep", Trigger, cls.start_sweep), rospy.Service("move_base_node/hold", SetBool, cls.hold)]
+        wait_for_node(NODE)
+        cls.velocities = Inbox("/cmd_vel", Twist).wait_until_connected()
+        cls.done = Inbox("/simulation/tick_done", Header).wait_until_connected()
+        cls.events = Inbox("/exploration/event", RunEvent).wait_until_connected()
+        cls.diagnostics = DiagnosticsOf(NODE).wait_until_connected()
+        cls.odometry = feed("/odom", Odometry)
+        cls.joints = feed("/joint_states", JointState)
+        cls.commands = feed("/cmd_vel/move_base", FollowerCommand)
+        cls.decisions = feed("/exploration/decision", ExplorationDecision)
+
+    @classmethod
+    def start_sweep(cls, _: object) -> TriggerResponse:
+        cls.sweeps_asked_for += 1
+        return TriggerResponse(True, "")
+
+    @classmethod
+    def hold(cls, request: object) -> SetBoolResponse:
+        cls.held.append(request.data)
+        return SetBoolResponse(True, "")
+
+    def tick(self, tilt_rad: float = 0.0, v: float = 0.0, state: str = "following", moving: float = 0.0, answered: bool = True) -> None:
+        """All inputs of the next tick; waits for its answer."""
+        cls = StopScanAndGoTest
+        cls.clock_s = round(cls.clock_s + TICK_S, 3)
+        cls.x += moving * TICK_S
+        answers = len(self.velocities.messages)
+        self.joints.publish(joints(self.clock_s, tilt_rad))
+        self.odometry.publish(odometry(self.clock_s, x=self.x, v=moving))
+        command = FollowerCommand(header=header(self.clock_s, "base_link"), state=state, terrain_stamp=ros_time(self.terrain_s))
+        command.twist.linear.x = v
+        self.commands.publish(command)
+        if answered:
+            self.done.wait_for(lambda m: abs(m.stamp.to_sec() - self.clock_s) < 1e-6)
+            wait_until(lambda: len(self.velocities.messages) > answers, "the velocity of the tick")
+
+    def state(self) -> str:
+        return self.events.messages[-1].state if self.events.messages else ""
+
+    def tick_until(self, wanted: str, limit: int = 80, **inputs: object) -> None:
+        for _ in range(limit):
+            self.tick(**inputs)
+            if self.state() == wanted:
+                return
+        self.fail(f"not {wanted} after {limit} ticks but {self.state()}: {self.events.messages[-1].reason}")
+
+    def play_sweep(self) -> float:
+        """The laser tilts and comes back; the stamp of the tick that is held while the sweep is mapped."""
+        for _ in range(4):
+            self.tick(tilt_rad=0.5)
+        sweeps = self.events.messages[-1].sweeps
+        for _ in range(10):
+            self.tick(answered=False)
+            deadline = time.monotonic() + QUIET_S
+            while time.monotonic() < deadline:
+                if self.events.messages[-1].sweeps > sweeps:
+                    return self.clock_s
+                time.sleep(0.002)
+        self.fail("the sweep did not end")
+
+    def decide(self, kind: str, terrain_s: float | None = None) -> None:
+        """The decision about the sweep that has just ended, and the follower's word that it has its terrain."""
+        self.decisions.publish(ExplorationDecision(header=header(self.clock_s, "map"), kind=kind, reason="in the test"))
+        self.terrain_s = StopScanAndGoTest.terrain_s = self.clock_s if terrain_s is None else terrain_s
+        self.commands.publish(
+            FollowerCommand(header=header(self.clock_s, "base_link"), state="waiting", terrain_stamp=ros_time(self.terrain_s))
+        )
+
+    def drive(self) -> None:
+        """Up to driving, from wherever the last test left the robot."""
+        if self.state() == "driving":
+            return
+        self.tick_until("sweeping")
+        held_s = self.play_sweep()
+        self.decide("goal")
+        self.done.wait_for(lambda m: abs(m.stamp.to_sec() - held_s) < 1e-6)
+        self.tick()
+        self.assertEqual(self.state(), "driving")
+
+    def test_1_first_sweep_is_asked_for_once_the_robot_stands(self) -> None:
+        self.tick_until("sweeping")
+        self.assertEqual(self.sweeps_asked_for, 1)
+        self.assertTrue(self.held[-1])
+        self.assertEqual(self.velocities.messages[-1].linear.x, 0.0)
+
+    def test_2_tick_is_held_until_decision_and_terrain_are_there(self) -> None:
+        held_s = self.play_sweep()
+        self.assertEqual(self.state(), "mapping")
+        time.sleep(QUIET_S)
+        self.assertNotIn(held_s, [round(m.stamp.to_sec(), 6) for m in self.done.messages])
+        self.decide("goal", terrain_s=held_s - 1.0)
+        time.sleep(QUIET_S)
+        self.assertNotIn(held_s, [round(m.stamp.to_sec(), 6) for m in self.done.messages])
+        self.decide("goal")
+        self.done.wait_for(lambda m: abs(m.stamp.to_sec() - held_s) < 1e-6)
+
+    def test_3_follower_drives_after_the_decision(self) -> None:
+        self.drive()
+        self.assertFalse(self.held[-1])
+        self.tick(v=0.37, moving=0.37)
+        self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.37)
+
+    def test_4_distance_since_the_last_sweep_asks_for_the_next(self) -> None:
+        self.drive()
+        asked = self.sweeps_asked_for
+        self.tick_until("settling", v=0.5, moving=0.5, limit=150)
+        self.assertTrue(self.events.messages[-1].intermediate)
+        self.assertEqual(self.velocities.messages[-1].linear.x, 0.0)
+        self.tick_until("sweeping")
+        self.assertEqual(self.sweeps_asked_for, asked + 1)
+
+    def test_5_failure_of_the_follower_is_passed_on(self) -> None:
+        self.drive()
+        self.tick_until("settling", state="stuck", limit=40)
+        self.assertIn("stuck", self.events.messages[-1].failure)
+
+    def test_6_odometry_that_is_no_pose_is_counted_and_its_tick_not_answered(self) -> None:
+        self.drive()
+        StopScanAndGoTest.clock_s = bad_s = round(self.clock_s + TICK_S, 3)
+        self.odometry.publish(odometry(bad_s, x=float("nan")))
+        self.joints.publish(joints(bad_s))
+        self.commands.publish(FollowerCommand(header=header(bad_s, "base_link"), state="following", terrain_stamp=ros_time(self.terrain_s)))
+        time.sleep(QUIET_S)
+        for _ in range(30):
+            self.tick()
+        self.diagnostics.wait_for_dropped("bad Odometry")
+        self.assertNotIn(bad_s, [round(m.stamp.to_sec(), 6) for m in self.done.messages])
+
+    def test_7_decision_of_an_unknown_kind_is_counted_and_dropped(self) -> None:
+        self.drive()
+        self.decisions.publish(ExplorationDecision(header=header(self.clock_s - 100.0, "map"), kind="maybe"))
+        for _ in range(30):
+            self.tick()
+        self.diagnostics.wait_for_dropped("bad ExplorationDecision")
+        self.assertEqual(self.state(), "driving")
+
+    def test_8_time_that_jumps_back_starts_afresh(self) -> None:
+        self.drive()
+        StopScanAndGoTest.clock_s -= 60.0
+        StopScanAndGoTest.terrain_s = self.clock_s
+        self.decisions.publish(ExplorationDecision(header=header(self.clock_s, "map"), kind="goal"))
+        self.tick(v=0.2)
+        self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.2)
+
+    def test_9_last_decision_ends_the_run_with_its_reason(self) -> None:
+        self.drive()
+        self.tick_until("sweeping", state="reached", limit=150)
+        self.play_sweep()
+        self.decide("explored")
+        self.assertTrue(self.events.wait_for(lambda m: m.state == "finished").reason.startswith("explored"))
+
+    def test_wrong_parameter_ends_the_node_with_the_nearest_name(self) -> None:
+        code, stderr = run_misconfigured(NODE, "max_distance:=3.0")
+        self.assertEqual(code, 2, stderr)
+        self.assertIn("did you mean max_distance_m?", one_line_of(stderr))
+
+
+if __name__ == "__main__":
+    rospy.init_node("stop_scan_and_go_test")
+    rostest.rosrun("explore_3dnav", "stop_scan_and_go", StopScanAndGoTest, sys.argv)
