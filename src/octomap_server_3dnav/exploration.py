@@ -12,6 +12,7 @@ from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
@@ -51,6 +52,11 @@ class ExplorationConfig:
     max_failures: int = parameter(2, "-", "failed drives to a frontier before it is set aside", low=1, high=20)
     max_goals: int = parameter(6, "-", "goals at one frontier that brought the robot no nearer before it is set aside", low=1, high=100)
     nearer_m: float = parameter(0.5, "m", "a frontier this much nearer over the ground than ever before is progress", low=0.05, high=10.0)
+    min_trim_m: float = parameter(0.75, "m", "but never nearer to the frontier than this: its floor is not known", low=0.0, high=5.0)
+    unknown_clearance_m: float = parameter(
+        0.40, "m", "distance of a path from floor that was not seen; half the robot's width and more", low=0.0, high=3.0
+    )
+    least_way_m: float = parameter(0.3, "m", "a shorter safe way towards a distant frontier is none", low=0.0, high=5.0)
     closer_factor: float = parameter(0.6, "-", "the path is trimmed to this share at every further look", low=0.1, high=1.0)
 
     turn_slope_rad: float = parameter(
@@ -175,17 +181,39 @@ class ExplorationPlanner:
         left = [f for f in frontiers if not self._is_aside(f.xyz)]
         for count, frontier in enumerate(left):
             path = plan_path(terrain, frontier.node, self.planner_config)
-            if path is not None:
-                return self._goal(terrain, T_map_base, scope, frontier, path, len(left) - count)
-            self._place(frontier.xyz).failures.append("no path")
+            trimmed = None if path is None else self._safe_part(terrain, T_map_base, frontier, path)
+            if path is not None and trimmed is not None:
+                return self._goal(terrain, T_map_base, scope, frontier, (path, trimmed), len(left) - count)
+            self._place(frontier.xyz).failures.append("no path" if path is None else "no path clear of unknown floor")
         return None
 
-    def _goal(self, terrain: Terrain, T_map_base: Transform, scope: str, frontier: Frontier, path: Path, left: int) -> Decision:
+    def _safe_part(self, terrain: Terrain, T_map_base: Transform, frontier: Frontier, path: Path) -> Path | None:
+        """The path up to where the robot looks at the frontier, and never beside floor that was not seen: it may be a cliff.
+
+        None when that leaves no way to go although the frontier is far.
+        """
+        place = self._known_place(frontier.xyz)
+        looks = 0 if place is None else place.looks
+        distance = max(self.config.min_trim_m, self.planner_config.trim_m * self.config.closer_factor**looks)
+        trimmed = trim_path(path, np.asarray(frontier.xyz), distance)
+        unknown = terrain.centers(terrain.nodes_of(TerrainClass.FRONTIER))
+        gaps = cKDTree(unknown).query(trimmed.points)[0]
+        from_robot = np.linalg.norm(trimmed.points[:, :2] - T_map_base[:2, 3], axis=1)
+        beside = np.flatnonzero((gaps < self.config.unknown_clearance_m) & (from_robot > self.config.place_radius_m))
+        if beside.size:
+            trimmed = Path(trimmed.points[: beside[0]])
+        if not len(trimmed.points):
+            return None
+        is_near = math.dist(frontier.xyz[:2], T_map_base[:2, 3]) <= self.config.near_m
+        return trimmed if is_near or trimmed.length_m >= self.config.least_way_m else None
+
+    def _goal(
+        self, terrain: Terrain, T_map_base: Transform, scope: str, frontier: Frontier, paths: tuple[Path, Path], left: int
+    ) -> Decision:
+        path, trimmed = paths
         place = self._place(frontier.xyz)
         place.goals += 1
         self._count_progress(place, frontier.distance_m)
-        distance = self.planner_config.trim_m * self.config.closer_factor**place.looks
-        trimmed = trim_path(path, np.asarray(frontier.xyz), distance)
         x, y, z = (float(v) for v in trimmed.points[-1])
         yaw = self._goal_yaw(terrain, T_map_base, trimmed.points, frontier.xyz)
         reason = f"frontier of {len(frontier.voxels)} voxels, {frontier.distance_m:.1f} m away"

@@ -52,6 +52,13 @@ class TerrainConfig:
     soft_clearance_m: float = parameter(0.5, "m", "width of the strip beyond the inflation that costs more", low=0.0, high=3.0)
     soft_clearance_weight: float = parameter(2.0, "-", "extra cost a metre at the inner edge of that strip", low=0.0, high=50.0)
 
+    unknown_margin_m: float = parameter(
+        0.56, "m", "width of the strip beside unknown floor where driving costs much more", low=0.0, high=3.0
+    )
+    unknown_weight: float = parameter(
+        15.0, "-", "factor of the cost in that strip: an edge that was not seen may be a cliff", low=1.0, high=1000.0
+    )
+
     def validate(self) -> list[str]:
         """All violations, as sentences."""
         problems = check_ranges(self)
@@ -301,12 +308,19 @@ def _frontier_edges(
     return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, label, scene.near, sources, limits.clearance, shape))
 
 
-def _soft_cost(scene: _Scene, label: NDArray[np.uint8], config: TerrainConfig, limits: _Limits) -> NDArray[np.float32]:
-    """Cost factor of every node: 1 in the open, more towards the inflation, inf in it and on what cannot be driven."""
+def _soft_cost(
+    scene: _Scene, label: NDArray[np.uint8], edges: NDArray[np.int64], config: TerrainConfig, limits: _Limits
+) -> NDArray[np.float32]:
+    """Cost factor of every node: 1 in the open, more towards the inflation and the unknown, inf in it and on what cannot be driven."""
     width = max(1, round(config.soft_clearance_m / limits.resolution))
     free = label == TerrainClass.TRAVERSABLE
     hops = kernels.hops_from(label == TerrainClass.INFLATION, free, scene.graph, width)
     cost = 1.0 + config.soft_clearance_weight * (1.0 - hops / width)
+    beside = round(config.unknown_margin_m / limits.resolution)
+    seen_from = np.zeros(label.size, dtype=bool)
+    seen_from[edges[:, 2]] = True
+    near_unknown = kernels.hops_from(seen_from, free | (label == TerrainClass.INFLATION), scene.graph, beside + 1) <= beside
+    cost[near_unknown] *= config.unknown_weight
     return np.where(free, cost, np.inf).astype(np.float32)
 
 
@@ -394,5 +408,5 @@ def classify(runs: ColumnRuns, T_map_base: Transform, config: TerrainConfig, rad
     _inflate(scene, label, obstacles, config, limits)
     departure, reached = (None, np.zeros(label.size, dtype=bool)) if start is None else _departure(scene, label, start, config)
     edges = _frontier_edges(scene, label, radius_m, config, limits)
-    cost = _soft_cost(scene, label, config, limits)
+    cost = _soft_cost(scene, label, edges, config, limits)
     return _assemble(scene, label, start, departure, reached, obstacles, edges, cost, limits, radius_m, robot)

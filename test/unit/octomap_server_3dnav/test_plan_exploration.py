@@ -40,6 +40,30 @@ def test_goal_lies_before_the_frontier_and_faces_it():
     assert decision.path[-1] == pytest.approx(decision.goal[:3])
 
 
+def test_path_keeps_clear_of_floor_that_was_not_seen():
+    states = opening(room(), 40, 50)
+    states[40:55, 30:62] = UNKNOWN  # a pit, for all that is known, on the straight way from the robot to the opening
+    decision = ExplorationPlanner().decide(runs_of(states), pose(1.4, 3.6))
+    terrain = decision.terrain
+    unknown = terrain.centers(terrain.nodes_of(TerrainClass.FRONTIER))[:, :2]
+    away = np.linalg.norm(decision.path[:, None, :2] - unknown[None], axis=2).min(axis=1)
+    assert decision.kind is GOAL and away.min() >= ExplorationConfig().unknown_clearance_m
+    gap = math.hypot(decision.frontier[0] - decision.goal[0], decision.frontier[1] - decision.goal[1])
+    assert gap >= ExplorationConfig().min_trim_m - 0.1
+
+
+def test_another_look_is_never_taken_from_beside_unknown_floor():
+    planner, runs = ExplorationPlanner(ExplorationConfig(max_looks=5)), runs_of(opening(room()))
+    at = pose(4.0, 3.2)
+    for _ in range(4):
+        decision = planner.decide(runs, at)
+        if decision.kind is not GOAL:
+            break
+        x, y, _, yaw = decision.goal
+        assert math.hypot(decision.frontier[0] - x, decision.frontier[1] - y) >= ExplorationConfig().min_trim_m - 0.1
+        at = pose(x, y, yaw=yaw)
+
+
 @pytest.mark.parametrize("degrees, faces", [(3, True), (15, False)])
 def test_robot_does_not_turn_to_the_frontier_on_a_slope(degrees, faces):
     slope = math.tan(math.radians(degrees))
