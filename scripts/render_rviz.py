@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Takes pictures of rviz on a real run, with no display: Xvfb, ./explore, rviz with config/explore.rviz, all three ended afterwards.
 
-    python scripts/render_rviz.py --world ramp --seed 1 --frames /tmp/frames --picture docs/rviz.png --view -2 -10.9 0 28 2.8 0.85
+    python scripts/render_rviz.py --world ramp --seed 1 --sweeps 18 --view -3.3 -10.4 0 30 2.8 0.85        makes docs/rviz.png
 
-The picture is taken when the run has ended: rviz outlives it and keeps what it was shown last. Frames are taken on the way. --view looks at
-a point of the map from a distance (m), yaw and pitch (rad) instead of following the robot. Needs Debian's rviz, xvfb and imagemagick.
-Exit code 1 when the run failed or rviz died.
+With --sweeps the picture is taken on the drive after so many, and the run ended there; else when the run has ended: rviz outlives it and
+keeps what it was shown last. Frames are taken on the way. --view looks at a point of the map from a distance (m), yaw and pitch (rad)
+instead of following the robot. Needs Debian's rviz, xvfb and imagemagick. Exit code 1 when the run failed or rviz died.
 """
 
 import argparse
@@ -25,9 +25,11 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 SOFTWARE_GL = {"LIBGL_ALWAYS_SOFTWARE": "1", "QT_X11_NO_MITSHM": "1"}
-SETTLE_S = 10.0  # software rendering needs seconds for a frame of a whole map
+SETTLE_S = 10.0  # software rendering needs seconds for a frame of a whole map ..
+UNDER_WAY_S = 4.0  # .. and the robot drives on meanwhile
 FRAME_RATE_HZ = 1  # more would take the cores from the run
 BORDERS = {"north": "0x62", "south": "0x30", "east": "16x0"}  # menu and tools, status line, handle of the hidden right dock
+DRIVING_AFTER = re.compile(r" (\d+) sweeps.*\| driving")
 MASTER = re.compile(r"ROS_MASTER_URI=(\S+)")
 
 
@@ -95,15 +97,19 @@ def screenshot(display: str, target: Path) -> None:
     subprocess.run(["import", "-display", display, "-window", "root", str(target)], check=True)
 
 
-def watch(explore: "subprocess.Popen[str]", display: str, frames: Path | None, every_s: float) -> None:
-    """Prints the run's lines, and takes a frame at the first line after every `every_s`."""
+def watch(explore: "subprocess.Popen[str]", display: str, frames: Path | None, every_s: float, sweeps: int | None) -> bool:
+    """Prints the run's lines and takes a frame every `every_s`; True on the drive after `sweeps`, False at the end of the run."""
     assert explore.stdout is not None
     due, count = time.monotonic() + every_s, 0
     for line in explore.stdout:
         print(line, end="", flush=True)
+        driving = DRIVING_AFTER.search(line)
+        if sweeps is not None and driving and int(driving.group(1)) >= sweeps:
+            return True
         if frames and time.monotonic() >= due:
             screenshot(display, frames / f"rviz_{count:03d}.png")
             due, count = time.monotonic() + every_s, count + 1
+    return False
 
 
 def finish_picture(raw: Path, target: Path, scale: int, width: int) -> None:
@@ -122,6 +128,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", default="", help="folder of the run; default: a temporary one")
     parser.add_argument("--picture", type=Path, default=ROOT / "docs" / "rviz.png", help="where the last picture goes")
+    parser.add_argument("--sweeps", type=int, metavar="N", help="take the picture on the drive after N sweeps, and end the run")
     parser.add_argument("--frames", type=Path, help="folder for pictures on the way")
     parser.add_argument("--every", type=float, default=5.0, metavar="S", help="seconds between two frames")
     parser.add_argument("--size", type=int, nargs=2, default=(1440, 900), metavar=("W", "H"), help="of the window, pixels")
@@ -142,14 +149,14 @@ def main() -> int:
         config.write_text(rviz_config(width, height, arguments.view), encoding="utf-8")
         with ended(start_explore(arguments, arguments.out or f"{folder}/run")) as explore:
             with ended(start_rviz(config, display, scale, master_of(explore))) as rviz:
-                watch(explore, display, arguments.frames, arguments.every)
-                time.sleep(SETTLE_S)
+                under_way = watch(explore, display, arguments.frames, arguments.every, arguments.sweeps)
+                time.sleep(UNDER_WAY_S if under_way else SETTLE_S)
                 if rviz.poll() is not None:
                     print(f"rviz ended with {rviz.returncode}", file=sys.stderr)
                     return 1
                 screenshot(display, last)
                 finish_picture(last, arguments.picture, scale, arguments.width)
-            return explore.wait()
+            return 0 if under_way else explore.wait()
 
 
 if __name__ == "__main__":
