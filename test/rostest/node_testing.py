@@ -19,7 +19,7 @@ from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import header, pose_message, stamp_of
 from ros_adapters.node import READY_TOPIC
 
-TIMEOUT_S = 6.0
+TIMEOUT_S = 20.0
 QUIET_S = 0.3
 BEAMS = 1081
 TILT_JOINT = "tilt_joint"

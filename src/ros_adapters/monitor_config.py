@@ -1,0 +1,22 @@
+"""What exploration_monitor_node is told: most of it by the launch file."""
+
+from dataclasses import dataclass
+
+from stage_config import check_ranges, parameter
+
+
+@dataclass(frozen=True)
+class MonitorConfig:
+    """What is explored, where the results go, and what ends a run."""
+
+    sim: bool = parameter(True, "-", "whether there is a true world to judge by")
+    world: str = parameter("", "-", "name or file of the world, for the summary")
+    seed: int = parameter(1, "-", "seed of the run, for the summary", low=0)
+    out: str = parameter("", "-", "folder for the results; empty: none")
+    max_sim_time: float = parameter(3600.0, "s", "the run ends after so much simulated time", low=0.0)
+    watch: str = parameter("", "-", "names of the nodes whose death ends the run")
+    status_period_s: float = parameter(1.0, "s", "wall time between two status lines", low=0.05)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        return check_ranges(self)

@@ -1,0 +1,148 @@
+#!/usr/bin/env python3
+"""exploration_monitor_node alone, started anew in every test, for each ends with its node: the reasons for which a run ends."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import rosgraph
+import rospy
+from explore_3dnav.msg import ExplorationDecision, RunEvent
+from nav_msgs.msg import Odometry
+from node_testing import feed, odometry, one_line_of, run_misconfigured, wait_until
+from std_srvs.srv import Trigger, TriggerResponse
+
+import rostest
+from ros_adapters.conversions import header
+
+NODE = "exploration_monitor_node"
+VICTIM = "victim_node"
+DEATH_LIMIT_S = 10.0
+
+
+class Monitor:
+    """A running monitor and the folder that it writes to."""
+
+    def __init__(self, out: Path, process: subprocess.Popen[str]) -> None:
+        self.out = out
+        self.process = process
+        self.events = feed("/exploration/event", RunEvent)
+        self.odometry = feed("/odom", Odometry)
+        self.decisions = feed("/exploration/decision", ExplorationDecision)
+
+    def say(self, state: str, reason: str, sweeps: int = 3) -> None:
+        self.events.publish(RunEvent(header(110.0, "odom"), state, reason, sweeps, False, ""))
+
+    def end(self, timeout_s: float = 20.0) -> tuple[dict[str, object], str]:
+        """The summary and what was printed, once the node has ended."""
+        output, _ = self.process.communicate(timeout=timeout_s)
+        assert self.process.returncode == 0, f"exit code {self.process.returncode}: {output}"
+        return json.loads((self.out / "summary.json").read_text()), output
+
+
+@contextmanager
+def monitor(*parameters: str) -> Iterator[Monitor]:
+    with tempfile.TemporaryDirectory() as folder:
+        command = ["rosrun", "explore_3dnav", NODE, f"_out:={folder}", "_sim:=false", *(f"_{p}" for p in parameters)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        try:
+            yield Monitor(Path(folder), process)
+        finally:
+            process.kill()
+            process.communicate()
+
+
+class ExplorationMonitorTest(unittest.TestCase):
+    saved: list[str] = []
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        for node in ("pose_graph_mapping_node", "octomap_server_3dnav_node"):
+            rospy.Service(f"/{node}/save", Trigger, lambda _, node=node: (cls.saved.append(node), TriggerResponse(True, ""))[1])
+
+    def test_explored_world_is_a_success_with_its_counters_and_a_saved_map(self) -> None:
+        self.saved.clear()
+        with monitor() as run:
+            run.odometry.publish(odometry(100.0))
+            run.odometry.publish(odometry(142.5, x=3.0))
+            run.decisions.publish(ExplorationDecision(header=header(110.0, "map"), kind="explored", local_classifications=7))
+            time.sleep(0.3)
+            run.say("finished", "explored: nothing is left", sweeps=4)
+            summary, output = run.end()
+        self.assertIs(summary["success"], True)
+        self.assertEqual((summary["stop_reason"], summary["sweeps"], summary["sim_time_s"]), ("explored: nothing is left", 4, 42.5))
+        self.assertEqual(summary["local_classifications"], 7)
+        self.assertEqual(set(self.saved), {"pose_graph_mapping_node", "octomap_server_3dnav_node"})
+        self.assertIn("[explore]", output)
+
+    def test_failed_run_is_no_success_and_says_why(self) -> None:
+        with monitor() as run:
+            run.say("failed", "the sweep did not begin within 3.0 s")
+            summary, output = run.end()
+        self.assertIs(summary["success"], False)
+        self.assertIn("did not begin", summary["stop_reason"])
+        self.assertIn("did not begin", output)
+
+    def test_time_limit_ends_the_run(self) -> None:
+        with monitor("max_sim_time:=50.0") as run:
+            run.odometry.publish(odometry(100.0))
+            run.odometry.publish(odometry(149.0))
+            time.sleep(0.3)
+            self.assertIsNone(run.process.poll())
+            run.odometry.publish(odometry(151.0))
+            self.assertTrue(run.end()[0]["stop_reason"].startswith("time limit"))
+
+    def test_watched_node_that_dies_ends_the_run_with_its_name(self) -> None:
+        victim = subprocess.Popen([sys.executable, "-c", f"import rospy; rospy.init_node('{VICTIM}'); rospy.spin()"])
+        master = rosgraph.Master("/exploration_monitor_test")
+        try:
+            wait_until(lambda: any(f"/{VICTIM}" in nodes for _, nodes in master.getSystemState()[0]), VICTIM)
+            with monitor(f"watch:={VICTIM}") as run:
+                time.sleep(2.0)  # the monitor looks every second
+                self.assertIsNone(run.process.poll())
+                os.kill(victim.pid, signal.SIGKILL)
+                died = time.monotonic()
+                summary, output = run.end()
+                self.assertLess(time.monotonic() - died, DEATH_LIMIT_S)
+        finally:
+            victim.kill()
+            victim.wait()
+        self.assertIs(summary["success"], False)
+        self.assertIn(VICTIM, summary["stop_reason"])
+        self.assertIn(VICTIM, output)
+
+    def test_interrupt_leaves_a_summary(self) -> None:
+        with monitor() as run:
+            for name in ("map.bt", "trajectory.txt", "cloud.ply"):  # as the mapping and terrain nodes do when they are interrupted
+                (run.out / name).write_text("a map")
+            run.process.send_signal(signal.SIGINT)
+            summary, _ = run.end()
+        self.assertEqual((summary["stop_reason"], summary["success"]), ("interrupted", False))
+
+    def test_bad_odometry_and_time_that_jumps_back_do_not_end_it(self) -> None:
+        with monitor("max_sim_time:=50.0") as run:
+            for message in (odometry(100.0), odometry(101.0, x=float("nan")), odometry(20.0), odometry(21.0)):
+                run.odometry.publish(message)
+            time.sleep(0.5)
+            self.assertIsNone(run.process.poll())
+            run.say("finished", "explored: all")
+            self.assertEqual(run.end()[0]["stop_reason"], "explored: all")
+
+    def test_wrong_parameter_ends_the_node_with_the_nearest_name(self) -> None:
+        for parameter, expected in (("status_peroid_s:=2.0", "did you mean status_period_s?"), ("max_sim_time:=-5.0", "is below")):
+            code, stderr = run_misconfigured(NODE, parameter)
+            self.assertEqual(code, 2, stderr)
+            self.assertIn(expected, one_line_of(stderr))
+
+
+if __name__ == "__main__":
+    rospy.init_node("exploration_monitor_test")
+    rostest.rosrun("explore_3dnav", "exploration_monitor", ExplorationMonitorTest, sys.argv)
