@@ -32,6 +32,7 @@ Run = tuple[Path, int, str, float, dict[int, str]]
 
 def test_run_ends_within_ten_seconds_with_exit_code_one(killed_run: Run) -> None:
     _, code, text, seconds, _ = killed_run
+    print(f"{seconds:.1f} s from death to end")
     assert code == 1, text
     # Promised for a machine that does little else: one with more to do than processors takes as much longer.
     limit_s = PROMISED_S * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))

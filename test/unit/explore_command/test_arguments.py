@@ -1,0 +1,116 @@
+"""The command line: what it means, and what is said of one that means nothing."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from explore_command.arguments import ArgumentProblem, parse, prepare_out
+
+
+def test_defaults_are_the_ramp_seed_1_in_lock_step(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("DISPLAY", raising=False)
+    a = parse([])
+    assert (a.world, a.seed, a.lockstep, a.headless, a.rate) == ("ramp", 1, True, True, 0.0)
+    assert a.out == tmp_path / "runs" / "ramp-1"
+    assert a.force  # the default folder belongs to the runs
+
+
+def test_out_that_was_named_is_not_overwritten_unasked(tmp_path: Path) -> None:
+    assert not parse(["--out", str(tmp_path)]).force
+    assert parse(["--out", str(tmp_path), "--force"]).force
+
+
+@pytest.mark.parametrize(
+    ("arguments", "display", "headless"),
+    [([], ":0", False), ([], "", True), (["--headless"], ":0", True), (["--rviz"], "", False)],
+)
+def test_rviz_comes_where_there_is_a_display(monkeypatch: pytest.MonkeyPatch, arguments: list[str], display: str, headless: bool) -> None:
+    monkeypatch.setenv("DISPLAY", display)
+    assert parse(arguments).headless is headless
+
+
+def test_world_file_becomes_an_absolute_path(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "garage.dae").touch()
+    a = parse(["--world", "garage.dae", "--area", "40", "30", "--start", "1", "2", "0.5"])
+    assert a.world == str(tmp_path / "garage.dae")
+    assert (a.area, a.start, a.size) == ((40.0, 30.0), (1.0, 2.0, 0.5), None)
+    assert a.out.name == "garage-1"
+
+
+def test_unknown_world_is_told_with_those_there_are() -> None:
+    with pytest.raises(ArgumentProblem, match="romms.*rooms, ramp, moon"):
+        parse(["--world", "romms"])
+
+
+def test_height_map_needs_its_size(tmp_path: Path) -> None:
+    (tmp_path / "moon.png").touch()
+    with pytest.raises(ArgumentProblem, match="--size X Y Z"):
+        parse(["--world", str(tmp_path / "moon.png")])
+    assert parse(["--world", str(tmp_path / "moon.png"), "--size", "5", "6", "1"]).size == (5.0, 6.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["--rate", "-1"],
+        ["--max-sim-time", "0"],
+        ["--seed", "-1"],
+        ["--area", "0", "5"],
+        ["--size", "5", "-5", "1"],
+        ["--set", "resolution=1"],
+    ]
+    + [["--set", "node/parameter"]],
+    ids=" ".join,
+)
+def test_numbers_and_overrides_that_cannot_be_are_refused(arguments: list[str]) -> None:
+    with pytest.raises(ArgumentProblem):
+        parse(arguments)
+
+
+@pytest.mark.parametrize("arguments", [["--sed", "x"], ["--seed", "one"], ["--headless", "--rviz"], ["--start", "1", "2"]], ids=" ".join)
+def test_what_cannot_be_parsed_ends_with_exit_code_two(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        parse(arguments)
+    assert ended.value.code == 2
+    assert "usage: ./explore" in capsys.readouterr().err
+
+
+def test_overrides_are_kept_in_order() -> None:
+    assert parse(["--set", "a/b=1", "--set", "c/d=2"]).set_parameters == ("a/b=1", "c/d=2")
+
+
+def test_out_is_made_with_its_parents(tmp_path: Path) -> None:
+    prepare_out(tmp_path / "a" / "b", force=False)
+    assert list((tmp_path / "a" / "b").iterdir()) == []
+
+
+def test_folder_that_holds_something_is_refused_without_force(tmp_path: Path) -> None:
+    (tmp_path / "summary.json").write_text("{}")
+    with pytest.raises(ArgumentProblem, match="--force"):
+        prepare_out(tmp_path, force=False)
+    assert (tmp_path / "summary.json").exists()
+
+
+def test_force_removes_the_old_run_and_nothing_else(tmp_path: Path) -> None:
+    (tmp_path / "summary.json").write_text("{}")
+    (tmp_path / "sweeps").mkdir()
+    (tmp_path / "sweeps" / "0.npz").touch()
+    (tmp_path / "thesis.txt").write_text("mine")
+    prepare_out(tmp_path, force=True)
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def test_folder_below_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(ArgumentProblem, match="cannot be written"):
+        prepare_out(tmp_path / "file" / "run", force=True)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
+def test_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    with pytest.raises(ArgumentProblem, match="cannot be written"):
+        prepare_out(tmp_path, force=True)
