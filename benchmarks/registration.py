@@ -19,8 +19,9 @@ from rigid_geometry import inverse, rotation_angle, transform_from_rpy, translat
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "src"), str(ROOT / "test" / "unit" / "pose_graph_mapping")]
 
-from pose_graph_mapping import EdgeKind, PointCloud, PoseGraph, RegistrationConfig, create_registration, merged, vertex_cloud  # noqa: E402
 from synthetic_sweeps import corridor, furnished_room, pose, sweep, world_of  # noqa: E402
+
+from pose_graph_mapping import EdgeKind, PointCloud, PoseGraph, RegistrationConfig, create_registration, merged, vertex_cloud  # noqa: E402
 
 METHODS = ("gicp", "thesis_chain")
 DISTURBANCES = [

@@ -21,6 +21,14 @@ READY_TOPIC = "/simulation/ready"
 _DIAGNOSTICS_PERIOD_S = 1.0
 
 
+def heard_publishers(subscriber: rospy.Subscriber) -> set[str]:
+    """Names of the nodes from which messages arrive by now.
+
+    rospy counts a connection before it has called the publisher; only the answer to its handshake gives the publisher's name.
+    """
+    return {c.callerid_pub for c in subscriber.impl.connections} - {"unknown"}
+
+
 class Diagnostics:
     """Counts what was dropped and why; publishes the counters on /diagnostics once a second of stamped time."""
 
@@ -118,7 +126,7 @@ class Node:
             tcp_nodelay=True,
         )
         if required:
-            self.require(lambda: subscriber.get_num_connections() > 0)
+            self.require(lambda: bool(heard_publishers(subscriber)))
         return subscriber
 
     def require(self, condition: Callable[[], bool]) -> None:

@@ -8,6 +8,7 @@ import tf2_ros
 from numpy.typing import NDArray
 
 from ros_adapters.conversions import ros_time, transform_from_message
+from ros_adapters.node import heard_publishers
 
 _POLL_S = 0.0003
 
@@ -22,7 +23,7 @@ class TransformLookup:
 
     def hears(self, publisher: str) -> bool:
         """True when the node `publisher` is connected: a transform that it sends from now on will arrive."""
-        return any(c.callerid_pub == publisher for c in self._listener.tf_sub.impl.connections)
+        return publisher in heard_publishers(self._listener.tf_sub)
 
     def at(self, target: str, source: str, stamp_s: float) -> NDArray[np.float64]:
         """T_target_source at `stamp_s`; ValueError when it has not come within the wall time limit."""

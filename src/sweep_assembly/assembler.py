@@ -185,7 +185,11 @@ class SweepAssembler:
         return Sweep(window.end_stamp_s, window.start_stamp_s, points, origins, free_ends, free_origins, scan_count)
 
     def _in_base(
-        self, trajectory: tuple[FloatArray, FloatArray], times: FloatArray, beams: tuple[NDArray[np.intp], ...], ranges: NDArray[np.floating]
+        self,
+        trajectory: tuple[FloatArray, FloatArray],
+        times: FloatArray,
+        beams: tuple[NDArray[np.intp], ...],
+        ranges: NDArray[np.floating],
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(N, 3) ends and origins of the chosen (scan, beam) pairs, in base_link at the sweep's end."""
         laser_points = ranges[:, None] * self._geometry.directions[beams[1], :2]
