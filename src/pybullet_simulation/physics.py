@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.records import Contact
 from pybullet_simulation.robot_model import TILT_JOINT, WHEELS, RobotModel
-from pybullet_simulation.world import Surface, World
+from pybullet_simulation.world import Surface, World, nearest_normal, raycasting_scene
 from rigid_geometry import quat_xyzw_from_transform
 
 Array = NDArray[np.float64]
@@ -64,6 +64,7 @@ class Physics:
         )
         pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self._client)
         self._add_world(world)
+        self._surface = raycasting_scene(world.vertices, world.triangles)
         self._robot = self._add_robot(robot, world)
         self._names = self._link_names()
         self._joints = {self._joint(i): i for i in range(pybullet.getNumJoints(self._robot, physicsClientId=self._client))}
@@ -171,7 +172,11 @@ class Physics:
         found = []
         for point in pybullet.getContactPoints(bodyA=self._robot, physicsClientId=self._client):
             other, link, normal, force = point[2], point[3], point[7], point[9]
-            is_ground = link in self._wheels and normal[2] > self._steep_z
+            is_ground = link in self._wheels and (normal[2] > self._steep_z or self._is_level(point[6]))
             if other != self._robot and not is_ground and force >= self._config.contact_force_min_n:
                 found.append(Contact(self._names[link], speed_mps, float(force)))
         return found
+
+    def _is_level(self, position: tuple[float, float, float]) -> bool:
+        """Whether the world's surface nearest to a contact is ground: at the edges between triangles the engine invents steep normals."""
+        return bool(abs(nearest_normal(self._surface, position)[2]) > self._steep_z)

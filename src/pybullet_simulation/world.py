@@ -75,3 +75,10 @@ def nearest_hits(scene: o3d.t.geometry.RaycastingScene, rays: NDArray[np.float32
     """(N,) distance along each of (N, 6) rays (origin, unit direction) to the first hit; inf where there is none."""
     hits: NDArray[np.float32] = scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)["t_hit"].numpy()
     return hits
+
+
+def nearest_normal(scene: o3d.t.geometry.RaycastingScene, point: tuple[float, float, float]) -> NDArray[np.float32]:
+    """(3,) unit normal of the triangle nearest to a point; its sign is the triangle's."""
+    query = o3d.core.Tensor.from_numpy(np.array([point], np.float32))
+    normal: NDArray[np.float32] = scene.compute_closest_points(query, nthreads=1)["primitive_normals"].numpy()[0]
+    return normal / max(float(np.linalg.norm(normal)), 1e-12)

@@ -201,10 +201,12 @@ _OCCUPANCY_OF_COST = np.concatenate([[0], np.linspace(1, 98, 252), [99, 100, -1]
 
 
 def costmap_message(
-    stamp_s: float, frame: str, cost: NDArray[np.uint8], origin_xy: tuple[float, float], resolution: float
+    stamp_s: float, frame: str, cost: NDArray[np.uint8], origin: tuple[float, float, float], resolution: float
 ) -> OccupancyGrid:
-    """(ny, nx) costs of costmap_2d as the OccupancyGrid that it publishes."""
-    return occupancy_grid_message(stamp_s, frame, _OCCUPANCY_OF_COST[cost], origin_xy, resolution)
+    """(ny, nx) costs of costmap_2d as the OccupancyGrid that it publishes, drawn at the height of its origin."""
+    grid = occupancy_grid_message(stamp_s, frame, _OCCUPANCY_OF_COST[cost], origin[:2], resolution)
+    grid.info.origin.position.z = origin[2]
+    return grid
 
 
 def scan_points(message: LaserScan) -> tuple[Floats, Floats]:

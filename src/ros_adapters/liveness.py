@@ -1,6 +1,7 @@
 """Which nodes do not answer: asked through their slave API, as rosnode ping does."""
 
 import socket
+import threading
 import time
 import xmlrpc.client
 from collections.abc import Sequence
@@ -41,3 +42,14 @@ class Liveness:
             return True
         except OSError:
             return False  # slow is not dead
+
+    def end_all(self) -> None:
+        """Asks every watched node to end, as rosnode kill does, without waiting for it."""
+        threading.Thread(target=self._ask_to_end, daemon=True).start()
+
+    def _ask_to_end(self) -> None:
+        for name in self._names:
+            try:
+                xmlrpc.client.ServerProxy(self._master.lookupNode(f"/{name}")).shutdown(rospy.get_name(), "the run has ended")
+            except (OSError, xmlrpc.client.Error, rosgraph.MasterError):
+                continue  # it is gone already

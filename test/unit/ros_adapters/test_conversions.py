@@ -156,7 +156,7 @@ def test_terrain_grid_whose_sizes_do_not_agree_is_refused(what: str) -> None:
 
 def test_costs_are_translated_as_costmap_2d_does() -> None:
     cost = np.array([[0, 1, 252, 253, 254, 255]], dtype=np.uint8)
-    grid = c.costmap_message(1.0, "map", cost, (0.0, 0.0), 0.1)
+    grid = c.costmap_message(1.0, "map", cost, (0.0, 0.0, 0.0), 0.1)
     assert list(grid.data) == [0, 1, 98, 99, 100, -1]
     assert (grid.info.width, grid.info.height) == (6, 1)
 
