@@ -98,7 +98,7 @@ class Node:
         return Path(out)
 
     def guarded(self, callback: Callable[[Any], Any]) -> Callable[[Any], Any]:
-        """`callback` under the node's lock; a ValueError drops the message and is counted."""
+        """`callback` under the node's lock; a ValueError drops the message and is counted, as does a service that fails."""
 
         def run(message: Any) -> Any:
             with self.lock:
@@ -106,6 +106,8 @@ class Node:
                     return callback(message)
                 except ValueError as error:
                     self.diagnostics.dropped(f"bad {message._type.rpartition('/')[2]}", str(error))
+                except rospy.ServiceException as error:
+                    self.diagnostics.dropped("service that failed", str(error))
                 except rospy.ROSException:
                     if not rospy.is_shutdown():  # then topics are closed while messages still come
                         raise
