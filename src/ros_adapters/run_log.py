@@ -54,13 +54,18 @@ class RunLog:
     def sim_time_s(self) -> float:
         return 0.0 if self._first_stamp_s is None else self._last_stamp_s - self._first_stamp_s
 
+    def _is_over(self, stamp_s: float) -> bool:
+        """Whether something comes after the run: the clock goes on until all nodes have ended, how far depends on the machine."""
+        ended = self._event.state in ("finished", "failed") and stamp_s > stamp_of(self._event) + 1e-6
+        return self.finished or ended
+
     def truth(self, stamp_s: float, T_world_base: NDArray[np.float64]) -> None:
-        if self._truth_file and not self.finished:
+        if self._truth_file and not self._is_over(stamp_s):
             numbers = (*T_world_base[:3, 3], *quat_xyzw_from_transform(T_world_base))
             self._truth_file.write(f"{stamp_s:.3f} " + " ".join(f"{v:.6f}" for v in numbers) + "\n")
 
     def contact(self, message: Contact) -> None:
-        if self._contacts_file and not self.finished:
+        if self._contacts_file and not self._is_over(stamp_of(message)):
             self._contacts_file.write(f"{stamp_of(message):.3f},{message.link},{message.speed_mps:.4f},{message.force_n:.2f}\n")
 
     def event(self, message: RunEvent) -> None:
@@ -76,6 +81,8 @@ class RunLog:
 
     def odometry(self, message: Odometry) -> None:
         stamp_s = stamp_of(message)
+        if self._is_over(stamp_s):
+            return
         if self._first_stamp_s is None:
             self._first_stamp_s, self._first_wall_s = stamp_s, time.time()
         self._last_stamp_s = stamp_s
