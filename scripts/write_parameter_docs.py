@@ -44,10 +44,6 @@ OWN_PARAMETERS = {
         ("`~ready_timeout_s`", "60.0", "s", "> 0", "wall time within which the nodes of `~wait_for_nodes` must be ready"),
         ("`~wait_for_nodes`", "all of the launch file", "-", "names", "the clock starts when these are ready"),
     ),
-    "exploration_monitor_node": (
-        ("`~watch`", "all of its YAML file", "-", "names", "nodes whose death ends the run"),
-        ("`~status_period_s`", "1.0", "s", "> 0", "wall time between two status lines"),
-    ),
 }
 
 

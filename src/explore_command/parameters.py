@@ -30,6 +30,7 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
     },
     "move_base_node": {"costmap": "local_terrain_costmap.CostmapConfig", "follower": "path_following.FollowerConfig"},
     "stop_scan_and_go_node": {"": "stop_scan_and_go.StopScanAndGoConfig"},
+    "exploration_monitor_node": {"": "ros_adapters.monitor_config.MonitorConfig"},
 }
 
 

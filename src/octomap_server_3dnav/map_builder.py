@@ -53,6 +53,7 @@ class Beams:
 
 @dataclass(frozen=True, eq=False)
 class _PlacedSweep:
+    vertex_id: int
     beams: Beams
     T_map_base: NDArray[np.float64]
 
@@ -71,16 +72,19 @@ class MapBuilder:
     def __len__(self) -> int:
         return len(self._sweeps)
 
-    def add_sweep(self, beams: Beams, vertex_poses: ArrayLike) -> bool:
-        """Adds the sweep of the last of (V, 4, 4) vertex poses; True when the tree was built anew because older ones had moved.
+    def add_sweep(self, beams: Beams, vertex_id: int, vertex_poses: ArrayLike) -> bool:
+        """Adds the sweep of a vertex, given the (V, 4, 4) poses of all; True when the tree was built anew because older ones had moved.
 
-        ValueError when V is not the number of sweeps so far plus one, or a pose is not rigid; nothing is changed then.
+        Vertices whose sweep was lost on the way are no trouble. ValueError when there is no pose for `vertex_id`, its sweep is there
+        already, or a pose is not rigid; nothing is changed then.
         """
         poses = [as_transform(T) for T in np.asarray(vertex_poses, dtype=np.float64)]
-        if len(poses) != len(self._sweeps) + 1:
-            raise ValueError(f"sweep {len(self._sweeps)} came with {len(poses)} vertex poses")
-        moved = any(self._moved(sweep.T_map_base, T) for sweep, T in zip(self._sweeps, poses, strict=False))
-        self._sweeps.append(_PlacedSweep(beams, poses[-1]))
+        if not 0 <= vertex_id < len(poses) or any(s.vertex_id >= max(vertex_id, 0) for s in self._sweeps):
+            raise ValueError(
+                f"sweep of vertex {vertex_id} with {len(poses)} poses, after that of {[s.vertex_id for s in self._sweeps[-1:]]}"
+            )
+        moved = any(self._moved(s.T_map_base, poses[s.vertex_id]) for s in self._sweeps)
+        self._sweeps.append(_PlacedSweep(vertex_id, beams, poses[vertex_id]))
         if moved:
             self._rebuild(poses)
         else:
@@ -100,7 +104,7 @@ class MapBuilder:
 
     def _rebuild(self, poses: list[NDArray[np.float64]]) -> None:
         self.tree.reset()
-        self._sweeps = [_PlacedSweep(s.beams, T) for s, T in zip(self._sweeps, poses, strict=True)]
+        self._sweeps = [_PlacedSweep(s.vertex_id, s.beams, poses[s.vertex_id]) for s in self._sweeps]
         for i, sweep in enumerate(self._sweeps):
             self._insert(sweep, first=i == 0)
 

@@ -4,6 +4,11 @@ from dataclasses import dataclass
 
 from stage_config import check_ranges, parameter
 
+_WATCHED = (
+    "scan_filter_node odometry_fusion_node sweep_assembler_node icp_matcher_node pose_graph_mapping_node "
+    "octomap_server_3dnav_node octomap_server_3dnav_local_node move_base_node stop_scan_and_go_node"
+)
+
 
 @dataclass(frozen=True)
 class MonitorConfig:
@@ -14,7 +19,7 @@ class MonitorConfig:
     seed: int = parameter(1, "-", "seed of the run, for the summary", low=0)
     out: str = parameter("", "-", "folder for the results; empty: none")
     max_sim_time: float = parameter(3600.0, "s", "the run ends after so much simulated time", low=0.0)
-    watch: str = parameter("", "-", "names of the nodes whose death ends the run")
+    watch: str = parameter(_WATCHED, "-", "nodes whose death ends the run; in simulation pybullet_sim_node, too")
     status_period_s: float = parameter(1.0, "s", "wall time between two status lines", low=0.05)
 
     def validate(self) -> list[str]:
