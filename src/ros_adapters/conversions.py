@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
 CLOUD_FIELDS = ("x", "y", "z", "vp_x", "vp_y", "vp_z")
-_POINT_BYTES = 4 * len(CLOUD_FIELDS)
+NORMAL_FIELDS = ("normal_x", "normal_y", "normal_z")
 
 
 def ros_time(stamp_s: float) -> rospy.Time:
@@ -36,19 +36,27 @@ def stamp_of(message: object) -> float:
     return float(message.header.stamp.to_sec())  # type: ignore[attr-defined]
 
 
-def cloud_message(stamp_s: float, frame: str, points: NDArray[np.floating], origins: NDArray[np.floating]) -> PointCloud2:
-    """(N, 3) points and where their beams started, as one PointCloud2 with fields x y z vp_x vp_y vp_z."""
-    data = np.hstack([points, origins]).astype(np.float32, copy=False)
-    fields = [PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(CLOUD_FIELDS)]
-    count = len(data)
+def cloud_message(
+    stamp_s: float,
+    frame: str,
+    points: NDArray[np.floating],
+    origins: NDArray[np.floating],
+    normals: NDArray[np.floating] | None = None,
+) -> PointCloud2:
+    """(N, 3) points, where their beams started and, if known, their normals: fields x y z vp_x vp_y vp_z (normal_x normal_y normal_z)."""
+    columns = [points, origins] if normals is None else [points, origins, normals]
+    names = CLOUD_FIELDS if normals is None else CLOUD_FIELDS + NORMAL_FIELDS
+    data = np.hstack(columns).astype(np.float32, copy=False)
+    fields = [PointField(name, 4 * i, PointField.FLOAT32, 1) for i, name in enumerate(names)]
+    count, point_bytes = len(data), 4 * len(names)
     return PointCloud2(
         header=header(stamp_s, frame),
         height=1,
         width=count,
         fields=fields,
         is_bigendian=False,
-        point_step=_POINT_BYTES,
-        row_step=_POINT_BYTES * count,
+        point_step=point_bytes,
+        row_step=point_bytes * count,
         data=data.tobytes(),
         is_dense=True,
     )
@@ -68,8 +76,22 @@ def cloud_arrays(message: PointCloud2, expected_frame: str | None = None) -> tup
     """
     if expected_frame is not None and message.header.frame_id != expected_frame:
         raise ValueError(f"cloud in frame {message.header.frame_id!r}, expected {expected_frame!r}")
+    table = _finite_rows(message, CLOUD_FIELDS)
+    return np.ascontiguousarray(table[:, :3]), np.ascontiguousarray(table[:, 3:])
+
+
+def cloud_arrays_with_normals(message: PointCloud2) -> tuple[Singles, Singles, Singles | None]:
+    """`cloud_arrays`, and (N, 3) normals where the cloud has them."""
+    if not {f.name for f in message.fields} >= set(NORMAL_FIELDS):
+        return *cloud_arrays(message), None
+    table = _finite_rows(message, CLOUD_FIELDS + NORMAL_FIELDS)
+    return table[:, :3], table[:, 3:6], table[:, 6:]
+
+
+def _finite_rows(message: PointCloud2, names: tuple[str, ...]) -> Singles:
+    """(N, len(names)) float32 columns of a cloud, without rows that are not finite; ValueError when it cannot be read."""
     offsets = {f.name: f.offset for f in message.fields if f.datatype == PointField.FLOAT32}
-    missing = [name for name in CLOUD_FIELDS if name not in offsets]
+    missing = [name for name in names if name not in offsets]
     if missing:
         raise ValueError(f"cloud without float32 fields {', '.join(missing)}")
     count = message.width * message.height
@@ -77,16 +99,14 @@ def cloud_arrays(message: PointCloud2, expected_frame: str | None = None) -> tup
         raise ValueError("cloud without points")
     if message.is_bigendian or len(message.data) < count * message.point_step or message.point_step < max(offsets.values()) + 4:
         raise ValueError(f"cloud of {count} points with {len(message.data)} bytes of step {message.point_step} cannot be read")
-    layout = np.dtype(
-        {"names": CLOUD_FIELDS, "formats": ["<f4"] * 6, "offsets": [offsets[n] for n in CLOUD_FIELDS], "itemsize": message.point_step}
-    )
+    itemsize = message.point_step
+    layout = np.dtype({"names": names, "formats": ["<f4"] * len(names), "offsets": [offsets[n] for n in names], "itemsize": itemsize})
     raw = np.frombuffer(message.data, dtype=layout, count=count)
-    table = np.stack([raw[name] for name in CLOUD_FIELDS], axis=1)
+    table = np.stack([raw[name] for name in names], axis=1)
     finite = np.isfinite(table).all(axis=1)
     if not finite.any():
         raise ValueError(f"none of the cloud's {count} points is finite")
-    table = table if finite.all() else table[finite]
-    return np.ascontiguousarray(table[:, :3]), np.ascontiguousarray(table[:, 3:])
+    return table if finite.all() else table[finite]
 
 
 def scan_ranges(message: LaserScan) -> Singles:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
 from pose_graph_mapping.registration import PointCloud, RegistrationResult, Verdict, refused
-from ros_adapters.conversions import cloud_arrays, cloud_message, transform_from_message, transform_message
+from ros_adapters.conversions import cloud_arrays_with_normals, cloud_message, transform_from_message, transform_message
 
 _UNKNOWN = Transform()
 _UNKNOWN.translation.x = _UNKNOWN.translation.y = _UNKNOWN.translation.z = float("nan")
@@ -56,13 +56,13 @@ class MatchService:
 
 
 def _cloud(message: PointCloud2) -> PointCloud:
-    points, origins = cloud_arrays(message)
-    return PointCloud(points.astype(np.float64), origins.astype(np.float64))
+    points, origins, normals = cloud_arrays_with_normals(message)
+    return PointCloud(points.astype(np.float64), origins.astype(np.float64), None if normals is None else normals.astype(np.float64))
 
 
 def _message(cloud: PointCloud, frame: str) -> object:
     origins = cloud.origins if cloud.origins is not None else np.full_like(cloud.points, np.nan)
-    return cloud_message(0.0, frame, cloud.points, origins)
+    return cloud_message(0.0, frame, cloud.points, origins, cloud.normals)
 
 
 def _result(response: MatchCloudsResponse, T_guess: NDArray[np.float64]) -> RegistrationResult:
