@@ -73,13 +73,13 @@ class MapBuilder:
         return len(self._sweeps)
 
     def add_sweep(self, beams: Beams, vertex_id: int, vertex_poses: ArrayLike) -> bool:
-        """Adds the sweep of a vertex, given the (V, 4, 4) poses of all; True when the tree was built anew because older ones had moved.
+        """Adds the sweep of the newest vertex, given the (V, 4, 4) poses of all; True when older ones had moved and the tree was built anew.
 
-        Vertices whose sweep was lost on the way are no trouble. ValueError when there is no pose for `vertex_id`, its sweep is there
-        already, or a pose is not rigid; nothing is changed then.
+        Vertices whose sweep was lost on the way are no trouble. ValueError when `vertex_id` is not V - 1, its sweep is there already,
+        or a pose is not rigid; nothing is changed then.
         """
         poses = [as_transform(T) for T in np.asarray(vertex_poses, dtype=np.float64)]
-        if not 0 <= vertex_id < len(poses) or any(s.vertex_id >= max(vertex_id, 0) for s in self._sweeps):
+        if vertex_id != len(poses) - 1 or any(s.vertex_id >= vertex_id for s in self._sweeps):
             raise ValueError(
                 f"sweep of vertex {vertex_id} with {len(poses)} poses, after that of {[s.vertex_id for s in self._sweeps[-1:]]}"
             )
