@@ -73,7 +73,7 @@ class MapBuilder:
         return len(self._sweeps)
 
     def add_sweep(self, beams: Beams, vertex_id: int, vertex_poses: ArrayLike) -> bool:
-        """Adds the sweep of the newest vertex, given the (V, 4, 4) poses of all; True when older ones had moved and the tree was built anew.
+        """Adds the newest vertex's sweep, given the (V, 4, 4) poses of all; True when older ones had moved and the tree was built anew.
 
         Vertices whose sweep was lost on the way are no trouble. ValueError when `vertex_id` is not V - 1, its sweep is there already,
         or a pose is not rigid; nothing is changed then.
