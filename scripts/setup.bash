@@ -58,13 +58,17 @@ build_workspace() {
 
 compile_kernels() { "$root/.venv/bin/python" "$root/scripts/compile_kernels.py"; }
 
+load_workspace() {
+  # shellcheck disable=SC1091
+  source "$root/.ws/devel/setup.bash"
+}
+
 install_packages
 step "$root/.venv/.setup-stamp" "$(fingerprint requirements.txt)" "installing Python packages into .venv (about a minute the first time)" create_venv
 step "$root/.ws/.setup-stamp" "$(fingerprint CMakeLists.txt package.xml setup.py msg srv octree_binding)-$(ls "$root/nodes" "$root/src" | sha256sum | cut -c 1-8)" \
   "building the catkin workspace in .ws (about a minute the first time)" build_workspace
 set +u
-# shellcheck disable=SC1091
-source "$root/.ws/devel/setup.bash"
+load_workspace # without arguments: catkin's setup.bash takes those of its caller for its own, --help for example
 set -u
 export PATH="$root/.venv/bin:$PATH" ROS_HOSTNAME="${ROS_HOSTNAME:-localhost}" PYTHONUNBUFFERED=1
 export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}" OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}"

@@ -143,3 +143,9 @@ def test_taken_port_of_the_master_does_not_matter(tmp_path: Path) -> None:
             run.interrupt()
             run.wait(60.0)
             assert not run.running()
+
+
+def test_help_reads_well_and_starts_nothing() -> None:
+    shown = subprocess.run(["./explore", "--help"], cwd=PACKAGE, capture_output=True, text=True, timeout=120, check=False)
+    assert shown.returncode == 0 and shown.stderr == ""
+    assert shown.stdout.startswith("usage: ./explore") and "Exit code:" in shown.stdout
