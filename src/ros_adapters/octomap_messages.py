@@ -19,12 +19,10 @@ string frame_id
 
 try:
     from octomap_msgs.msg import Octomap as Octomap
-    from octomap_msgs.srv import GetOctomap
 except ImportError:
     from genpy.dynamic import generate_dynamic
 
     Octomap = generate_dynamic("octomap_msgs/Octomap", _DEFINITION)["octomap_msgs/Octomap"]
-    GetOctomap = None
 
 
 def octomap_message(stamp_s: float, frame: str, resolution: float, data: bytes, *, binary: bool) -> "Octomap":
