@@ -109,7 +109,7 @@ class Node:
                 except rospy.ServiceException as error:
                     self.diagnostics.dropped("service that failed", str(error))
                 except rospy.ROSException:
-                    if not rospy.is_shutdown():  # then topics are closed while messages still come
+                    if not rospy.core.is_shutdown_requested():  # then topics are closed while messages still come
                         raise
                 return None
 
