@@ -17,7 +17,7 @@ class Liveness:
 
     def __init__(self, names: Sequence[str], start_limit_s: float = 40.0) -> None:
         self._names = list(names)
-        self._seen: set[str] = set()
+        self._addresses: dict[str, tuple[str, int]] = {}
         self._deadline = time.monotonic() + start_limit_s
         self._master = rosgraph.Master(rospy.get_name())
 
@@ -29,19 +29,23 @@ class Liveness:
             return []
 
     def _is_gone(self, name: str) -> bool:
+        if name in self._addresses and self._answers(self._addresses[name]):
+            return False  # as long as it answers where it was, the master need not be asked
         try:
-            uri = self._master.lookupNode(f"/{name}")
+            host, _, port = self._master.lookupNode(f"/{name}").rstrip("/").rpartition("//")[2].partition(":")
         except rosgraph.MasterError:
-            return name in self._seen or time.monotonic() > self._deadline
-        self._seen.add(name)
-        host, _, port = uri.rstrip("/").rpartition("//")[2].partition(":")
+            return name in self._addresses or time.monotonic() > self._deadline
+        self._addresses[name] = (host, int(port))
+        return not self._answers(self._addresses[name])
+
+    def _answers(self, address: tuple[str, int]) -> bool:
         try:
-            with socket.create_connection((host, int(port)), timeout=_TIMEOUT_S):
-                return False
+            with socket.create_connection(address, timeout=_TIMEOUT_S):
+                return True
         except ConnectionRefusedError:
-            return True
+            return False
         except OSError:
-            return False  # slow is not dead
+            return True  # slow is not dead
 
     def end_all(self) -> None:
         """Asks every watched node to end, as rosnode kill does, without waiting for it."""

@@ -65,11 +65,11 @@ class Node:
     """A rospy node whose callbacks run one at a time, drop what is wrong, and live on.
 
     Small topics are received without a queue and with tcp_nodelay: in lock-step every hop counts. One re-entrant lock guards all
-    callbacks of a node; no callback waits for ROS time.
+    callbacks of a node; no callback waits for ROS time, nor reads it: stamps come with the messages, and /clock is not listened to.
     """
 
     def __init__(self, name: str) -> None:
-        rospy.init_node(name)
+        rospy.init_node(name, disable_rostime=True)
         self.name = name
         self.lock = threading.RLock()
         self.lockstep = bool(rospy.get_param("/lockstep", False))
