@@ -27,7 +27,7 @@ def as_transform(matrix: ArrayLike) -> Transform:
 
 def _triple_product(R: NDArray[np.float64]) -> float:
     """The determinant of a (3, 3) matrix; a tenth of the time that the general one takes."""
-    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    a, b, c, d, e, f, g, h, i = map(float, R.flat)
     return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
 
 
@@ -84,7 +84,7 @@ def transform_from_quat(xyz: ArrayLike, quat_xyzw: tuple[float, float, float, fl
 
 
 def quat_xyzw_from_transform(T: Transform) -> NDArray[np.float64]:
-    """(4,) unit quaternion x, y, z, w with w >= 0 (Shepperd 1978: from the largest of the four, so that nothing is divided by a small one)."""
+    """(4,) unit quaternion x, y, z, w with w >= 0 (Shepperd 1978: from the largest of the four, never divided by a small one)."""
     (a, b, c), (d, e, f), (g, h, i) = T[:3, :3].tolist()
     candidates = (
         (1 + a - e - i, b + d, c + g, h - f),

@@ -1,5 +1,6 @@
 """Messages to arrays and back: whole buffers at once, checked before they are believed."""
 
+import functools
 import math
 
 import numpy as np
@@ -232,10 +233,15 @@ def costmap_message(
 def scan_points(message: LaserScan) -> tuple[Floats, Floats]:
     """(N, 3) hits and (M, 3) ends at range_max of the beams that met nothing (+inf), in the scan's frame; NaN beams are in neither."""
     ranges = np.asarray(message.ranges, dtype=np.float64)
-    angles = message.angle_min + message.angle_increment * np.arange(len(ranges))
-    directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(len(ranges))], axis=1)
+    directions = _beam_directions(message.angle_min, message.angle_increment, len(ranges))
     hit, nothing = np.isfinite(ranges), np.isposinf(ranges)
     return directions[hit] * ranges[hit, None], directions[nothing] * message.range_max
+
+
+@functools.lru_cache(maxsize=4)
+def _beam_directions(angle_min: float, angle_increment: float, beams: int) -> Floats:
+    angles = angle_min + angle_increment * np.arange(beams)
+    return np.stack([np.cos(angles), np.sin(angles), np.zeros(beams)], axis=1)
 
 
 def covariance_ros_order(covariance: Floats) -> Floats:

@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rospy.numpy_msg import numpy_msg
 from std_msgs.msg import String
 
 from ros_adapters.conversions import ros_time
@@ -118,10 +119,13 @@ class Node:
     def subscribe(
         self, topic: str, message_type: type, callback: Callable[[Any], Any], *, large: bool = False, required: bool = True
     ) -> rospy.Subscriber:
-        """Subscribes; `large` messages get a short queue, and what is not `required` need not be there when the clock starts."""
+        """Subscribes; `large` messages get a short queue, and what is not `required` need not be there when the clock starts.
+
+        Arrays of numbers arrive as numpy arrays.
+        """
         subscriber = rospy.Subscriber(
             topic,
-            message_type,
+            numpy_msg(message_type),
             self.guarded(callback),
             queue_size=5 if large else None,
             buff_size=2**25 if large else 65536,

@@ -19,7 +19,7 @@ _UNKNOWN_ORIENTATION = [-1.0] + [0.0] * 8  # sensor_msgs/Imu: no orientation est
 
 
 class TickPublisher:
-    """Publishes /clock first, then the data of the tick, then the judge's truth."""
+    """Publishes /clock first, then what the robot's longest chain of nodes waits for, and the judge's truth at the end."""
 
     def __init__(self, scan_geometry: "ScanGeometry") -> None:
         self._geometry = scan_geometry
@@ -37,16 +37,16 @@ class TickPublisher:
 
     def __call__(self, data: "TickData") -> None:
         self._clock.publish(Clock(ros_time(data.stamp_s)))
-        self._truth.publish(_truth_message(data.truth))
-        for contact in data.contacts:
-            self._contacts.publish(Contact(header(data.stamp_s, "world"), contact.link, contact.speed_mps, contact.force_n))
+        for imu in data.imu:
+            self._imu.publish(_imu_message(imu))
+        self._wheels.publish(_wheel_message(data.wheel_odometry))
         for joints in data.joints:
             self._joints.publish(_joint_message(joints))
         for scan in data.scans:
             self._scan.publish(_scan_message(scan, self._geometry))
-        for imu in data.imu:
-            self._imu.publish(_imu_message(imu))
-        self._wheels.publish(_wheel_message(data.wheel_odometry))
+        self._truth.publish(_truth_message(data.truth))
+        for contact in data.contacts:
+            self._contacts.publish(Contact(header(data.stamp_s, "world"), contact.link, contact.speed_mps, contact.force_n))
 
 
 def _scan_message(scan: "Scan", geometry: "ScanGeometry") -> LaserScan:
