@@ -5,11 +5,12 @@
 
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.records import Contact, ImuSample, JointSample, Scan, ScanGeometry, TickData, Truth, WheelOdometry
-from pybullet_simulation.simulation import Simulation
+from pybullet_simulation.simulation import TICK_S, Simulation
 from pybullet_simulation.world import HeightField, World
 from pybullet_simulation.worlds import WORLDS, load_world
 
 __all__ = [
+    "TICK_S",
     "WORLDS",
     "Contact",
     "HeightField",

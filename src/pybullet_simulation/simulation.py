@@ -86,6 +86,11 @@ class Simulation:
         return not math.isnan(self._sweep_start_s)
 
     @property
+    def sweep_left_s(self) -> float:
+        """What is left of the sweep under way, in seconds; 0 when there is none."""
+        return self._profile.duration_s - (self.stamp_s - self._sweep_start_s) if self.sweeping else 0.0
+
+    @property
     def sweep_duration_s(self) -> float:
         """How long a sweep takes, from level to level."""
         return self._profile.duration_s
