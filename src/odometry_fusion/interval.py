@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from odometry_fusion.sample_buffer import SampleBuffer
+from rigid_geometry import StampedBuffer
 
 FloatArray = NDArray[np.float64]
 
@@ -32,9 +32,10 @@ class ImuInterval:
         return float(self.durations.sum())
 
 
-def imu_interval(imu: SampleBuffer, start_s: float, end_s: float) -> ImuInterval:
+def imu_interval(imu: StampedBuffer[list[float]], start_s: float, end_s: float) -> ImuInterval:
     """The interval (start_s, end_s]; samples are rows of gyro x, y, z, accel x, y, z, and rates linear between them."""
-    stamps, rows = imu.around(start_s, end_s)
+    stamps, samples = imu.around(start_s, end_s)
+    rows = np.array(samples, dtype=np.float64)
     inside = (stamps > start_s) & (stamps <= end_s)
     knots = np.concatenate([[start_s], stamps[inside & (stamps < end_s)], [end_s]])
     at_knots = np.column_stack([np.interp(knots, stamps, rows[:, axis]) for axis in range(3)])

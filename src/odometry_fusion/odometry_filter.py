@@ -17,7 +17,7 @@ from odometry_fusion.config import OdometryConfig
 from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, orthonormal, predict, rest
 from odometry_fusion.increments import carried
 from odometry_fusion.interval import ImuInterval, imu_interval
-from odometry_fusion.sample_buffer import STAMP_TOLERANCE_S, Arrival, SampleBuffer
+from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer
 
 FloatArray = NDArray[np.float64]
 IMU_RATE_HZ = 100.0  # bandwidth for which the noise of the reported rates holds
@@ -102,8 +102,8 @@ class OdometryFilter:
             slip_time_s=config.forward_slip_time_s,
         )
         self._dropped: Counter[str] = Counter()
-        self._imu = SampleBuffer("imu", config.jump_back_s, config.buffer_s, self._dropped)
-        self._wheels = SampleBuffer("wheels", config.jump_back_s, config.buffer_s, self._dropped)
+        self._imu: StampedBuffer[list[float]] = StampedBuffer("imu", config.jump_back_s, config.buffer_s, self._dropped)
+        self._wheels: StampedBuffer[list[float]] = StampedBuffer("wheels", config.jump_back_s, config.buffer_s, self._dropped)
         self._track: _Track | None = None
 
     @property
@@ -150,9 +150,9 @@ class OdometryFilter:
             track = self._between(track, stamp_s, self._observed(*following))
         return self._described(track)
 
-    def _add(self, buffer: SampleBuffer, stamp_s: float, row: list[float]) -> None:
+    def _add(self, buffer: StampedBuffer[list[float]], stamp_s: float, row: list[float]) -> None:
         if not all(map(math.isfinite, (stamp_s, *row))):
-            self._dropped[f"{buffer.sensor}_not_finite"] += 1
+            self._dropped[f"{buffer.source}_not_finite"] += 1
             return
         arrival = buffer.judge(stamp_s)
         if arrival is Arrival.LATE:
@@ -184,7 +184,8 @@ class OdometryFilter:
 
     def _started(self, wheels: _Wheels) -> _Track | None:
         """Levelled from the samples so far; None, and counted, when they do not show where up is."""
-        stamps, rows = self._imu.around(wheels.stamp_s - FIRST_LEVELLING_S, wheels.stamp_s)
+        stamps, samples = self._imu.around(wheels.stamp_s - FIRST_LEVELLING_S, wheels.stamp_s)
+        rows = np.array(samples, dtype=np.float64)
         before = stamps <= wheels.stamp_s
         force = rows[before, 3:].mean(axis=0) if before.any() else np.zeros(3)
         strength = float(np.linalg.norm(force))

@@ -1,4 +1,4 @@
-"""Rigid-body geometry that every stage may call: 4x4 transforms, angles, point arrays.
+"""Rigid-body geometry that every stage may call: 4x4 transforms, angles, point arrays, and stamped samples to look them up in.
 
 A transform `T_a_b` is a (4, 4) float64 array that takes coordinates in frame b to frame a, so that inner letters cancel:
 `T_a_c = T_a_b @ T_b_c` and `points_a = transform_points(T_a_b, points_b)`. Angles are radians, roll-pitch-yaw is ROS's
@@ -6,6 +6,7 @@ fixed-axis x, y, z, and quaternions are x, y, z, w (REP 103).
 """
 
 from rigid_geometry.pose_history import PoseHistory
+from rigid_geometry.stamped_buffer import STAMP_TOLERANCE_S, Arrival, StampedBuffer
 from rigid_geometry.transforms import (
     angle_difference,
     as_transform,
@@ -25,7 +26,10 @@ from rigid_geometry.transforms import (
 )
 
 __all__ = [
+    "STAMP_TOLERANCE_S",
+    "Arrival",
     "PoseHistory",
+    "StampedBuffer",
     "angle_difference",
     "as_transform",
     "interpolate_transforms",

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigid_geometry import as_transform, interpolate_transforms, inverse
+from rigid_geometry import Arrival, StampedBuffer, as_transform, interpolate_transforms, inverse
 from stage_config import check_ranges, parameter
 from sweep_assembly.geometry import FloatArray, ScanGeometry, TiltGeometry
-from sweep_assembly.stamped_buffer import Arrival, StampedBuffer
 from sweep_assembly.sweep_window import SweepWindow, SweepWindowDetector
 
 STAMP_TOLERANCE_S = 1e-6
