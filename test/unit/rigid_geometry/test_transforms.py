@@ -128,3 +128,13 @@ def test_rotation_angle_is_exact_near_zero_and_near_pi(angle: float) -> None:
     T = np.eye(4)
     T[:3, :3] = Rotation.from_rotvec(angle * np.array([1.0, 2.0, 2.0]) / 3.0).as_matrix()
     assert rotation_angle(T) == pytest.approx(angle, abs=1e-9)
+
+
+def test_quaternion_agrees_with_scipy_also_at_half_turns():
+    half_turns = Rotation.from_rotvec(np.pi * np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.6, 0.8, 0.0]]))
+    for R in [np.eye(3), *half_turns.as_matrix(), *Rotation.random(200, random_state=1).as_matrix()]:
+        T = np.eye(4)
+        T[:3, :3] = R
+        quat = quat_xyzw_from_transform(T)
+        assert quat[3] >= 0.0 and np.linalg.norm(quat) == pytest.approx(1.0)
+        np.testing.assert_allclose(Rotation.from_quat(quat).as_matrix(), R, atol=1e-12)
