@@ -20,6 +20,7 @@ C = TypeVar("C")
 
 READY_TOPIC = "/simulation/ready"
 _DIAGNOSTICS_PERIOD_S = 1.0
+_NEWS_PERIOD_S = 0.5  # wall time, as rospy.spin looks for the shutdown
 
 
 def heard_publishers(subscriber: rospy.Subscriber) -> set[str]:
@@ -31,13 +32,14 @@ def heard_publishers(subscriber: rospy.Subscriber) -> set[str]:
 
 
 class Diagnostics:
-    """Counts what was dropped and why; publishes the counters on /diagnostics once a second of stamped time."""
+    """Counts what was dropped and why; publishes the counters on /diagnostics once a second of stamped time; later news too."""
 
     def __init__(self, name: str) -> None:
         self._name = name
         self._counts: Counter[str] = Counter()
         self._last_text: dict[str, str] = {}
         self._published_at: float | None = None
+        self._published: list[tuple[str, str]] = []
         self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
         self.values: dict[str, Any] = {}
 
@@ -50,13 +52,23 @@ class Diagnostics:
     def report(self, stamp_s: float) -> None:
         """Publishes when a second has passed since the last time, or time jumped back."""
         last = self._published_at
-        if last is not None and 0.0 <= stamp_s - last < _DIAGNOSTICS_PERIOD_S:
-            return
-        self._published_at = stamp_s
+        if last is None or not 0.0 <= stamp_s - last < _DIAGNOSTICS_PERIOD_S:
+            self._publish(stamp_s)
+
+    def report_news(self) -> None:
+        """Publishes, with the last stamp, when something has changed since: also a node whose input has ceased tells why."""
+        if self._items() != self._published:
+            self._publish(self._published_at or 0.0)
+
+    def _items(self) -> list[tuple[str, str]]:
+        dropped = [(f"dropped: {what}", f"{n}, last: {self._last_text[what]}") for what, n in self._counts.items()]
+        return [(str(k), str(v)) for k, v in self.values.items()] + dropped
+
+    def _publish(self, stamp_s: float) -> None:
+        self._published_at, self._published = stamp_s, self._items()
         level = DiagnosticStatus.WARN if self._counts else DiagnosticStatus.OK
         message = "; ".join(f"{n} x {what}" for what, n in self._counts.items()) or "ok"
-        values = [KeyValue(str(k), str(v)) for k, v in self.values.items()]
-        values += [KeyValue(f"dropped: {what}", f"{n}, last: {self._last_text[what]}") for what, n in self._counts.items()]
+        values = [KeyValue(k, v) for k, v in self._published]
         array = DiagnosticArray(status=[DiagnosticStatus(level, self._name, message, "explore_3dnav", values)])
         array.header.stamp = ros_time(stamp_s)
         self._publisher.publish(array)
@@ -149,4 +161,6 @@ class Node:
             while not rospy.is_shutdown() and not all(holds() for holds in self._required):
                 time.sleep(0.02)
         ready.publish(String(self.name))
-        rospy.spin()
+        while not rospy.core.is_shutdown_requested():
+            time.sleep(_NEWS_PERIOD_S)
+            self.guarded(lambda _: self.diagnostics.report_news())(None)

@@ -108,6 +108,10 @@ class DiagnosticsOf:
                     newest = {v.key: v.value for v in status.values}
         return newest
 
+    def wait_for_count(self, what: str, at_least: int = 1) -> None:
+        """Until a counter of the node's own stage is so high."""
+        wait_until(lambda: int(self.counts().get(what, 0)) >= at_least, f"{what} counted {at_least} times: {self.counts()}")
+
     def dropped(self, what: str) -> int:
         """How many inputs were dropped under a heading, by the newest report; 0 when it does not mention it."""
         return int(self.counts().get(f"dropped: {what}", "0").partition(",")[0])
