@@ -47,13 +47,16 @@ def _patch_mean(near: Any, z: Any, s: Any, k: Any) -> Any:
 
 @njit(cache=True)
 def steppable_neighbours(near: Any, z: Any, max_step: Any) -> Any:
-    """`near` without the edges over which the mean ground rises or falls by more than `max_step` (float voxels)."""
+    """`near` without the edges over which the mean ground rises or falls by more than `max_step` (float voxels).
+
+    Where a column has two surfaces, `near` need not lead back: each way is judged on its own.
+    """
     out = near.copy()
     for s in range(z.size):
-        for k in range(2):
+        for k in range(4):
             n = near[s, k]
             if n >= 0 and z[n] != z[s] and abs(_patch_mean(near, z, n, k) - _patch_mean(near, z, s, (k + 2) % 4)) > max_step:
-                out[s, k], out[n, k + 2] = -1, -1
+                out[s, k] = -1
     return out
 
 

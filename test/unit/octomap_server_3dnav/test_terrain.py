@@ -171,6 +171,17 @@ def test_lines_that_were_not_seen_are_bridged(gap):
     assert not (terrain.label == CLIFF).any()
 
 
+@pytest.mark.parametrize("turns", range(4))
+def test_floor_bridged_over_the_top_of_a_wall_below_it_is_no_obstacle(turns):
+    """The head of a ramp: its voxel over the deck's front wall was not hit, the wall three voxels below it was (ramp, seed 4)."""
+    states = flat()
+    states[30:, :, BELOW], states[30:, :, BELOW + 1] = UNKNOWN, OCCUPIED
+    states[30, 30, : BELOW - 1], states[30, 30, BELOW - 1 : BELOW + 1], states[30, 30, BELOW + 1 :] = OCCUPIED, UNKNOWN, FREE
+    terrain = terrain_of(np.rot90(states, turns), pose(2.4, 2.4))
+    assert not np.isin(terrain.label, (OBSTACLE, CLIFF, INFLATION)).any()
+    assert np.count_nonzero(terrain.bridged & (terrain.label == TRAVERSABLE)) == 1
+
+
 def test_missing_plate_of_a_metre_is_not_bridged():
     states = flat()
     states[34:47, 20:33, : BELOW + 1] = UNKNOWN
