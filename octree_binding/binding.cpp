@@ -113,15 +113,14 @@ PYBIND11_MODULE(_octree_binding, m) {
            [](Tree& self, const Corner& lo, const Corner& hi) {
              locked(self, [&](OccupancyTree& tree) { tree.free_known(box_of(lo, hi)); });
            })
-      .def("copy_to",
-           [](Tree& self, Tree& empty, const Corner& lo, const Corner& hi) {
-             locked(self, [&](const OccupancyTree& tree) { tree.copy_to(empty.tree, box_of(lo, hi)); });
-           })
       .def("clear", [](Tree& self) { locked(self, [](OccupancyTree& tree) { tree.clear(); }); })
       .def("node_count", [](Tree& self) { return locked(self, [](const OccupancyTree& tree) { return tree.size(); }); })
       .def("leaf_count", [](Tree& self) { return locked(self, [](const OccupancyTree& tree) { return tree.getNumLeafNodes(); }); })
       .def("memory_bytes", [](Tree& self) { return locked(self, [](const OccupancyTree& tree) { return tree.memoryUsage(); }); })
-      .def("to_binary", [](Tree& self) { return py::bytes(locked(self, [](const OccupancyTree& tree) { return tree.to_binary(); })); })
+      .def("to_binary",
+           [](Tree& self, const Corner& lo, const Corner& hi) {
+             return py::bytes(locked(self, [&](const OccupancyTree& tree) { return tree.to_binary(box_of(lo, hi)); }));
+           })
       .def("to_full", [](Tree& self) { return py::bytes(locked(self, [](const OccupancyTree& tree) { return tree.to_full(); })); })
       .def("read_binary",
            [](Tree& self, const std::string& data) { locked(self, [&](OccupancyTree& tree) { tree.read_binary(data); }); })

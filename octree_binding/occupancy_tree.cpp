@@ -261,35 +261,6 @@ ColumnRuns OccupancyTree::column_runs(const VoxelBox& box) const {
   return out;
 }
 
-void OccupancyTree::copy_to(OccupancyTree& empty, const VoxelBox& box) const {
-  if (!root || !reaches(root, kTreeCorner, kTreeSize, box)) return;
-  empty.create_root();
-  copy(root, empty.root, empty, kTreeCorner, kTreeSize, box);
-  empty.size_changed = true;
-}
-
-void OccupancyTree::copy(const Node* from, Node* to, OccupancyTree& tree, const Voxel& corner, int size, const VoxelBox& box) const {
-  const bool is_leaf = !nodeHasChildren(from);
-  if (is_leaf && inside(corner, size, box)) return to->copyData(*from);
-  for (unsigned i = 0; i < 8; ++i) {
-    const Voxel child = child_corner(corner, size / 2, i);
-    if (!is_leaf && !nodeChildExists(from, i)) continue;
-    const Node* source = is_leaf ? from : getNodeChild(from, i);  // a leaf that the box cuts is copied as if it were expanded
-    if (reaches(source, child, size / 2, box)) copy(source, tree.createNodeChild(to, i), tree, child, size / 2, box);
-  }
-  tree.finish(to);
-}
-
-// Whether a leaf below this node lies at least partly in the box.
-bool OccupancyTree::reaches(const Node* node, const Voxel& corner, int size, const VoxelBox& box) const {
-  if (disjoint(corner, size, box)) return false;
-  if (!nodeHasChildren(node) || inside(corner, size, box)) return true;
-  for (unsigned i = 0; i < 8; ++i) {
-    if (nodeChildExists(node, i) && reaches(getNodeChild(node, i), child_corner(corner, size / 2, i), size / 2, box)) return true;
-  }
-  return false;
-}
-
 // ---- bytes
 
 namespace {
@@ -348,24 +319,28 @@ std::size_t count_nodes(const std::string& data, Check check) {
 std::size_t OccupancyTree::binary_nodes(const std::string& data) { return count_nodes(data, check_binary); }
 std::size_t OccupancyTree::full_nodes(const std::string& data) { return count_nodes(data, check_full); }
 
-std::string OccupancyTree::to_binary() const {
+std::string OccupancyTree::to_binary(const VoxelBox& box) const {
   std::string out;
-  if (root) write_binary(root, out);
+  if (root) write_binary(root, kTreeCorner, kTreeSize, box, out);
   return out;
 }
 
 // Appends the record of an inner node and those below it; takes them back where all eight children turn out alike.
-unsigned OccupancyTree::write_binary(const Node* node, std::string& out) const {
-  if (node != root && !nodeHasChildren(node)) return isNodeOccupied(node) ? kOccupiedLeaf : kFreeLeaf;
+unsigned OccupancyTree::write_binary(const Node* node, const Voxel& corner, int size, const VoxelBox& box, std::string& out) const {
+  if (disjoint(corner, size, box)) return kNothing;
+  const bool is_root = size == kTreeSize, is_leaf = !nodeHasChildren(node);
+  if (is_leaf && !is_root && inside(corner, size, box)) return isNodeOccupied(node) ? kOccupiedLeaf : kFreeLeaf;
   const std::size_t record = out.size();
   out.append(2, '\0');
   unsigned codes[8];
   for (unsigned i = 0; i < 8; ++i) {
-    codes[i] = nodeChildExists(node, i) ? write_binary(getNodeChild(node, i), out) : unsigned{kNothing};
+    const bool has_child = is_leaf ? !is_root : nodeChildExists(node, i);
+    const Node* child = is_leaf ? node : has_child ? getNodeChild(node, i) : nullptr;  // a leaf that the box cuts is written as if expanded
+    codes[i] = has_child ? write_binary(child, child_corner(corner, size / 2, i), size / 2, box, out) : unsigned{kNothing};
     out[record + i / 4] = static_cast<char>(out[record + i / 4] | codes[i] << 2 * (i % 4));
   }
   const bool alike = std::all_of(codes, codes + 8, [&](unsigned code) { return code == codes[0]; });
-  if (!alike || node == root || codes[0] == kNothing || codes[0] == kInner) return kInner;
+  if (!alike || is_root || codes[0] == kInner) return kInner;
   out.resize(record);
   return codes[0];
 }

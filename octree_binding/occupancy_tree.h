@@ -48,10 +48,9 @@ class OccupancyTree : public octomap::OcTree {
   // from below to above.
   std::vector<Leaf> leaves(const VoxelBox& box) const;
   ColumnRuns column_runs(const VoxelBox& box) const;            // the smallest block that holds what is known in the box
-  void copy_to(OccupancyTree& empty, const VoxelBox& box) const;
 
-  // The maximum likelihood tree, pruned, as octomap's writeBinaryData would write it.
-  std::string to_binary() const;
+  // The maximum likelihood tree of what lies in the box, pruned, as octomap's writeBinaryData would write it.
+  std::string to_binary(const VoxelBox& box) const;
   std::string to_full() const;                                  // octomap's writeData
   void read_binary(const std::string& data);                    // into an empty tree; std::invalid_argument
   void read_full(const std::string& data);
@@ -71,9 +70,7 @@ class OccupancyTree : public octomap::OcTree {
   void finish(Node* node);
   void free_known(Node* node, const Voxel& corner, int size, const VoxelBox& box);
   State collect(const Node* node, const Voxel& corner, int size, const VoxelBox& box, std::vector<Leaf>& out) const;
-  bool reaches(const Node* node, const Voxel& corner, int size, const VoxelBox& box) const;
-  void copy(const Node* from, Node* to, OccupancyTree& tree, const Voxel& corner, int size, const VoxelBox& box) const;
-  unsigned write_binary(const Node* node, std::string& out) const;
+  unsigned write_binary(const Node* node, const Voxel& corner, int size, const VoxelBox& box, std::string& out) const;
 };
 
 }  // namespace octree_binding

@@ -71,5 +71,5 @@ set +u
 load_workspace # without arguments: catkin's setup.bash takes those of its caller for its own, --help for example
 set -u
 export PATH="$root/.venv/bin:$PATH" ROS_HOSTNAME="${ROS_HOSTNAME:-localhost}" PYTHONUNBUFFERED=1
-export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}" OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}"
+export OMP_NUM_THREADS="${OMP_NUM_THREADS:-1}" OPENBLAS_NUM_THREADS="${OPENBLAS_NUM_THREADS:-1}" OMP_WAIT_POLICY="${OMP_WAIT_POLICY:-passive}"
 step "$root/.ws/.kernels-stamp" "$(fingerprint $(cd "$root" && grep -rl njit src --include='*.py'))" "compiling the numba kernels" compile_kernels

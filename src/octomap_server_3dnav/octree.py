@@ -175,17 +175,14 @@ class OctreeMap:
         centers = (leaves[:, :3] + leaves[:, 3:] / 2) * self._resolution
         return centers.astype(np.float32), (leaves[:, 3] * self._resolution).astype(np.float32)
 
-    def box(self, lo: ArrayLike, hi: ArrayLike) -> "OctreeMap":
-        """A map of its own with what is known in the box, values and all: the local part around the robot."""
-        part = OctreeMap(self._resolution, self._model)
-        self._tree.copy_to(part._tree, *self._box(lo, hi))
-        return part
-
     # -- octomap's formats
 
-    def to_binary(self) -> bytes:
-        """The data of an octomap_msgs/Octomap with binary = true: free and occupied of the maximum likelihood, pruned."""
-        return bytes(self._tree.to_binary())
+    def to_binary(self, lo: ArrayLike | None = None, hi: ArrayLike | None = None) -> bytes:
+        """The data of an octomap_msgs/Octomap with binary = true: free and occupied of the maximum likelihood, pruned.
+
+        With `lo`, `hi` (3,) in metres only what lies in that box.
+        """
+        return bytes(self._tree.to_binary(*self._box(lo, hi)))
 
     def to_full(self) -> bytes:
         """The data of an octomap_msgs/Octomap with binary = false: every node's log-odds."""

@@ -1,6 +1,6 @@
 """Point clouds with the beam origin and normal of every point, and the voxel averaging that registration, mapper and store share.
 
-Everything here is serial and sums in the order of the points, so that the same input gives the same bits.
+Sums are serial, in the order of the points, so that the same input gives the same bits; normals, each on its own, take two threads.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from rigid_geometry import transform_points
 
 Array = NDArray[np.float64]
 
+NORMAL_THREADS = 2
 _MAX_CELL = 1 << 20
 
 
@@ -52,8 +53,8 @@ class PointCloud:
 
     def _checked(self, name: str) -> Array:
         rows = _as_rows(name, getattr(self, name))
-        bad = int(np.count_nonzero(~np.isfinite(rows).all(axis=1)))
-        if bad:
+        if not np.isfinite(rows).all():
+            bad = int(np.count_nonzero(~np.isfinite(rows).all(axis=1)))
             raise ValueError(f"{bad} of {len(rows)} {name} are not finite; PointCloud.of_finite drops and counts them")
         if len(rows) != len(self.points):
             raise ValueError(f"{len(rows)} {name} for {len(self.points)} points")
@@ -66,6 +67,8 @@ class PointCloud:
         starts = None if origins is None else _as_rows("origins", origins)
         if starts is not None and len(starts) != len(rows):
             raise ValueError(f"{len(starts)} origins for {len(rows)} points")
+        if np.isfinite(rows).all() and (starts is None or np.isfinite(starts).all()):
+            return cls(rows, starts)
         finite = np.isfinite(rows).all(axis=1)
         if starts is not None:
             finite &= np.isfinite(starts).all(axis=1)
@@ -175,7 +178,7 @@ def with_normals(cloud: PointCloud, neighbours: int) -> PointCloud:
     if len(cloud) == 0:
         return PointCloud(cloud.points, cloud.origins, np.zeros((0, 3)), cloud.dropped)
     estimate = small_gicp.PointCloud(cloud.points)
-    small_gicp.estimate_normals_covariances(estimate, num_neighbors=neighbours, num_threads=1)
+    small_gicp.estimate_normals_covariances(estimate, num_neighbors=neighbours, num_threads=NORMAL_THREADS)
     normals = np.asarray(estimate.normals())[:, :3]
     if cloud.origins is not None:
         away = np.einsum("ij,ij->i", normals, cloud.origins - cloud.points) < 0.0

@@ -12,7 +12,7 @@ import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 
-from pose_graph_mapping.cloud import PointCloud, moved_points, reference_cloud, voxel_downsample
+from pose_graph_mapping.cloud import NORMAL_THREADS, PointCloud, moved_points, reference_cloud, voxel_downsample
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.match_quality import degeneracy, free_space_contradiction, judge, keep_guess, match_covariance
 from pose_graph_mapping.registration import RegistrationResult, Verdict, refused
@@ -53,7 +53,7 @@ class _Surface:
 def _surface(points: Array, neighbours: int) -> _Surface:
     cloud = small_gicp.PointCloud(points)
     tree = small_gicp.KdTree(cloud, num_threads=1)
-    small_gicp.estimate_normals_covariances(cloud, tree, num_neighbors=neighbours, num_threads=1)
+    small_gicp.estimate_normals_covariances(cloud, tree, num_neighbors=neighbours, num_threads=NORMAL_THREADS)
     return _Surface(points, cloud, tree)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from pose_graph_mapping.cloud import PointCloud, merged, vertex_cloud
+from pose_graph_mapping.cloud import PointCloud, merged, voxel_downsample, with_normals
 from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.loop_closure import LoopClosure, Match, beyond_correction, detect_loop_closures
 from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph, as_covariance, unit_up
@@ -121,7 +121,8 @@ class PoseGraphMapper:
         up = None if gravity_base is None else unit_up(gravity_base)
         self._check(stamp_s, sweep, gravity_sigma_rad)
         before = self.graph.poses()
-        cloud = vertex_cloud(sweep, self._config.vertex_voxel_m, self._config.vertex_normal_neighbours)
+        self.finish_cloud()
+        cloud = voxel_downsample(sweep, self._config.vertex_voxel_m)
         correction = self._last_vertex_correction()
         placed = self._first_vertex(T_odom_base, up) if not len(self.graph) else self._next_vertex(cloud, T_odom_base, covariance)
         self._clouds.append(cloud)
@@ -133,13 +134,20 @@ class PoseGraphMapper:
         loops = detect_loop_closures(self.graph, self._clouds, self._match, self._config)  # 20
         return self._update(before, placed, correction, tuple(loops), sweep.dropped)
 
+    def finish_cloud(self) -> None:
+        """Estimates the normals of the last sweep's cloud, which the next matches need; for whoever has time before the next sweep."""
+        if self._clouds and self._clouds[-1].normals is None:
+            self._clouds[-1] = with_normals(self._clouds[-1], self._config.vertex_normal_neighbours)
+
     def area_cloud(self, distance_m: float) -> PointCloud:
         """The clouds of all vertices within `distance_m` of the last one along the graph, merged, in the map frame."""
+        self.finish_cloud()
         near = np.flatnonzero(self.graph.distances_from(len(self.graph) - 1) <= distance_m)
         return merged([self._clouds[k].transformed(self.graph.pose(int(k))) for k in near])
 
     def map_cloud(self) -> PointCloud:
         """The light clouds of all vertices in the map frame; ValueError before the first sweep."""
+        self.finish_cloud()
         return merged([cloud.transformed(T) for cloud, T in zip(self._clouds, self.graph.poses(), strict=True)])
 
     def T_map_odom(self) -> Array:

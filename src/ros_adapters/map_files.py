@@ -1,6 +1,8 @@
 """The terrain node's files: written beside the run by one thread, so that the robot does not wait for the disk."""
 
+import math
 import threading
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,15 +12,21 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.octree import OctreeMap
 from octomap_server_3dnav.terrain import Terrain
 
+_REST_S = 5.0  # wall time between two writings: they take half a second of a core that the robot's next metres need
+
 
 class MapFiles:
-    """map.bt, map.ot, occupied.npz, terrain.npz and path.npz of the newest map; older requests that were not begun are skipped."""
+    """map.bt, map.ot, occupied.npz, terrain.npz and path.npz of the newest map; older requests that were not begun are skipped.
+
+    What is on disk is at most a few seconds old; `wait` and `close` write what is newest at once.
+    """
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
         self._changed = threading.Condition()
         self._request: tuple[OctreeMap, Terrain, NDArray[np.float64] | None] | None = None
         self._busy = False
+        self._waiting = 0
         self._error = ""
         if folder:
             threading.Thread(target=self._write_forever, daemon=True).start()
@@ -33,16 +41,21 @@ class MapFiles:
     def wait(self, timeout_s: float = 20.0) -> tuple[bool, str]:
         """Until everything asked for is on disk: whether it is, and the last error."""
         with self._changed:
+            self._waiting += 1
+            self._changed.notify_all()
             done = self._changed.wait_for(lambda: self._request is None and not self._busy, timeout_s)
+            self._waiting -= 1
             return done and not self._error, self._error or ("" if done else "still writing")
 
     def close(self) -> None:
         self.wait()
 
     def _write_forever(self) -> None:
+        written_s = -math.inf
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._request is not None)
+                self._changed.wait_for(lambda: self._waiting, max(0.0, written_s + _REST_S - time.monotonic()))
                 assert self._request is not None
                 tree, terrain, path = self._request
                 self._request, self._busy = None, True
@@ -53,7 +66,7 @@ class MapFiles:
                 error = f"map not saved: {problem}"
                 rospy.logerr(error)
             with self._changed:
-                self._busy, self._error = False, error
+                self._busy, self._error, written_s = False, error, time.monotonic()
                 self._changed.notify_all()
 
     def _write(self, tree: OctreeMap, terrain: Terrain, path: NDArray[np.float64] | None) -> None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from rigid_geometry import Arrival, StampedBuffer, as_transform, interpolate_transforms, inverse
@@ -192,7 +193,8 @@ class SweepAssembler:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """(N, 3) ends and origins of the chosen (scan, beam) pairs, in base_link at the sweep's end."""
         laser_points = ranges[:, None] * self._geometry.directions[beams[1], :2]
-        return _along_nodes(*trajectory, times[beams], laser_points)
+        points, origins = _along_nodes(*trajectory, times[beams], laser_points)
+        return points, origins
 
     def _usable_scans(self, window: SweepWindow) -> tuple[FloatArray, list[NDArray[np.float32]]]:
         """Scans that overlap the window, less those with too long a pause of joints or odometry around them."""
@@ -235,16 +237,24 @@ def _overlaps_gap(starts: FloatArray, ends: FloatArray, stamps: FloatArray, max_
     return found
 
 
-def _along_nodes(
-    nodes: FloatArray, T_base_laser: FloatArray, times: FloatArray, laser_points: FloatArray
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """(N, 3) points and origins of (N, 2) points of the scan plane, with the laser's pose linear in time between the nodes."""
-    index = np.clip(np.searchsorted(nodes, times, side="right") - 1, 0, max(nodes.size - 2, 0))
-    span = np.diff(nodes, append=nodes[-1] + 1.0)[index]
-    fraction = np.clip((times - nodes[index]) / span, 0.0, 1.0)
-    columns = T_base_laser[:, :3, [0, 1, 3]]
-    change = np.diff(columns, axis=0, append=columns[-1:])
-    poses = columns[index] + fraction[:, None, None] * change[index]
-    origins = poses[:, :, 2]
-    points = laser_points[:, :1] * poses[:, :, 0] + laser_points[:, 1:] * poses[:, :, 1] + origins
-    return points.astype(np.float32), origins.astype(np.float32)
+@njit(cache=True)
+def _along_nodes(nodes: Any, T_base_laser: Any, times: Any, laser_points: Any) -> Any:
+    """(N, 3) float32 points and origins of (N, 2) points of the scan plane, with the laser's pose linear in time between the nodes."""
+    points, origins = np.empty((times.size, 3), np.float32), np.empty((times.size, 3), np.float32)
+    last = nodes.size - 1
+    for n in range(times.size):
+        i = min(max(np.searchsorted(nodes, times[n], side="right") - 1, 0), max(last - 1, 0))
+        j = min(i + 1, last)
+        f = min(max((times[n] - nodes[i]) / (nodes[j] - nodes[i]), 0.0), 1.0) if j > i else 0.0
+        for axis in range(3):
+            a, b = T_base_laser[i, axis], T_base_laser[j, axis]
+            origin = a[3] + f * (b[3] - a[3])
+            x, y = a[0] + f * (b[0] - a[0]), a[1] + f * (b[1] - a[1])
+            points[n, axis] = laser_points[n, 0] * x + laser_points[n, 1] * y + origin
+            origins[n, axis] = origin
+    return points, origins
+
+
+def compile_kernels() -> None:
+    """Compiles the kernel for the types that a sweep passes."""
+    _along_nodes(np.arange(2.0), np.tile(np.eye(4), (2, 1, 1)), np.zeros(1), np.zeros((1, 2)))

@@ -22,6 +22,11 @@ GRID = np.stack(np.meshgrid(*[np.arange(-24, 24)] * 3, indexing="ij"), -1).resha
 DATA = Path(os.environ.get("OCTREE_TEST_DATA", Path(__file__).parents[4] / "shared" / "data"))
 
 
+def part_of(octree: OctreeMap, lo, hi) -> OctreeMap:
+    """A map of what lies in a box."""
+    return OctreeMap.from_binary(octree.to_binary(lo, hi), octree.resolution)
+
+
 def room_map(sweeps: int = 3, resolution: float = RES) -> OctreeMap:
     """A box room of 4 x 4 x 2 m scanned from a few places: surfaces, pruned free space, and voxels that were revised."""
     rng = np.random.default_rng(7)
@@ -52,12 +57,12 @@ def test_column_runs_hold_exactly_the_states_of_the_voxels(lo, hi):
     assert np.array_equal(runs.to_dense(), states)
 
 
-def test_column_runs_of_a_box_are_those_of_the_copied_box_and_leave_nothing_known_out():
+def test_column_runs_of_a_box_are_those_of_a_map_of_it_and_leave_nothing_known_out():
     octree, lo, hi = room_map(), np.array([-0.5, -1.2, -0.4]), np.array([1.3, 0.2, 0.7])
-    runs, copied = octree.column_runs(lo, hi), octree.box(lo, hi).column_runs()
-    assert (runs.origin_key, runs.nx, runs.ny) == (copied.origin_key, copied.nx, copied.ny)
+    runs, alone = octree.column_runs(lo, hi), part_of(octree, lo, hi).column_runs()
+    assert (runs.origin_key, runs.nx, runs.ny) == (alone.origin_key, alone.nx, alone.ny)
     for name in ("start", "z_lo", "z_hi", "occupied"):
-        assert np.array_equal(getattr(runs, name), getattr(copied, name)), name
+        assert np.array_equal(getattr(runs, name), getattr(alone, name)), name
     inside = ((GRID >= np.round(lo / RES)) & (GRID < np.round(hi / RES))).all(axis=1)
     assert (runs.to_dense() != UNKNOWN).sum() == (grid_states(octree)[inside] != UNKNOWN).sum()
 
@@ -118,20 +123,18 @@ def test_cleared_box_is_free_where_it_was_known_and_the_rest_is_untouched():
     assert np.array_equal(grid_states(octree), np.where(inside & (before == OCCUPIED), FREE, before))
 
 
-def test_box_copies_what_lies_in_it_and_nothing_else():
+def test_binary_of_a_box_holds_what_lies_in_it_and_nothing_else():
     octree = room_map()
     inside = ((GRID >= [-3, -25, -2]) & (GRID < [21, 4, 9])).all(axis=1)
-    part = octree.box([-0.3, -2.5, -0.2], [2.1, 0.4, 0.9])
+    part = part_of(octree, [-0.3, -2.5, -0.2], [2.1, 0.4, 0.9])
     assert np.array_equal(grid_states(part), np.where(inside, grid_states(octree), UNKNOWN))
-    assert octree.box([-9, -9, -9], [9, 9, 9]).to_full() == octree.to_full()
-    assert octree.box([50, 50, 50], [51, 51, 51]).node_count == 0
+    assert octree.to_binary([-9, -9, -9], [9, 9, 9]) == octree.to_binary()
+    assert part_of(octree, [50, 50, 50], [51, 51, 51]).node_count == 0
 
 
-def test_copied_box_is_a_map_of_its_own():
-    octree = room_map()
-    part, before = octree.box([-1, -1, -2], [1, 1, 2]), octree.to_full()
-    part.reset()
-    assert octree.to_full() == before and part.node_count == 0
+def test_binary_of_a_box_is_that_of_a_map_of_it_alone():
+    part = part_of(room_map(), [-0.3, -2.5, -0.2], [2.1, 0.4, 0.9])
+    assert part.to_binary() == room_map().to_binary([-0.3, -2.5, -0.2], [2.1, 0.4, 0.9])
 
 
 def test_occupied_voxels_are_those_of_the_grid_with_pruned_ones_whole():
