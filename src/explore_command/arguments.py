@@ -14,6 +14,9 @@ _RUN_FILES: tuple[str, ...] = (
     "trajectory.txt",
     "trajectory_truth.txt",
     "contacts.csv",
+    "events.csv",
+    "map_missed.png",
+    "outcome.json",
     "map.bt",
     "map.ot",
 )
@@ -53,7 +56,9 @@ class ExploreArguments:
     rate: float
     lockstep: bool
     record: bool
+    port: int | None
     max_sim_time_s: float
+    profile: str
     set_parameters: tuple[str, ...]
     check_only: bool
 
@@ -85,7 +90,11 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--rate", type=float, default=0.0, metavar="R", help="at most R times real time; default 0: as fast as the machine can")
     p.add_argument("--free", action="store_true", help="no lock-step: for a teleop or node of your own beside it")
     p.add_argument("--record", action="store_true", help="write run.bag: what the mapping and terrain nodes heard")
+    p.add_argument("--port", type=int, metavar="N", help="port of the ROS master; default 11311, or any when that is taken")
     p.add_argument("--max-sim-time", type=float, default=3600.0, metavar="S", help="stop after S simulated seconds; default 3600")
+    p.add_argument(
+        "--profile", default="ours", metavar="P", help="parameters to explore with: ours, nearest, thesis, or a YAML FILE; default ours"
+    )
     p.add_argument("--set", action="append", default=[], metavar="NODE/PARAMETER=VALUE", help="overrides one parameter; may be repeated")
     p.add_argument("--setup", action="store_true", help="only set up: packages, .venv, workspace")
     return p
@@ -109,7 +118,9 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         rate=a.rate,
         lockstep=not a.free,
         record=a.record,
+        port=a.port,
         max_sim_time_s=a.max_sim_time,
+        profile=a.profile,
         set_parameters=tuple(a.set),
         check_only=a.setup,
     )
@@ -127,6 +138,8 @@ def _check_world(world: str, size: list[float] | None) -> None:
 
 
 def _check_numbers(a: argparse.Namespace) -> None:
+    if a.port is not None and not 1024 <= a.port <= 65535:
+        raise ArgumentProblem(f"--port {a.port}: expected 1024 to 65535")
     if a.rate < 0 or a.max_sim_time <= 0 or a.seed < 0:
         raise ArgumentProblem("--rate must not be negative, --max-sim-time must be positive, --seed must not be negative")
     for name in ("size", "area"):

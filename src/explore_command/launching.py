@@ -13,7 +13,7 @@ from typing import TextIO
 import yaml
 
 from explore_command.arguments import NAMED_WORLDS, ExploreArguments
-from explore_command.parameters import override_problems, parsed_overrides
+from explore_command.parameters import all_overrides, override_problems
 
 _DEFAULT_PORT = 11311
 _SHUTDOWN_S = 60
@@ -35,12 +35,12 @@ def world_problem(arguments: ExploreArguments) -> str | None:
 
 
 def parameter_problem(arguments: ExploreArguments) -> str | None:
-    """What is wrong with --set's names and values, in one line, or None."""
+    """What is wrong with the names and values of --profile and --set, in one line, or None."""
     try:
-        problems = override_problems(parsed_overrides(arguments.set_parameters))
+        problems = override_problems(all_overrides(arguments.profile, arguments.set_parameters))
     except ValueError as error:
         problems = [str(error)]
-    return f"--set: wrong parameter: {'; '.join(problems)}" if problems else None
+    return f"--profile, --set: wrong parameter: {'; '.join(problems)}" if problems else None
 
 
 def free_port() -> int:
@@ -83,11 +83,11 @@ def _end_with_parent() -> None:
 
 
 def _write_overrides(arguments: ExploreArguments) -> str:
-    """The file with --set's parameters for the launch file; empty without any."""
-    if not arguments.set_parameters:
-        return ""
+    """The file with the parameters of --profile and --set for the launch file."""
+    overrides = all_overrides(arguments.profile, arguments.set_parameters)
+    overrides.setdefault("exploration_monitor_node", {})["profile"] = arguments.profile
     path = arguments.out / "overrides.yaml"
-    path.write_text(yaml.safe_dump(parsed_overrides(arguments.set_parameters)))
+    path.write_text(yaml.safe_dump(overrides))
     return str(path)
 
 
@@ -107,7 +107,7 @@ def _show(launch: "subprocess.Popen[str]", log: TextIO) -> None:
 
 def run_launch(arguments: ExploreArguments) -> int:
     """Runs the launch file to its end; 0 when the run succeeded, 2 for a wrong parameter, else 1."""
-    port = free_port()
+    port = arguments.port or free_port()
     environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_LOG_DIR=str(arguments.out / "log"))
     command = ["roslaunch", "--port", str(port), f"--sigint-timeout={_SHUTDOWN_S}", "explore_3dnav", "explore.launch"]
     command += launch_arguments(arguments, _write_overrides(arguments))

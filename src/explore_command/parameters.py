@@ -1,13 +1,18 @@
-"""Which node reads which configuration under which section: --set is checked against it before anything is started."""
+"""Which node reads which configuration under which section: --profile and --set are checked against it before anything is started."""
 
 import difflib
 import importlib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import yaml
 
 from stage_config import ConfigError, load_config
+
+PROFILES = Path(__file__).resolve().parents[2] / "config" / "profiles"
+
+Overrides = dict[str, dict[str, Any]]
 
 NODE_CONFIGS: dict[str, dict[str, str]] = {
     "pybullet_sim_node": {"": "pybullet_simulation.SimulationConfig"},
@@ -42,9 +47,47 @@ def config_class(dotted: str) -> type:
     return found
 
 
-def parsed_overrides(texts: Sequence[str]) -> dict[str, dict[str, Any]]:
+def profile_names() -> list[str]:
+    """Profiles that come with the project."""
+    return sorted(path.stem for path in PROFILES.glob("*.yaml"))
+
+
+def read_profile(name: str) -> Overrides:
+    """A profile by its name, or from a YAML file: parameters by node, "section/name" or "name" to value.
+
+    ValueError when there is none, it cannot be read, or it is no mapping of nodes to parameters.
+    """
+    path = PROFILES / f"{name}.yaml" if name in profile_names() else Path(name)
+    if not path.is_file():
+        raise ValueError(f"{name}: no such profile or file; profiles are {', '.join(profile_names())}")
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{name}: cannot be read: {' '.join(str(error).split())}") from error
+    if not isinstance(content, dict) or not all(isinstance(values, dict) for values in content.values()):
+        raise ValueError(f"{name}: a profile maps nodes to their parameters")
+    return {str(node): _flat(values) for node, values in content.items()}
+
+
+def _flat(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Sections one level deep as "section/name"."""
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        flat.update({f"{key}/{name}": v for name, v in value.items()} if isinstance(value, dict) else {str(key): value})
+    return flat
+
+
+def all_overrides(profile: str, texts: Sequence[str]) -> Overrides:
+    """The profile's parameters, and over them those of --set. ValueError as `read_profile` and `parsed_overrides` raise it."""
+    found = read_profile(profile)
+    for node, values in parsed_overrides(texts).items():
+        found.setdefault(node, {}).update(values)
+    return found
+
+
+def parsed_overrides(texts: Sequence[str]) -> Overrides:
     """NODE/PARAMETER=VALUE texts as parameters by node; values are YAML. ValueError when one cannot be read."""
-    overrides: dict[str, dict[str, Any]] = {}
+    overrides: Overrides = {}
     for text in texts:
         name, _, value = text.partition("=")
         node, _, parameter = name.strip("/").partition("/")

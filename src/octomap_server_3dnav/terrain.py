@@ -42,6 +42,9 @@ class TerrainConfig:
     slope_radius_m: float = parameter(0.35, "m", "ground around a voxel that its slope is fitted to", low=0.1, high=1.0)
     hole_bridge_voxels: int = parameter(3, "voxels", "widest unknown gap in a level floor that counts as floor", low=0, high=8)
     cliff_look_m: float = parameter(0.8, "m", "how far beyond an edge a drop is looked for", low=0.08, high=3.0)
+    cliff_evidence: str = parameter(
+        "seen", "-", "a cliff is a drop that was seen; assumed: any edge that was looked across (thesis 7.3)", choices=("seen", "assumed")
+    )
     cliff_area_voxels: int = parameter(2, "voxels", "half width of the areas of the cliff check (thesis figure 5.12)", low=0, high=6)
     inflation_radius_m: float = parameter(0.60, "m", "distance kept from obstacles by the robot's centre", low=0.0, high=3.0)
     cliff_inflation_radius_m: float = parameter(0.60, "m", "distance kept from cliffs by the robot's centre", low=0.0, high=3.0)
@@ -245,8 +248,8 @@ def _first_flood(
     return np.full(scene.surfaces.z.size, kernels.UNREACHED, dtype=np.uint8), None
 
 
-def _shape(config: TerrainConfig, limits: _Limits) -> tuple[int, int, int, float]:
-    return limits.step, config.cliff_area_voxels, limits.look, limits.max_slope
+def _shape(config: TerrainConfig, limits: _Limits) -> tuple[int, int, int, float, bool]:
+    return limits.step, config.cliff_area_voxels, limits.look, limits.max_slope, config.cliff_evidence == "assumed"
 
 
 def _offsets(radius_m: float, shape: str, resolution: float) -> NDArray[np.int64]:

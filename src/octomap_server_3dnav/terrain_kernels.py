@@ -24,8 +24,11 @@ def _limit(j: Any, step: Any, max_slope: Any) -> Any:
 
 @njit(cache=True)
 def _drop_along(columns: Any, start: Any, z: Any, c: Any, stride: Any, level: Any, shape: Any) -> Any:
-    """Whether free space was seen below all ground that could be driven to from column c in steps of `stride`."""
-    step, _, look, max_slope = shape
+    """Whether free space was seen below all ground that could be driven to from column c in steps of `stride`.
+
+    Where a drop is assumed, as the thesis does (7.3), it is enough that a beam passed at this level and no ground was seen.
+    """
+    step, _, look, max_slope, assumed = shape
     for j in range(1, look + 1):
         cj = c + j * stride
         limit = _limit(j, step, max_slope)
@@ -37,7 +40,7 @@ def _drop_along(columns: Any, start: Any, z: Any, c: Any, stride: Any, level: An
         if seen == NO_VOXEL:
             continue
         on_ground = lowest_occupied(columns, cj, seen - 2, seen - 1) != NO_VOXEL
-        if seen < level - limit or (on_ground and seen <= level - limit):
+        if assumed or seen < level - limit or (on_ground and seen <= level - limit):
             return True
     return False
 
@@ -45,7 +48,7 @@ def _drop_along(columns: Any, start: Any, z: Any, c: Any, stride: Any, level: An
 @njit(cache=True)
 def _ground_aside(start: Any, z: Any, c: Any, stride: Any, aside: Any, level: Any, shape: Any) -> Any:
     """Whether the area beside the ray (thesis figure 5.12) holds ground at about this level."""
-    step, half_width, _, max_slope = shape
+    step, half_width, max_slope = shape[0], shape[1], shape[3]
     for offset in range(-half_width, half_width + 1):
         for j in range(1, 4):
             if find_node(start, z, c + offset * aside + j * stride, level, _limit(j, step, max_slope)) >= 0:
@@ -57,7 +60,7 @@ def _ground_aside(start: Any, z: Any, c: Any, stride: Any, aside: Any, level: An
 def look(columns: Any, start: Any, z: Any, c: Any, level: Any, k: Any, clearance: Any, shape: Any) -> Any:
     """What lies in direction k of a node of column c where no ground goes on: obstacle, drop that was seen, or the unknown.
 
-    `shape` is (step, cliff area half width, cliff look, tangent of the steepest drivable slope).
+    `shape` is (step, cliff area half width, cliff look, tangent of the steepest drivable slope, whether unseen drops are assumed).
     """
     step, half_width = shape[0], shape[1]
     stride, aside = DX[k] * columns.ny + DY[k], DX[(k + 1) % 4] * columns.ny + DY[(k + 1) % 4]

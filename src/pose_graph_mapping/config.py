@@ -39,6 +39,10 @@ class RegistrationConfig:
     floor_rotation_rad: float = parameter(math.radians(0.12), "rad", "sigma of a match that no number of points improves", low=1e-5)
     floor_translation_m: float = parameter(0.006, "m", "the same for translation", low=1e-5)
 
+    verdict: str = parameter(
+        "checked", "-", "checked: overlap, free space, degeneracy; match_ratio: that alone (thesis)", choices=("checked", "match_ratio")
+    )
+    min_match_ratio: float = parameter(0.5, "-", "least match ratio where it alone decides", low=0.0, high=1.0)
     min_points: int = parameter(200, "-", "fewest points of a cloud after voxelling", low=10)
     overlap_distance_m: float = parameter(0.2, "m", "a reading point with a reference point this near overlaps", low=0.01)
     min_overlap: float = parameter(0.2, "-", "least share of overlapping reading points", low=0.0, high=1.0)
@@ -95,6 +99,7 @@ class MappingConfig:
     odometry_yaw_sigma_rad: float = parameter(math.radians(1.0), "rad", "yaw sigma of an odometry edge at no motion", low=1e-4)
     odometry_yaw_per_rad: float = parameter(0.10, "rad/rad", "what a radian turned adds", low=0.0)
     odometry_yaw_per_m: float = parameter(0.01, "rad/m", "what a metre driven adds", low=0.0)
+    use_gravity: bool = parameter(True, "-", "every vertex is tied to the up direction that the resting IMU measured")
     gravity_sigma_rad: float = parameter(
         math.radians(0.5), "rad", "sigma of the measured up direction where the caller gives none", low=1e-4
     )

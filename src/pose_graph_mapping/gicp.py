@@ -131,8 +131,8 @@ class GicpRegistration:
         covariance = match_covariance(config.covariance_scale * np.linalg.inv(hessian), weak, config)
         overlap = overlap_of(target.tree, moved_points(T, reading.points), config.overlap_distance_m)
         contradiction = free_space_contradiction(reference, reading, T, config)
-        verdict, reason = judge(overlap, contradiction, weak, config)
         ratio = inliers / len(reading)
+        verdict, reason = judge(ratio, overlap, contradiction, weak, config)
         return RegistrationResult(T, covariance, ratio, overlap, contradiction, iterations, weak.directions, verdict, reason)
 
     def _best_heading(self, reference: PointCloud, reading: PointCloud, T_guess: Array) -> Array:

@@ -118,7 +118,7 @@ class PoseGraphMapper:
         sweep = PointCloud.of_finite(points_base, origins_base)
         T_odom_base = as_transform(T_odom_base)
         covariance = None if odom_covariance is None else as_covariance(odom_covariance)
-        up = None if gravity_base is None else unit_up(gravity_base)
+        up = None if gravity_base is None or not self._config.use_gravity else unit_up(gravity_base)
         self._check(stamp_s, sweep, gravity_sigma_rad)
         before = self.graph.poses()
         self.finish_cloud()

@@ -142,8 +142,11 @@ def match_covariance(information_inverse: Array, weak: Degeneracy, config: Regis
     return np.asarray(0.5 * (covariance + covariance.T))
 
 
-def judge(overlap: float, contradiction: float, weak: Degeneracy, config: RegistrationConfig) -> tuple[Verdict, str]:
+def judge(ratio: float, overlap: float, contradiction: float, weak: Degeneracy, config: RegistrationConfig) -> tuple[Verdict, str]:
     """Verdict and its reason; what could not be checked is refused."""
+    if config.verdict == "match_ratio":
+        accepted = ratio >= config.min_match_ratio
+        return (Verdict.ACCEPTED if accepted else Verdict.REFUSED), f"match ratio {ratio:.2f}, wanted {config.min_match_ratio}"
     if overlap < config.min_overlap:
         return Verdict.REFUSED, f"overlap {overlap:.2f} is below {config.min_overlap}"
     if math.isnan(contradiction):

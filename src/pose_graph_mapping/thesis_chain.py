@@ -155,8 +155,8 @@ class ThesisChainRegistration:
         covariance = match_covariance(_censi(jacobian, matches.sigmas, weak), weak, config)
         overlap = overlap_of(tree, moved_points(T, reading.points), config.overlap_distance_m)
         contradiction = free_space_contradiction(clouds.reference_sweeps, reading, T, config)
-        verdict, reason = judge(overlap, contradiction, weak, config)
         ratio = len(jacobian) / len(reading)
+        verdict, reason = judge(ratio, overlap, contradiction, weak, config)
         return RegistrationResult(T, covariance, ratio, overlap, contradiction, iterations, weak.directions, verdict, reason)
 
 

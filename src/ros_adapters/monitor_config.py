@@ -17,6 +17,7 @@ class MonitorConfig:
     sim: bool = parameter(True, "-", "whether there is a true world to judge by")
     world: str = parameter("", "-", "name or file of the world, for the summary")
     seed: int = parameter(1, "-", "seed of the run, for the summary", low=0)
+    profile: str = parameter("ours", "-", "profile of the parameters, for the summary")
     out: str = parameter("", "-", "folder for the results; empty: none")
     max_sim_time: float = parameter(3600.0, "s", "the run ends after so much simulated time", low=0.0)
     watch: str = parameter(_WATCHED, "-", "nodes whose death ends the run; in simulation pybullet_sim_node, too")

@@ -1,5 +1,6 @@
 """What a run leaves for the judge and for the person who watches it: files, counters and the status line."""
 
+import csv
 import json
 import time
 from pathlib import Path
@@ -37,18 +38,21 @@ class RunLog:
         self._counts: dict[str, str] = {}
         self._distance_m = 0.0
         self._last_xy: NDArray[np.float64] | None = None
-        self._truth_file = self._contacts_file = None
+        self._truth_file = self._contacts_file = self._events_file = None
         if out:
             self._truth_file = (out / "trajectory_truth.txt").open("w")
             self._contacts_file = (out / "contacts.csv").open("w")
             self._contacts_file.write("stamp,link,speed_mps,force_n\n")
+            self._events_file = (out / "events.csv").open("w", newline="", buffering=1)
+            self._events_file.write("stamp_s,wall_s,state,reason,sweeps\n")
             write_json(out / "run.json", self._run_description())
 
     def _run_description(self) -> dict[str, Any]:
         own = self._parameters.get("exploration_monitor_node", {})
         config = {k: v for k, v in self._parameters.items() if k.endswith("_node")}
         started = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime(self._started))
-        return {"world": own.get("world"), "seed": own.get("seed"), "started": started, "version": VERSION, "config": config}
+        told = {key: own.get(key) for key in ("world", "seed", "profile")}
+        return {**told, "started": started, "version": VERSION, "config": config}
 
     @property
     def sim_time_s(self) -> float:
@@ -70,6 +74,9 @@ class RunLog:
 
     def event(self, message: RunEvent) -> None:
         self._event = message
+        if self._events_file and not self.finished:
+            row = (f"{stamp_of(message):.3f}", f"{time.time() - self._started:.3f}", message.state, message.reason, message.sweeps)
+            csv.writer(self._events_file, lineterminator="\n").writerow(row)
 
     def decision(self, message: ExplorationDecision) -> None:
         self._decision = message
@@ -127,7 +134,7 @@ class RunLog:
         """Writes the counters, has the run judged where there is a true world, draws the pictures; the text for the terminal."""
         if not self._out:
             return f"ended: {reason}"
-        for file in (self._truth_file, self._contacts_file):
+        for file in (self._truth_file, self._contacts_file, self._events_file):
             if file:
                 file.close()
         write_json(self._out / "counters.json", self._counters(reason))

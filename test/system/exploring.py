@@ -31,14 +31,14 @@ def running_with(mark: str) -> dict[int, str]:
 
 
 class ExploreRun:
-    """One ./explore process in a process group of its own; every process that comes of it inherits a mark in its environment."""
+    """One ./explore, or another command, in a process group of its own; every process that comes of it inherits a mark."""
 
-    def __init__(self, *arguments: object, environment: dict[str, str] | None = None) -> None:
+    def __init__(self, *arguments: object, environment: dict[str, str] | None = None, command: str = "explore") -> None:
         self.mark = uuid.uuid4().hex
         self.output: list[str] = []
         self._lines: queue.Queue[str | None] = queue.Queue()
         self.process = subprocess.Popen(
-            [str(PACKAGE / "explore"), *map(str, arguments)],
+            [str(PACKAGE / command), *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -83,7 +83,7 @@ class ExploreRun:
             if line is None:
                 return self.process.wait(timeout=5.0)
             self.output.append(line)
-        raise AssertionError(f"./explore still ran after {timeout_s:.0f} s, its output:\n{self.text}")
+        raise AssertionError(f"it still ran after {timeout_s:.0f} s, its output:\n{self.text}")
 
     @property
     def text(self) -> str:

@@ -1,6 +1,5 @@
 """The command line: what it means, and what is said of one that means nothing."""
 
-import os
 from pathlib import Path
 
 import pytest
@@ -109,8 +108,6 @@ def test_folder_below_a_file_is_refused(tmp_path: Path) -> None:
         prepare_out(tmp_path / "file" / "run", force=True)
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root writes everywhere")
-def test_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
-    tmp_path.chmod(0o500)
+def test_folder_that_cannot_be_made_is_refused() -> None:
     with pytest.raises(ArgumentProblem, match="cannot be written"):
-        prepare_out(tmp_path, force=True)
+        prepare_out(Path("/proc/run"), force=True)

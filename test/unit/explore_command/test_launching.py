@@ -7,7 +7,7 @@ import pytest
 
 from explore_command.arguments import parse
 from explore_command.launching import free_port, launch_arguments, parameter_problem, world_problem
-from explore_command.parameters import override_problems, parsed_overrides
+from explore_command.parameters import all_overrides, override_problems, parsed_overrides, profile_names, read_profile
 
 
 def test_launch_file_gets_every_argument() -> None:
@@ -74,3 +74,31 @@ def test_start_outside_the_world_is_a_problem() -> None:
 def test_mesh_without_triangles_is_a_problem(tmp_path: Path) -> None:
     (tmp_path / "empty.obj").write_text("# nothing\n")
     assert world_problem(parse(["--world", str(tmp_path / "empty.obj")])) is not None
+
+
+@pytest.mark.parametrize("name", profile_names())
+def test_profiles_of_the_project_fit_the_nodes(name) -> None:
+    assert override_problems(read_profile(name)) == []
+
+
+def test_profile_of_the_defaults_overrides_nothing() -> None:
+    assert read_profile("ours") == {}
+
+
+def test_set_goes_over_the_profile() -> None:
+    found = all_overrides("thesis", ["icp_matcher_node/method=gicp", "scan_filter_node/min_range_m=0.2"])
+    assert found["icp_matcher_node"]["method"] == "gicp" and found["icp_matcher_node"]["verdict"] == "match_ratio"
+    assert found["scan_filter_node"] == {"min_range_m": 0.2}
+    assert found["octomap_server_3dnav_node"]["terrain/inflation_shape"] == "square"
+
+
+@pytest.mark.parametrize(("content", "text"), [("- a\n", "maps nodes"), ("a: 3\n", "maps nodes"), ("a: [1,\n", "cannot be read")])
+def test_profile_that_is_none_is_refused(tmp_path: Path, content, text) -> None:
+    (tmp_path / "p.yaml").write_text(content)
+    with pytest.raises(ValueError, match=text):
+        read_profile(str(tmp_path / "p.yaml"))
+
+
+def test_unknown_profile_is_a_problem_that_names_those_there_are() -> None:
+    problem = parameter_problem(parse(["--profile", "thessis"]))
+    assert problem is not None and "nearest, ours, thesis" in problem

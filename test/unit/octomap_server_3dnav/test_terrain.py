@@ -77,15 +77,26 @@ def test_drop_that_was_not_seen_is_a_frontier():
     assert not (terrain.label == CLIFF).any()
 
 
-def test_view_over_a_drivable_crest_is_a_frontier_and_no_cliff():
+def drivable_crest():
+    """A floor that ends at x = 3.2, and a beam over its edge that falls 20 degrees."""
     states = flat()
-    for column in range(40, 60):  # a beam that falls 20 degrees behind the crest
+    for column in range(40, 60):
         seen = BELOW + 1 - int((column - 39) * math.tan(math.radians(20.0)))
         states[column, :, :] = UNKNOWN
         states[column, :, seen:] = FREE
-    terrain = terrain_of(states, pose(1.6, 2.4))
+    return states
+
+
+def test_view_over_a_drivable_crest_is_a_frontier_and_no_cliff():
+    terrain = terrain_of(drivable_crest(), pose(1.6, 2.4))
     assert label_at(terrain, 3.24, 2.4, 0.04) == FRONTIER
     assert not (terrain.label == CLIFF).any()
+
+
+def test_view_over_a_drivable_crest_is_a_cliff_where_unseen_drops_are_assumed():
+    terrain = terrain_of(drivable_crest(), pose(1.6, 2.4), cliff_evidence="assumed")
+    assert label_at(terrain, 3.16, 2.4, 0.04) == CLIFF
+    assert label_at(terrain, 3.24, 2.4, 0.04) != FRONTIER
 
 
 def test_tunnel_seen_from_below_does_not_make_the_unseen_floor_above_it_a_cliff():

@@ -106,6 +106,12 @@ def test_first_sweep_is_levelled_by_gravity():
     np.testing.assert_allclose(update.T_map_odom @ T_odom_base, T, atol=1e-9)
 
 
+def test_first_sweep_is_not_levelled_where_gravity_is_not_used():
+    T_odom_base = transform_from_rpy((3, 1, 0.2), (0.04, -0.06, 0.7))
+    mapper = PoseGraphMapper(MappingConfig(use_gravity=False), never)
+    np.testing.assert_allclose(mapper.add_sweep(1.0, *any_sweep(), T_odom_base, gravity_base=UP).vertex_poses, [T_odom_base], atol=1e-9)
+
+
 def test_levelled_turns_measured_up_to_the_maps_z_and_leaves_level_poses_alone():
     up = np.array([0.1, -0.2, 0.95])
     T = levelled(transform_from_rpy((1, 2, 3), (0.3, 0.1, 1.0)), up)

@@ -108,6 +108,16 @@ def test_covariance_is_symmetric_positive_and_at_least_the_floor(room, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("least", [0.0, 1.0])
+def test_match_ratio_alone_decides_where_it_is_told_to(room, method, least):
+    poses, clouds = room
+    match = create_registration(RegistrationConfig(method=method, verdict="match_ratio", min_match_ratio=least)).match
+    result = match(area_of(poses[:1], clouds[:1]), clouds[1], poses[1])
+    assert result.verdict is (Verdict.ACCEPTED if least == 0.0 else Verdict.REFUSED)
+    assert f"{result.match_ratio:.2f}" in result.reason
+
+
+@pytest.mark.parametrize("method", METHODS)
 def test_clouds_of_different_places_are_refused(room, method):
     poses, clouds = room
     result = registration(method).match(area_of(poses[:1], clouds[:1]), clouds[3], poses[0] @ transform_from_rpy((25.0, 0.0, 0.0)))

@@ -1,0 +1,153 @@
+"""./evaluate: from arguments to a report and an exit code."""
+
+import argparse
+import os
+import platform
+import subprocess
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from evaluation_campaign.plan import Campaign, CampaignProblem, Limits, RunSpec, open_campaign, parse_seeds
+from explore_command.arguments import NAMED_WORLDS
+from explore_command.parameters import override_problems, read_profile
+
+PROJECT = Path(__file__).resolve().parents[2]
+_REPORTED_PACKAGES = ("numpy", "scipy", "numba", "gtsam", "open3d", "small_gicp", "pybullet", "distributed")
+
+
+def parser() -> argparse.ArgumentParser:
+    p = argparse.ArgumentParser(
+        prog="./evaluate",
+        description="Makes many runs, scores them against the true world, and writes a report. The same command goes on where it ended.",
+        epilog="Exit code: 0 all runs were made (the report says how they went), 1 some crashed or are missing, 2 wrong argument.",
+    )
+    p.add_argument("--worlds", default="ramp,moon", metavar="W,W", help="rooms, ramp, moon, or mesh FILEs; default ramp,moon")
+    p.add_argument("--seeds", default="1-10", metavar="A-B", help="numbers and ranges, such as 1-10 or 1-5,8; default 1-10")
+    p.add_argument(
+        "--profile", default="ours", metavar="P,P", help="profiles of parameters: ours, nearest, thesis, or YAML FILEs; default ours"
+    )
+    p.add_argument(
+        "--jobs", type=int, default=max(1, (os.cpu_count() or 2) // 2), metavar="N", help="runs at a time; default: half the cores"
+    )
+    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the campaign")
+    p.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler whose workers have this project and DIR at the same paths")
+    p.add_argument("--max-sim-time", type=float, default=1800.0, metavar="S", help="simulated seconds a run may take; default 1800")
+    p.add_argument("--max-wall-time", type=float, default=1800.0, metavar="S", help="seconds of wall time a run may take; default 1800")
+    p.add_argument("--report-only", action="store_true", help="write the report of the runs that are there")
+    return p
+
+
+def parse(arguments: list[str] | None = None) -> tuple[Campaign, argparse.Namespace]:
+    """The campaign that is asked for, and the options. CampaignProblem for what cannot be run, SystemExit(2) for wrong usage."""
+    a = parser().parse_args(arguments)
+    if a.jobs < 1 or a.max_sim_time <= 0 or a.max_wall_time <= 0:
+        raise CampaignProblem("--jobs, --max-sim-time and --max-wall-time must be positive")
+    worlds, profiles = (tuple(dict.fromkeys(part.strip() for part in text.split(","))) for text in (a.worlds, a.profile))
+    for world in worlds:
+        _check_world(world)
+    for profile in profiles:
+        _check_profile(profile)
+    worlds = tuple(w if w in NAMED_WORLDS else str(Path(w).absolute()) for w in worlds)
+    return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, Limits(a.max_sim_time, a.max_wall_time)), a
+
+
+def _check_world(world: str) -> None:
+    if world not in NAMED_WORLDS and not Path(world).is_file():
+        raise CampaignProblem(
+            f"--worlds {world}: no such world or file; worlds are {', '.join(NAMED_WORLDS)}, or a .dae .obj .stl .ply file"
+        )
+
+
+def _check_profile(profile: str) -> None:
+    try:
+        problems = override_problems(read_profile(profile))
+    except ValueError as error:
+        problems = [str(error)]
+    if problems:
+        raise CampaignProblem(f"--profile {profile}: {'; '.join(problems)}")
+
+
+def about(jobs: int) -> dict[str, Any]:
+    """What campaign.json says of code and machine."""
+    described = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=PROJECT, capture_output=True, text=True, check=False)
+    machine = {
+        "cpu": _processor(),
+        "cores": os.cpu_count(),
+        "python": platform.python_version(),
+        "packages": {name: version(name) for name in _REPORTED_PACKAGES},
+    }
+    return {"version": described.stdout.strip() or "unknown", "jobs": jobs, "machine": machine}
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor() or "unknown"
+    return next((line.partition(":")[2].strip() for line in lines if line.startswith("model name")), "unknown")
+
+
+class _Progress:
+    """A line for every run that has ended, with what is left to do."""
+
+    def __init__(self, campaign: Campaign) -> None:
+        self._total, self._left = len(campaign.specs), len(campaign.left())
+        self._asked, self._begun = self._left, time.monotonic()
+
+    def __call__(self, spec: RunSpec, outcome: dict[str, Any]) -> None:
+        self._left -= 1
+        made = self._asked - self._left
+        left_s = (time.monotonic() - self._begun) / made * self._left
+        told = outcome["error"] or "finished"
+        wall = "" if outcome["wall_s"] is None else f", {outcome['wall_s']:.0f} s"
+        rest = f"; about {left_s / 60:.0f} min left" if self._left else ""
+        print(f"[{self._total - self._left:3d}/{self._total}] {spec.world} {spec.seed} ({spec.profile}): {told}{wall}{rest}", flush=True)
+
+
+def run_campaign(campaign: Campaign, options: argparse.Namespace) -> None:
+    """Makes the runs that are left. CampaignProblem when the scheduler is not there, OSError when the disk is full."""
+    from evaluation_campaign.cluster import cluster_client, run_all  # Dask takes a second to load, and --help needs none
+
+    left = len(campaign.left())
+    print(f"{len(campaign.specs)} runs, {left} of them to be made, {options.jobs} at a time; results in {campaign.out}", flush=True)
+    if left:
+        with cluster_client(options.scheduler, min(options.jobs, left)) as client:
+            run_all(campaign, client, PROJECT, _Progress(campaign))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    try:
+        campaign, options = parse(arguments)
+        open_campaign(campaign, about(options.jobs))
+        if not options.report_only:
+            run_campaign(campaign, options)
+    except CampaignProblem as error:
+        print(f"./evaluate: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"./evaluate: stopped: {error}; finished runs stay, the same command goes on", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        print("\n./evaluate: interrupted; finished runs stay, the same command goes on", file=sys.stderr)
+        return 130
+    return _report(campaign)
+
+
+def _report(campaign: Campaign) -> int:
+    from evaluation_report import write_report
+
+    for path in write_report(campaign.out):
+        print(f"wrote {path}")
+    missing = [spec for spec in campaign.specs if not campaign.is_done(spec)]
+    crashed = [spec for spec in campaign.specs if campaign.is_done(spec) and campaign.outcome(spec)["status"] == "crashed"]
+    for text, specs in (("missing", missing), ("crashed", crashed)):
+        if specs:
+            print(f"{text}: {', '.join(f'{s.world} {s.seed} ({s.profile})' for s in specs)}")
+    return 1 if missing or crashed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

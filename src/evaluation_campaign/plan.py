@@ -1,0 +1,137 @@
+"""What a campaign consists of, and what of it is done: the folder is the only memory.
+
+A run is done when its outcome.json is there, whatever it says; everything else in the folder of a run may be half written and is
+made anew. So a campaign that was killed goes on with the same command.
+"""
+
+import json
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from exploration_evaluation import read_json, write_json
+
+FORMAT = 1
+CAMPAIGN_FILE, OUTCOME_FILE = "campaign.json", "outcome.json"
+_IDENTITY = ("format", "worlds", "seeds", "profiles", "limits")
+
+
+class CampaignProblem(ValueError):
+    """One line that says what is wrong and what to do."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a run is ended: after so many simulated seconds by itself, after so many of wall time from outside."""
+
+    sim_s: float = 1800.0
+    wall_s: float = 1800.0
+
+
+@dataclass(frozen=True)
+class RunSpec:
+    """One run: a world, a seed, a profile of parameters."""
+
+    world: str
+    seed: int
+    profile: str
+
+    @property
+    def folder(self) -> Path:
+        """Where the run lies below the campaign's folder."""
+        return Path("runs") / Path(self.profile).stem / f"{Path(self.world).stem}-{self.seed}"
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign in its folder."""
+
+    out: Path
+    worlds: tuple[str, ...]
+    seeds: tuple[int, ...]
+    profiles: tuple[str, ...]
+    limits: Limits
+
+    @property
+    def specs(self) -> tuple[RunSpec, ...]:
+        """All runs, seed by seed, so that profiles can be compared before the last run is made."""
+        return tuple(RunSpec(w, s, p) for s in self.seeds for w in self.worlds for p in self.profiles)
+
+    def is_done(self, spec: RunSpec) -> bool:
+        """Whether the run has ended, in success or not."""
+        return (self.out / spec.folder / OUTCOME_FILE).is_file()
+
+    def left(self) -> tuple[RunSpec, ...]:
+        """The runs that are still to be made."""
+        return tuple(spec for spec in self.specs if not self.is_done(spec))
+
+    def outcome(self, spec: RunSpec) -> dict[str, Any]:
+        """What became of a run, with its summary under "summary" where there is one. ValueError when it is not done."""
+        folder = self.out / spec.folder
+        outcome = read_json(folder / OUTCOME_FILE)
+        try:
+            outcome["summary"] = read_json(folder / "summary.json")
+        except ValueError:
+            outcome["summary"] = None
+        return outcome
+
+
+def parse_seeds(text: str) -> tuple[int, ...]:
+    """Seeds of "1-10", "3" or "1-5,8,11-12", in the order given, each once. CampaignProblem when the text is no such list."""
+    seeds: dict[int, None] = {}
+    for part in text.split(","):
+        first, dash, last = part.strip().partition("-")
+        if not first.isdecimal() or (dash and not last.isdecimal()):
+            raise CampaignProblem(f"--seeds {text}: expected numbers and ranges such as 1-10 or 1-5,8")
+        low, high = int(first), int(last or first)
+        if low > high:
+            raise CampaignProblem(f"--seeds {text}: {low}-{high} runs backwards")
+        seeds.update(dict.fromkeys(range(low, high + 1)))
+    return tuple(seeds)
+
+
+def open_campaign(campaign: Campaign, about: Mapping[str, Any]) -> Campaign:
+    """The campaign in its folder, new or gone on with; `about` (version, machine, jobs) goes into a new campaign.json.
+
+    CampaignProblem when the folder holds something else, a campaign of other runs, or cannot be written.
+    """
+    path = campaign.out / CAMPAIGN_FILE
+    try:
+        campaign.out.mkdir(parents=True, exist_ok=True)
+        if path.exists():
+            _check_same(campaign, read_json(path))
+        elif any(campaign.out.iterdir()):
+            raise CampaignProblem(f"--out {campaign.out}: not empty and no campaign; choose another folder")
+        else:
+            started = time.strftime("%Y-%m-%dT%H:%M:%S")
+            write_json(path, {**_identity(campaign), **about, "started": started})
+    except OSError as error:
+        raise CampaignProblem(f"--out {campaign.out}: cannot be written: {error.strerror}") from error
+    except CampaignProblem:
+        raise
+    except ValueError as error:
+        raise CampaignProblem(f"--out {campaign.out}: {error}") from error
+    return campaign
+
+
+def _identity(campaign: Campaign) -> dict[str, Any]:
+    values = asdict(campaign)
+    known = {"format": FORMAT, **{key: values[key] for key in _IDENTITY[1:]}}
+    plain: dict[str, Any] = json.loads(json.dumps(known))
+    return plain
+
+
+def _check_same(campaign: Campaign, found: Mapping[str, Any]) -> None:
+    asked = _identity(campaign)
+    for key in _IDENTITY:
+        if found.get(key) != asked[key]:
+            was, now = (_shown(value) for value in (found.get(key), asked[key]))
+            raise CampaignProblem(f"--out {campaign.out}: holds another campaign, of {key} {was}, not {now}; choose another folder")
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return ",".join(str(v) for v in value)
+    return str(value)

@@ -1,0 +1,164 @@
+"""One run of a campaign: ./explore in a process group of its own, under a limit of wall time, with its outcome written at the end.
+
+What a worker of the cluster calls. It dies with its worker, and a run that hangs or crashes leaves an outcome like any other.
+"""
+
+import contextlib
+import ctypes
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from evaluation_campaign.plan import OUTCOME_FILE, Limits, RunSpec
+from exploration_evaluation import read_json, write_json
+
+_GRACE_S = 90.0  # for nodes to save and the judge to score after an interrupt
+_LEAST_FREE_BYTES = 500 * 2**20
+_PR_SET_PDEATHSIG = 1
+
+
+class DiskFull(OSError):
+    """There is no room for another run."""
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """All that a worker needs to know: the run, the campaign's folder and the project's."""
+
+    spec: RunSpec
+    limits: Limits
+    out: Path
+    project: Path
+
+
+def make_run(request: RunRequest) -> dict[str, Any]:
+    """Makes the run and writes its outcome.json, which is returned. DiskFull, or another OSError, when nothing can be written."""
+    folder = request.out / request.spec.folder
+    folder.mkdir(parents=True, exist_ok=True)
+    free = shutil.disk_usage(folder).free
+    if free < _LEAST_FREE_BYTES:
+        raise DiskFull(f"{free / 2**20:.0f} MB free at {request.out}, a run needs up to {_LEAST_FREE_BYTES / 2**20:.0f} MB")
+    _end_earlier(folder)
+    attempts = _count_attempt(folder)
+    started, begun = time.strftime("%Y-%m-%dT%H:%M:%S"), time.monotonic()
+    exit_code, in_time = _explore(request, folder)
+    spec = request.spec
+    outcome = {
+        "world": spec.world,
+        "seed": spec.seed,
+        "profile": spec.profile,
+        **_ending(folder, exit_code, in_time),
+        "exit_code": exit_code,
+        "wall_s": round(time.monotonic() - begun, 1),
+        "started": started,
+        "attempts": attempts,
+    }
+    write_json(folder / OUTCOME_FILE, outcome)
+    return outcome
+
+
+def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
+    """Exit code, and whether it ended by itself within the wall limit."""
+    spec = request.spec
+    command = [str(request.project / "explore"), "--headless", "--force", "--world", spec.world, "--seed", str(spec.seed)]
+    command += ["--profile", spec.profile, "--out", str(folder), "--port", str(_free_port())]
+    command += ["--max-sim-time", str(request.limits.sim_s)]
+    with (folder.parent / f".{folder.name}.log").open("w") as log:
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=_end_with_worker
+        )
+        try:
+            return process.wait(request.limits.wall_s), True
+        except subprocess.TimeoutExpired:
+            return _end(process), False
+        except BaseException:
+            _end(process)
+            raise
+
+
+def _end(process: "subprocess.Popen[bytes]") -> int:
+    """Interrupts, and kills what does not end: the whole group, and the nodes that roslaunch has put into groups of their own."""
+    process.send_signal(signal.SIGINT)
+    try:
+        return process.wait(_GRACE_S)
+    except subprocess.TimeoutExpired:
+        _kill(_family(process.pid))
+        return process.wait()
+
+
+def _end_earlier(folder: Path) -> None:
+    """Kills what an attempt whose worker died still runs on this machine: two runs must not write into one folder."""
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal() and int(entry.name) != os.getpid():
+            try:
+                words = (entry / "cmdline").read_bytes().decode(errors="replace").split("\0")
+            except OSError:
+                continue
+            if f"out:={folder}" in words or ("--out", str(folder)) in zip(words, words[1:], strict=False):
+                _kill(_family(int(entry.name)))
+
+
+def _count_attempt(folder: Path) -> int:
+    """How often this run was begun, this time included."""
+    count = folder.parent / f".{folder.name}.attempts"
+    with count.open("a") as file:
+        file.write("x")
+    return count.stat().st_size
+
+
+def _kill(pids: list[int]) -> None:
+    for pid in pids:
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+
+
+def _family(root: int) -> list[int]:
+    """The process and its descendants, children last."""
+    children: dict[int, list[int]] = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal():
+            try:
+                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
+            except (OSError, ValueError):
+                continue
+            children.setdefault(parent, []).append(int(entry.name))
+    family = [root]
+    for pid in family:
+        family += children.get(pid, [])
+    return family
+
+
+def _end_with_worker() -> None:
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
+
+
+def _free_port() -> int:
+    with socket.socket() as s:
+        s.bind(("", 0))
+        return int(s.getsockname()[1])
+
+
+def _ending(folder: Path, exit_code: int, in_time: bool) -> dict[str, Any]:
+    """Status and, where the run is not finished, why."""
+    if not in_time:
+        return {"status": "wall limit", "error": "ended from outside after the limit of wall time"}
+    try:
+        reason = str(read_json(folder / "summary.json").get("stop_reason"))
+    except ValueError as error:
+        return {"status": "crashed", "error": f"exit code {exit_code}, {error}: {_last_words(folder)}"}
+    if reason.startswith("time limit"):
+        return {"status": "sim limit", "error": reason}
+    if reason.startswith(("node died", "interrupted")):
+        return {"status": "crashed", "error": reason}
+    return {"status": "finished", "error": None}
+
+
+def _last_words(folder: Path) -> str:
+    lines = (folder.parent / f".{folder.name}.log").read_text(errors="replace").strip().splitlines()
+    return lines[-1][:300] if lines else "no output"

@@ -1,0 +1,110 @@
+"""One run from outside, with a script in the place of ./explore: what its end is called, and that nothing of it stays behind."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from evaluation_campaign import Limits, RunSpec
+from evaluation_campaign import runner as runner_module
+from evaluation_campaign.runner import DiskFull, RunRequest, make_run
+
+SPEC = RunSpec("rooms", 3, "ours")
+
+
+def request_with(tmp_path: Path, script: str, wall_s: float = 20.0) -> RunRequest:
+    """A request whose project has `script` for its ./explore; $out is the run's folder."""
+    project = tmp_path / "project"
+    project.mkdir()
+    explore = project / "explore"
+    explore.write_text('#!/bin/bash\nwhile [ $# -gt 0 ]; do [ "$1" = --out ] && out=$2; shift; done\n' + script)
+    explore.chmod(0o755)
+    return RunRequest(SPEC, Limits(60.0, wall_s), tmp_path / "campaign", project)
+
+
+def written(request: RunRequest) -> dict:
+    return json.loads((request.out / SPEC.folder / "outcome.json").read_text())
+
+
+def summary(reason: str) -> str:
+    return f"""echo '{{"stop_reason": "{reason}"}}' > "$out/summary.json"\n"""
+
+
+def test_run_with_a_summary_is_finished(tmp_path):
+    request = request_with(tmp_path, summary("explored: nothing left"))
+    outcome = make_run(request)
+    assert outcome == written(request)
+    assert (outcome["world"], outcome["seed"], outcome["profile"], outcome["exit_code"]) == ("rooms", 3, "ours", 0)
+    assert (outcome["status"], outcome["error"], outcome["attempts"]) == ("finished", None, 1)
+
+
+@pytest.mark.parametrize(
+    ("reason", "status"),
+    [("time limit: 60 s simulated", "sim limit"), ("node died: icp_matcher_node", "crashed"), ("trapped: no ground", "finished")],
+)
+def test_reason_of_the_stop_gives_the_status(tmp_path, reason, status):
+    assert make_run(request_with(tmp_path, summary(reason) + "exit 1\n"))["status"] == status
+
+
+def test_run_without_a_summary_has_crashed_and_its_last_words_are_kept(tmp_path):
+    outcome = make_run(request_with(tmp_path, "echo it broke\nexit 7\n"))
+    assert (outcome["status"], outcome["exit_code"]) == ("crashed", 7)
+    assert "it broke" in outcome["error"] and "exit code 7" in outcome["error"]
+
+
+def test_run_that_hangs_is_interrupted_at_the_wall_limit(tmp_path):
+    outcome = make_run(request_with(tmp_path, "trap 'exit 1' INT\nwhile :; do sleep 0.1; done\n", wall_s=0.5))
+    assert outcome["status"] == "wall limit" and outcome["wall_s"] < 10.0
+
+
+def test_run_that_does_not_listen_is_killed_with_its_children(tmp_path, monkeypatch):
+    monkeypatch.setattr(runner_module, "_GRACE_S", 0.5)
+    script = "trap '' INT\nsetsid sleep 300 &\necho $! > \"$out/child\"\nwhile :; do sleep 0.1; done\n"
+    request = request_with(tmp_path, script, wall_s=0.5)
+    assert make_run(request)["status"] == "wall limit"
+    child = int((request.out / SPEC.folder / "child").read_text())
+    time.sleep(0.2)
+    assert not Path(f"/proc/{child}").exists() or "Z" in Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[0]
+
+
+def test_run_ends_with_the_worker_that_made_it(tmp_path):
+    script = 'trap \'echo ended > "$out/ended"; exit 1\' INT\necho $$ > "$out/pid"\nwhile :; do sleep 0.05; done\n'
+    request = request_with(tmp_path, script)
+    code = f"from evaluation_campaign.runner import *; from evaluation_campaign import *; from pathlib import *; make_run({request!r})"
+    worker = subprocess.Popen(
+        [sys.executable, "-c", code.replace("PosixPath", "Path")], env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    )
+    folder = request.out / SPEC.folder
+    deadline = time.monotonic() + 20.0
+    while not (folder / "pid").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    worker.kill()
+    worker.wait()
+    while not (folder / "ended").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert (folder / "ended").exists() and not (folder / "outcome.json").exists()
+
+
+def test_earlier_attempt_that_still_runs_is_ended_first(tmp_path):
+    request = request_with(tmp_path, summary("explored"))
+    folder = request.out / SPEC.folder
+    earlier = subprocess.Popen(["bash", "-c", "sleep 300; true", "explore", "--out", str(folder)])
+    other = subprocess.Popen(["bash", "-c", "sleep 300; true", "explore", "--out", f"{folder}0"])
+    try:
+        assert make_run(request)["attempts"] == 1 and make_run(request)["attempts"] == 2
+        assert earlier.wait(5.0) == -9 and other.poll() is None
+    finally:
+        other.kill()
+        other.wait()
+
+
+def test_full_disk_stops_before_a_run_begins(tmp_path, monkeypatch):
+    monkeypatch.setattr(runner_module, "_LEAST_FREE_BYTES", 2**62)
+    request = request_with(tmp_path, summary("explored"))
+    with pytest.raises(DiskFull, match="MB free"):
+        make_run(request)
+    assert not (request.out / SPEC.folder / "outcome.json").exists()
