@@ -163,7 +163,8 @@ def _tops(columns: Any, clearance: Any) -> Any:
                 column[n], z[n] = c, columns.z_hi[r]
                 n += 1
             ceiling = np.int64(columns.z_lo[r])
-        z[first:n] = z[first:n][::-1].copy()
+        for k in range((n - first) // 2):
+            z[first + k], z[n - 1 - k] = z[n - 1 - k], z[first + k]
         start[c + 1] = n
     return start, column[:n].copy(), z[:n].copy()
 
