@@ -44,11 +44,13 @@ class ReachableGround:
 
     points (N, 3): cells of ground, world frame, over which the robot's centre can be and turn in place.
     covered_points (K, 3): cells under the body (its inscribed circle) in any of these places; they include `points`.
+    links (N, 4): index of the point one cell along +x, -x, +y and -y that is driven to from each point; -1 where none is.
     """
 
     points: Floats
     covered_points: Floats
     cell_area_m2: float
+    links: Ints
 
     @property
     def area_m2(self) -> float:
@@ -114,7 +116,7 @@ def reachable_ground(
     components = _components(links, room)
     reached = room & (components == components[start])
     covered = _near(grid, nodes, nodes.xyz[reached], robot.inscribed_radius_m + 1e-6, level_m)
-    return ReachableGround(nodes.xyz[reached], nodes.xyz[covered | reached], grid.cell**2)
+    return ReachableGround(nodes.xyz[reached], nodes.xyz[covered | reached], grid.cell**2, _among(links, reached))
 
 
 def _grid_over(vertices: Floats, cell: float) -> _Grid:
@@ -306,6 +308,12 @@ def _components(links: Ints, usable: Mask) -> Ints:
     both = (b >= 0) & usable[a] & usable[b]
     graph = coo_array((np.ones(int(both.sum()), dtype=np.int8), (a[both], b[both])), shape=(len(links), len(links)))
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
+
+
+def _among(links: Ints, kept: Mask) -> Ints:
+    """(K, 4) links between the K nodes that are kept, by their numbers among these."""
+    number = np.where(kept, np.cumsum(kept) - 1, -1)
+    return np.where(links[kept] >= 0, number[links[kept]], -1)
 
 
 def _start_node(nodes: _Nodes, links: Ints, room: Mask, start_xyz: Floats) -> int:
