@@ -1,0 +1,163 @@
+"""The files of a run folder: what its nodes left, as arrays, and the summary that the judge adds.
+
+The only module of the judge that reads a run. Every reader raises ValueError, with the file's name, for a file that is absent,
+cut off where that loses more than its last line, or holds something else than it should.
+"""
+
+import csv
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
+
+from exploration_evaluation.scores import ContactEpisode, contact_episodes
+
+Floats = NDArray[np.float64]
+Trajectory = tuple[Floats, Floats]
+
+_EVENT_COLUMNS = ["stamp_s", "wall_s", "state", "reason", "sweeps"]
+_STAMP_TOLERANCE_S = 1e-3
+
+
+def read_trajectory(path: Path) -> Trajectory:
+    """(N,) stamps and (N, 4, 4) poses of a TUM file (stamp x y z qx qy qz qw); ValueError when absent, empty or malformed."""
+    rows = _table(path, 8)
+    if not len(rows) or not np.isfinite(rows).all() or (np.diff(rows[:, 0]) <= 0).any():
+        raise ValueError(f"{path.name} holds no poses, or stamps that do not increase, or numbers that are not finite")
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_quat(rows[:, 4:8]).as_matrix(), rows[:, 1:4]
+    return rows[:, 0], poses
+
+
+def read_contacts(path: Path, gap_s: float = 1.0) -> tuple[ContactEpisode, ...]:
+    """Collisions from contacts.csv (stamp,link,speed_mps,force_n); a file with a header only means none."""
+    if not path.is_file():
+        raise ValueError(f"{path.name} is not there")
+    with path.open(newline="") as file:
+        reader = csv.DictReader(file)
+        if list(reader.fieldnames or []) != ["stamp", "link", "speed_mps", "force_n"]:
+            raise ValueError(f"{path.name} has the columns {reader.fieldnames}, not stamp,link,speed_mps,force_n")
+        rows = list(reader)
+    numbers = {key: [_number(row[key], path) for row in rows] for key in ("stamp", "speed_mps", "force_n")}
+    return contact_episodes(numbers["stamp"], tuple(row["link"] for row in rows), numbers["speed_mps"], numbers["force_n"], gap_s)
+
+
+def read_sweeps(folder: Path, stamps: ArrayLike) -> Iterator[NDArray[np.floating]]:
+    """The (N, 3) points, base_link, of the sweep of every vertex, one after the other, from sweeps/000000.npz and on.
+
+    `stamps` are those of trajectory.txt. ValueError when a sweep is absent or damaged, or of another time than its vertex.
+    """
+    for number, stamp_s in enumerate(np.asarray(stamps, dtype=np.float64)):
+        path = folder / "sweeps" / f"{number:06d}.npz"
+        data = read_arrays(path, ("points", "stamp_s"))
+        if data["points"].ndim != 2 or data["points"].shape[1] != 3 or data["stamp_s"].shape:
+            raise ValueError(f"{path.name} has points {data['points'].shape} and stamp_s {data['stamp_s'].shape}, not (N, 3) and ()")
+        if not abs(float(data["stamp_s"]) - stamp_s) <= _STAMP_TOLERANCE_S:
+            raise ValueError(f"{path.name} is of {float(data['stamp_s']):.3f} s, its vertex in trajectory.txt of {stamp_s:.3f} s")
+        yield data["points"]
+
+
+def read_events(path: Path) -> tuple[Floats, Floats, tuple[str, ...]]:
+    """(N,) simulated stamps, (N,) wall seconds and the N states of events.csv; half a last line of a killed run is left out."""
+    if not path.is_file():
+        raise ValueError(f"{path.name} is not there")
+    text = path.read_text(encoding="utf-8")
+    reader = csv.DictReader(text[: text.rfind("\n") + 1].splitlines())
+    if list(reader.fieldnames or []) != _EVENT_COLUMNS:
+        raise ValueError(f"{path.name} has the columns {reader.fieldnames}, not {','.join(_EVENT_COLUMNS)}")
+    rows = list(reader)
+    stamps, wall = (np.array([_number(row[key], path) for row in rows]) for key in ("stamp_s", "wall_s"))
+    return stamps, wall, tuple(row["state"] or "" for row in rows)
+
+
+def read_occupied(path: Path) -> tuple[Floats, Floats]:
+    """(N, 3) centres and (N,) edge lengths of the octomap's occupied leaves, map frame, from occupied.npz."""
+    data = read_arrays(path, ("centers", "sizes"))
+    centres, sizes = data["centers"].astype(np.float64), data["sizes"].astype(np.float64)
+    if centres.ndim != 2 or centres.shape[1] != 3 or sizes.shape != (len(centres),):
+        raise ValueError(f"{path.name} has centers {centres.shape} and sizes {sizes.shape}, not (N, 3) and (N,)")
+    return centres, sizes
+
+
+def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+    """All arrays of an .npz file; ValueError when it is absent or damaged, or lacks one of `names`."""
+    if not path.is_file():
+        raise ValueError(f"{path.name} is not there")
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except Exception as error:  # numpy and zipfile raise half a dozen kinds for a file cut off
+        raise ValueError(f"{path.name} cannot be read: {error}") from error
+    lacking = [name for name in names if name not in arrays]
+    if lacking:
+        raise ValueError(f"{path.name} lacks {', '.join(lacking)}; it has {', '.join(arrays)}")
+    return arrays
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """A JSON object; ValueError when the file is absent, cut off, or holds something else."""
+    if not path.is_file():
+        raise ValueError(f"{path.name} is not there")
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path.name} is no JSON: {error}") from error
+    if not isinstance(value, dict):
+        raise ValueError(f"{path.name} holds a {type(value).__name__}, not an object")
+    return value
+
+
+def write_json(path: Path, value: Mapping[str, Any]) -> None:
+    """Writes a JSON object so that a reader sees the old file or the whole new one; NaN becomes null."""
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    with beside.open("w", encoding="utf-8") as file:
+        json.dump(_plain(value), file, indent=2, allow_nan=False)
+        file.write("\n")
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(beside, path)
+
+
+def _table(path: Path, columns: int) -> Floats:
+    if not path.is_file():
+        raise ValueError(f"{path.name} is not there")
+    text = path.read_text(encoding="utf-8")
+    # A run that was killed leaves half a line at the end; half a line anywhere else is damage.
+    lines = text[: text.rfind("\n") + 1].splitlines()
+    rows = [line.split() for line in lines if line.strip() and not line.startswith("#")]
+    wrong = next((k for k, row in enumerate(rows) if len(row) != columns), None)
+    if wrong is not None:
+        raise ValueError(f"{path.name} has {len(rows[wrong])} numbers in row {wrong + 1}, not {columns}")
+    try:
+        return np.array(rows, dtype=np.float64).reshape(-1, columns)
+    except ValueError as error:
+        raise ValueError(f"{path.name} holds something that is no number: {error}") from error
+
+
+def _number(text: str | None, path: Path) -> float:
+    try:
+        value = float(text or "nan")
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ValueError(f"{path.name} holds {text!r} where a number is expected")
+    return value
+
+
+def _plain(value: Any) -> Any:
+    """`value` with numpy scalars, arrays, tuples and paths as JSON knows them; what is not finite as None."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, (np.ndarray, np.generic)):
+        return _plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if isinstance(value, (str, int, type(None))) else str(value)
