@@ -1,0 +1,35 @@
+"""The report of a campaign: many runs beside each other, and beside the thesis's tables, as one page that reads offline.
+
+In comes the folder that `./evaluate` leaves (campaign.json, and runs/PROFILE/WORLD-SEED with outcome.json and summary.json),
+in any state of completeness; out come report.html, report.md and results.json (`write_report`). `campaign` reads, `statistics`
+counts, `tables`, `charts`, `gallery` and `configuration` are what is shown, `content` puts it in order. `missed_view` draws what one
+run missed. Nothing here judges: scores come from `exploration_evaluation`.
+"""
+
+from evaluation_report.campaign import Campaign, Run, Status, load_campaign
+from evaluation_report.config import ReportConfig
+from evaluation_report.missed import missed_view
+from evaluation_report.report import write_report
+from evaluation_report.statistics import Interval, Mean, Ratio, SuccessCount, paired_ratio, success_count, wilson_interval
+from evaluation_report.thesis_tables import THESIS_TABLES, Mark, ThesisRun, ThesisTable
+
+__all__ = [
+    "THESIS_TABLES",
+    "Campaign",
+    "Interval",
+    "Mark",
+    "Mean",
+    "Ratio",
+    "ReportConfig",
+    "Run",
+    "Status",
+    "SuccessCount",
+    "ThesisRun",
+    "ThesisTable",
+    "load_campaign",
+    "missed_view",
+    "paired_ratio",
+    "success_count",
+    "wilson_interval",
+    "write_report",
+]
