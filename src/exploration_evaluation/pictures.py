@@ -20,7 +20,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from exploration_evaluation.run_folder import read_arrays, read_occupied, read_trajectory
+from exploration_evaluation.run_files import read_arrays, read_occupied, read_trajectory
 from exploration_evaluation.scores import trajectory_errors
 from exploration_evaluation.voxel_renderer import Canvas, Depth, Image, View, render_cubes
 from rigid_geometry import inverse, transform_points

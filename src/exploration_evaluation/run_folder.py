@@ -1,39 +1,39 @@
-"""A finished run on disk: reads what its nodes left, has it scored, and writes summary.json.
+"""A finished run on disk: has what its nodes left scored, and writes summary.json.
 
-Last step of the judge, and the only one that touches files. Whatever a score needs and cannot be read makes that score
-None, with a line in the summary's "missing"; a partly written folder of a run that died is judged as far as it goes.
+Last step of the judge. Whatever a score needs and cannot be read makes that score None, with a line in the summary's
+"missing"; a partly written folder of a run that died is judged as far as it goes.
 """
 
-import csv
-import json
-import math
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
+from exploration_evaluation.activity import ActivityTimes, activity_times
 from exploration_evaluation.config import EvaluationConfig, RobotShape
+from exploration_evaluation.curves import coverage_curve, driven_distances, placed_sweeps, swept_coverage
 from exploration_evaluation.mesh import read_cloud
-from exploration_evaluation.scores import (
-    ContactEpisode,
-    Motion,
-    TrajectoryErrors,
-    contact_episodes,
-    coverage,
-    divided_voxels,
-    map_error,
-    motion,
-    trajectory_errors,
+from exploration_evaluation.relative_error import matched_poses, relative_pose_error
+from exploration_evaluation.run_files import (
+    Trajectory,
+    read_contacts,
+    read_events,
+    read_json,
+    read_occupied,
+    read_sweeps,
+    read_trajectory,
+    write_json,
 )
+from exploration_evaluation.scores import Motion, TrajectoryErrors, coverage, divided_voxels, map_error, motion, trajectory_errors
+from exploration_evaluation.shortest_path import path_ratio, shortest_length
 from exploration_evaluation.truth import ReachableGround, reachable_ground
 from rigid_geometry import transform_points
 
 Floats = NDArray[np.float64]
-Trajectory = tuple[Floats, Floats]
 V = TypeVar("V")
 
 _REPORTED = (
@@ -52,66 +52,7 @@ _REPORTED = (
     "config",
     "version",
 )
-
-
-def read_trajectory(path: Path) -> Trajectory:
-    """(N,) stamps and (N, 4, 4) poses of a TUM file (stamp x y z qx qy qz qw); ValueError when absent, empty or malformed."""
-    rows = _table(path, 8)
-    if not len(rows) or not np.isfinite(rows).all() or (np.diff(rows[:, 0]) <= 0).any():
-        raise ValueError(f"{path.name} holds no poses, or stamps that do not increase, or numbers that are not finite")
-    poses = np.tile(np.eye(4), (len(rows), 1, 1))
-    poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_quat(rows[:, 4:8]).as_matrix(), rows[:, 1:4]
-    return rows[:, 0], poses
-
-
-def read_contacts(path: Path, gap_s: float = 1.0) -> tuple[ContactEpisode, ...]:
-    """Collisions from contacts.csv (stamp,link,speed_mps,force_n); a file with a header only means none."""
-    if not path.is_file():
-        raise ValueError(f"{path.name} is not there")
-    with path.open(newline="") as file:
-        reader = csv.DictReader(file)
-        if list(reader.fieldnames or []) != ["stamp", "link", "speed_mps", "force_n"]:
-            raise ValueError(f"{path.name} has the columns {reader.fieldnames}, not stamp,link,speed_mps,force_n")
-        rows = list(reader)
-    numbers = {key: [_number(row[key], path) for row in rows] for key in ("stamp", "speed_mps", "force_n")}
-    return contact_episodes(numbers["stamp"], tuple(row["link"] for row in rows), numbers["speed_mps"], numbers["force_n"], gap_s)
-
-
-def read_occupied(path: Path) -> tuple[Floats, Floats]:
-    """(N, 3) centres and (N,) edge lengths of the octomap's occupied leaves, map frame, from occupied.npz."""
-    data = read_arrays(path, ("centers", "sizes"))
-    centres, sizes = data["centers"].astype(np.float64), data["sizes"].astype(np.float64)
-    if centres.ndim != 2 or centres.shape[1] != 3 or sizes.shape != (len(centres),):
-        raise ValueError(f"{path.name} has centers {centres.shape} and sizes {sizes.shape}, not (N, 3) and (N,)")
-    return centres, sizes
-
-
-def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
-    """All arrays of an .npz file; ValueError when it is absent or damaged, or lacks one of `names`."""
-    if not path.is_file():
-        raise ValueError(f"{path.name} is not there")
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except Exception as error:  # numpy and zipfile raise half a dozen kinds for a file cut off
-        raise ValueError(f"{path.name} cannot be read: {error}") from error
-    lacking = [name for name in names if name not in arrays]
-    if lacking:
-        raise ValueError(f"{path.name} lacks {', '.join(lacking)}; it has {', '.join(arrays)}")
-    return arrays
-
-
-def read_json(path: Path) -> dict[str, Any]:
-    """A JSON object; ValueError when the file is absent, cut off, or holds something else."""
-    if not path.is_file():
-        raise ValueError(f"{path.name} is not there")
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ValueError(f"{path.name} is no JSON: {error}") from error
-    if not isinstance(value, dict):
-        raise ValueError(f"{path.name} holds a {type(value).__name__}, not an object")
-    return value
+_OVER_THE_RUN = ("coverage_curve", "rpe_translation_m", "rpe_rotation_rad", "shortest_length_m", "path_ratio")
 
 
 def evaluate_run(
@@ -126,7 +67,8 @@ def evaluate_run(
     The summary has all that run.json and counters.json report (`_REPORTED` at least, None where they do not) and, of the judge:
     success, coverage, map_rmse_m, map_p95_m, trajectory_ate_m, trajectory_origin_error_m, map_tilt_rad, collisions,
     collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m, reachable_area_m2,
-    turning_area_m2, and "missing": what is None and why. ValueError when the folder does not exist.
+    turning_area_m2, coverage_curve (a CurvePoint a sweep), rpe_translation_m, rpe_rotation_rad, shortest_length_m, path_ratio,
+    activity_s, compute_s, runtime_s, and "missing": what is None and why. ValueError when the folder does not exist.
     """
     folder = Path(directory)
     if not folder.is_dir():
@@ -134,17 +76,6 @@ def evaluate_run(
     summary = _Judgement(folder, vertices, triangles, robot or RobotShape(), config or EvaluationConfig()).summary()
     write_json(folder / "summary.json", summary)
     return summary
-
-
-def write_json(path: Path, value: Mapping[str, Any]) -> None:
-    """Writes a JSON object so that a reader sees the old file or the whole new one; NaN becomes null."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    with beside.open("w", encoding="utf-8") as file:
-        json.dump(_plain(value), file, indent=2, allow_nan=False)
-        file.write("\n")
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(beside, path)
 
 
 class _Judgement:
@@ -157,14 +88,23 @@ class _Judgement:
     def summary(self) -> dict[str, Any]:
         reported = self._reported()
         truth = self._try("truth", lambda: read_trajectory(self._folder / "trajectory_truth.txt"))
-        errors = self._trajectory(truth)
+        estimate = self._try("trajectory", lambda: read_trajectory(self._folder / "trajectory.txt"))
+        errors = self._trajectory(estimate, truth)
+        ground = self._ground(truth)
         scores = {
             **self._motion(truth),
             **self._collisions(),
             **_trajectory_scores(errors),
-            **self._coverage(truth, errors),
+            **self._coverage(ground, errors),
             **self._map_error(errors),
+            **self._activity(truth, reported.get("sim_time_s")),
+            **dict.fromkeys(_OVER_THE_RUN),
         }
+        if estimate is not None and truth is not None and errors is not None:
+            scores |= self._relative_error(estimate, truth)
+            if ground is not None:
+                scores["coverage_curve"] = self._try("coverage curve", lambda: self._curve(reported, estimate, truth, errors, ground))
+                scores |= self._way(estimate, truth, ground)
         success = _succeeded(reported.get("stop_reason"), scores["fell"], scores["collisions"], self._map_saved())
         return {"success": success, **reported, **scores, "missing": self._missing}
 
@@ -183,12 +123,48 @@ class _Judgement:
         self._missing += [f"{key}: not reported by the run" for key in _REPORTED if known[key] is None]
         return known
 
-    def _trajectory(self, truth: Trajectory | None) -> TrajectoryErrors | None:
-        estimate = self._try("trajectory", lambda: read_trajectory(self._folder / "trajectory.txt"))
+    def _trajectory(self, estimate: Trajectory | None, truth: Trajectory | None) -> TrajectoryErrors | None:
         if truth is None or estimate is None:
-            self._missing.append("trajectory errors, coverage, map error: need truth and trajectory")
+            self._missing.append("all that compares trajectories, and coverage and map error: need truth and trajectory")
             return None
         return self._try("trajectory errors", lambda: trajectory_errors(*estimate, *truth))
+
+    def _relative_error(self, estimate: Trajectory, truth: Trajectory) -> dict[str, Any]:
+        poses = matched_poses(*estimate, *truth)
+        found = self._try("relative error", lambda: relative_pose_error(poses.estimate, poses.truth))
+        return {
+            "rpe_translation_m": found.translation_rms_m if found else None,
+            "rpe_rotation_rad": found.rotation_rms_rad if found else None,
+        }
+
+    def _curve(
+        self, reported: Mapping[str, Any], estimate: Trajectory, truth: Trajectory, errors: TrajectoryErrors, ground: ReachableGround
+    ) -> list[dict[str, float]]:
+        stamps, poses = estimate
+        sweeps = placed_sweeps(read_sweeps(self._folder, stamps), poses, _crop_half_m(reported))
+        shares = swept_coverage(ground.covered_points, sweeps, errors.T_world_map, self._config)
+        return [asdict(point) for point in coverage_curve(shares, stamps, *truth)]
+
+    def _way(self, estimate: Trajectory, truth: Trajectory, ground: ReachableGround) -> dict[str, Any]:
+        poses = matched_poses(*estimate, *truth)
+        begin_m, end_m = driven_distances(*truth, np.maximum(poses.stamps[[0, -1]], truth[0][0]))
+        shortest = self._try("shortest way", lambda: shortest_length(ground, poses.truth[:, :3, 3]))
+        ratio = None if shortest is None else self._try("path ratio", lambda: path_ratio(float(end_m - begin_m), shortest))
+        return {"shortest_length_m": shortest, "path_ratio": ratio}
+
+    def _activity(self, truth: Trajectory | None, sim_time_s: float | None) -> dict[str, Any]:
+        found: ActivityTimes | None = None
+        if truth is not None:
+            end_s = float(truth[0][-1])
+            found = self._try("activity", lambda: activity_times(*read_events(self._folder / "events.csv"), end_s))
+        compute_s = found.compute_s if found else None
+        if found and compute_s is None:
+            self._missing.append("compute_s: the run was cut off while it was mapping")
+        return {
+            "activity_s": found.simulated_s if found else None,
+            "compute_s": compute_s,
+            "runtime_s": None if compute_s is None or sim_time_s is None else sim_time_s + compute_s,
+        }
 
     def _motion(self, truth: Trajectory | None) -> dict[str, Any]:
         found: Motion | None = None
@@ -208,11 +184,13 @@ class _Judgement:
             "collision_top_force_n": max((e.top_force_n for e in episodes), default=None) if episodes else None,
         }
 
-    def _coverage(self, truth: Trajectory | None, errors: TrajectoryErrors | None) -> dict[str, Any]:
-        ground: ReachableGround | None = None
-        if truth is not None:
-            start = truth[1][0, :3, 3]
-            ground = self._try("reachable ground", lambda: reachable_ground(*self._mesh, start, self._robot, self._config.cell_m))
+    def _ground(self, truth: Trajectory | None) -> ReachableGround | None:
+        if truth is None:
+            return None
+        start = truth[1][0, :3, 3]
+        return self._try("reachable ground", lambda: reachable_ground(*self._mesh, start, self._robot, self._config.cell_m))
+
+    def _coverage(self, ground: ReachableGround | None, errors: TrajectoryErrors | None) -> dict[str, Any]:
         share = None
         if ground is not None and errors is not None:
             share = self._try("coverage", lambda: self._covered_share(ground, errors.T_world_map))
@@ -263,40 +241,9 @@ def _succeeded(stop_reason: Any, fell: bool | None, collisions: int | None, map_
     return None if any(part is None for part in parts) else True
 
 
-def _table(path: Path, columns: int) -> Floats:
-    if not path.is_file():
-        raise ValueError(f"{path.name} is not there")
-    text = path.read_text(encoding="utf-8")
-    # A run that was killed leaves half a line at the end; half a line anywhere else is damage.
-    lines = text[: text.rfind("\n") + 1].splitlines()
-    rows = [line.split() for line in lines if line.strip() and not line.startswith("#")]
-    wrong = next((k for k, row in enumerate(rows) if len(row) != columns), None)
-    if wrong is not None:
-        raise ValueError(f"{path.name} has {len(rows[wrong])} numbers in row {wrong + 1}, not {columns}")
+def _crop_half_m(reported: Mapping[str, Any]) -> float:
+    """How far around the robot the map took points of a sweep."""
     try:
-        return np.array(rows, dtype=np.float64).reshape(-1, columns)
-    except ValueError as error:
-        raise ValueError(f"{path.name} holds something that is no number: {error}") from error
-
-
-def _number(text: str | None, path: Path) -> float:
-    try:
-        value = float(text or "nan")
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueError(f"{path.name} holds {text!r} where a number is expected")
-    return value
-
-
-def _plain(value: Any) -> Any:
-    """`value` with numpy scalars, arrays, tuples and paths as JSON knows them; what is not finite as None."""
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    if isinstance(value, (np.ndarray, np.generic)):
-        return _plain(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value if isinstance(value, (str, int, type(None))) else str(value)
+        return float(reported["config"]["octomap_server_3dnav_node"]["crop_half_m"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError("run.json does not tell the crop_half_m of octomap_server_3dnav_node") from error

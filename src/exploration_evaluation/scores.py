@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from exploration_evaluation.mesh import RayScene, checked_mesh
-from rigid_geometry import interpolate_transforms, inverse, tilt_angle, transform_points
+from exploration_evaluation.relative_error import matched_poses
+from rigid_geometry import inverse, tilt_angle, transform_points
 
 Floats = NDArray[np.float64]
 
 # Arms this long along the axes of every pose take part in the alignment of the map: a radian weighs as much as a metre.
 _LEVER_ARMS = np.vstack([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
-_STAMP_TOLERANCE_S = 0.051
 _DISTANCE_STEP_S = 0.2
 _JITTER_M = 0.001
 _FALL_WINDOW_S = 0.1
@@ -135,15 +135,8 @@ def trajectory_errors(stamps: ArrayLike, T_est: ArrayLike, stamps_truth: ArrayLi
 
     Stamps are seconds; true ones increase, and truth is interpolated between them. ValueError when no stamp has a truth.
     """
-    at, poses = np.asarray(stamps, dtype=np.float64), _poses(T_est)
-    at_truth, truth = np.asarray(stamps_truth, dtype=np.float64), _poses(T_truth)
-    if len(at) != len(poses) or len(at_truth) != len(truth) or not len(truth):
-        raise ValueError(f"every pose needs a stamp: {len(at)} for {len(poses)} estimated, {len(at_truth)} for {len(truth)} true poses")
-    known = (at >= at_truth[0] - _STAMP_TOLERANCE_S) & (at <= at_truth[-1] + _STAMP_TOLERANCE_S)
-    if not known.any():
-        raise ValueError(f"none of {len(at)} estimated poses lies within the truth's {at_truth[0]:.2f}..{at_truth[-1]:.2f} s")
-    poses = poses[known]
-    true_poses = interpolate_transforms(at_truth, truth, np.clip(at[known], at_truth[0], at_truth[-1]))
+    matched = matched_poses(stamps, T_est, stamps_truth, T_truth)
+    poses, true_poses = matched.estimate, matched.truth
     T_world_map = align_poses(poses, true_poses)
     T_origin = true_poses[0] @ inverse(poses[0])
     return TrajectoryErrors(
@@ -153,7 +146,7 @@ def trajectory_errors(stamps: ArrayLike, T_est: ArrayLike, stamps_truth: ArrayLi
         map_tilt_origin_rad=tilt_angle(T_origin),
         T_world_map=T_world_map,
         poses=len(poses),
-        unmatched=int((~known).sum()),
+        unmatched=matched.unmatched,
     )
 
 

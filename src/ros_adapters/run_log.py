@@ -29,7 +29,7 @@ class RunLog:
         self.finished = False
         self._out = out
         self._parameters = parameters
-        self._started = time.time()
+        self._started, self._begun = time.time(), time.monotonic()
         self._first_stamp_s: float | None = None
         self._last_stamp_s = 0.0
         self._first_wall_s = self._started
@@ -75,7 +75,7 @@ class RunLog:
     def event(self, message: RunEvent) -> None:
         self._event = message
         if self._events_file and not self.finished:
-            row = (f"{stamp_of(message):.3f}", f"{time.time() - self._started:.3f}", message.state, message.reason, message.sweeps)
+            row = (f"{stamp_of(message):.3f}", f"{time.monotonic() - self._begun:.3f}", message.state, message.reason, message.sweeps)
             csv.writer(self._events_file, lineterminator="\n").writerow(row)
 
     def decision(self, message: ExplorationDecision) -> None:

@@ -13,6 +13,13 @@ from rigid_geometry import inverse, quat_xyzw_from_transform, transform_from_rpy
 WORLD: Mesh = room(4, 4)
 T_WORLD_MAP = transform_from_rpy((1.0, 1.2, 0.132), (0.0, 0.0, 0.5))
 CONTACTS_HEADER = "stamp,link,speed_mps,force_n\n"
+EVENTS = """stamp_s,wall_s,state,reason,sweeps
+1.000,0.10,sweeping,,0
+2.000,0.20,mapping,mapping sweep 1,1
+2.000,1.70,driving,goal,1
+5.000,2.00,mapping,mapping sweep 2,2
+5.000,2.50,finished,explored,2
+"""
 
 
 def true_poses() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -42,11 +49,25 @@ def write_run(folder: Path) -> Path:
     (folder / "contacts.csv").write_text(CONTACTS_HEADER)
     floor = floor_in_map()
     np.savez(folder / "occupied.npz", centers=floor.astype(np.float32), sizes=np.full(len(floor), 0.08, np.float32))
+    (folder / "sweeps").mkdir()
+    for k, (stamp_s, T) in enumerate(zip(stamps[::20], inverse(T_WORLD_MAP) @ poses[::20], strict=True)):
+        points = transform_points(inverse(T), floor).astype(np.float32)
+        np.savez(folder / "sweeps" / f"{k:06d}.npz", points=points, origins=0 * points, stamp_s=stamp_s)
+    (folder / "events.csv").write_text(EVENTS)
     x, y, z = floor.astype(np.float32).T
     np.savez(folder / "terrain.npz", x=x, y=y, z=z, label=(np.arange(len(x)) % 5).astype(np.uint8))
     o3d.io.write_point_cloud(str(folder / "cloud.ply"), o3d.geometry.PointCloud(o3d.utility.Vector3dVector(floor)))
     (folder / "map.bt").write_bytes(b"a map")
-    (folder / "run.json").write_text(json.dumps({"world": "rooms", "seed": 1, "config": {"resolution": 0.08}, "version": "0.1.0"}))
+    (folder / "run.json").write_text(
+        json.dumps(
+            {
+                "world": "rooms",
+                "seed": 1,
+                "config": {"octomap_server_3dnav_node": {"resolution": 0.08, "crop_half_m": 7.0}},
+                "version": "0.1.0",
+            }
+        )
+    )
     counters = {"stop_reason": "explored", "sim_time_s": 300.5, "wall_time_s": 40.0, "sweeps": 5, "loop_closures": 1, "refused_matches": 0}
     counters |= {"local_classifications": 4, "local_classification_time_s": 0.02, "something_else": 7}
     counters |= {"global_classifications": 1, "global_classification_time_s": 0.01}
