@@ -19,7 +19,7 @@ _WORTH_NAMING_M2 = 0.05
 
 @dataclass(frozen=True)
 class RunCard:
-    """One run as it is shown; `picture` is a data URI, empty without one."""
+    """One run as it is shown; `picture` is a data URI; it and the command are empty when there is nothing to see."""
 
     title: str
     verdict: str
@@ -58,7 +58,7 @@ def _card(campaign: Campaign, run: Run, config: ReportConfig) -> RunCard:
         stop_reason=run.text("stop_reason") or "not known",
         causes=tuple(causes(campaign, run)),
         facts=_facts(run),
-        command=f"./replay {shown_path(run.folder)}",
+        command="" if run.status is Status.MISSING else f"./replay {shown_path(run.folder)}",
         picture=f"data:image/webp;base64,{base64.b64encode(picture).decode()}" if picture else "",
     )
 

@@ -231,7 +231,7 @@ def ratio_table(campaign: Campaign, world: str) -> Table | None:
 def _ratio_cell(ratio: Ratio) -> Cell:
     seeds = f"{ratio.pairs} {'seed' if ratio.pairs == 1 else 'seeds'}"
     if ratio.value is None:
-        return Cell(UNKNOWN, f"no ratio over {seeds}")
+        return Cell(UNKNOWN, f"the other has 0, {seeds}" if ratio.pairs else "no seed of both")
     span = f"{ratio.low:.2f}–{ratio.high:.2f}, " if ratio.low is not None and ratio.high is not None else ""
     return Cell(f"{ratio.value:.2f}", span + seeds)
 
