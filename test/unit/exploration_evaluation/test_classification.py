@@ -1,0 +1,155 @@
+"""Classification against truth in hand-made worlds; voxels are the truth's own cells of 0.1 m, so that areas are those on paper."""
+
+import math
+
+import numpy as np
+import pytest
+from hand_made_worlds import Mesh, box, join, plate, ramp, room
+
+from exploration_evaluation import reachable_ground
+from exploration_evaluation.classification import Classification, ClassificationConfig, classification, true_classes
+
+TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = range(5)
+START = (2.0, 2.0, 0.132)
+CONFIG = ClassificationConfig(horizontal_m=0.05, vertical_m=0.12, edge_m=0.1, voxel_m=0.1)
+PLACES = 28 * 28 * 0.01  # of the centre in a room of 4 x 4 m
+EDGE = (30 * 30 - 28 * 28) * 0.01  # one cell around them
+
+
+def floor(x1: float = 4.0, y1: float = 4.0, x0: float = 0.0, z: float = 0.0) -> np.ndarray:
+    x, y = np.meshgrid(np.arange(round((x1 - x0) * 10)) * 0.1 + x0 + 0.05, np.arange(round(y1 * 10)) * 0.1 + 0.05)
+    return np.column_stack([x.ravel(), y.ravel(), np.full(x.size, z)])
+
+
+def centre_may_be(voxels: np.ndarray, width: float = 4.0, depth: float = 4.0) -> np.ndarray:
+    return (voxels[:, :2] > 0.6).all(axis=1) & (voxels[:, 0] < width - 0.6) & (voxels[:, 1] < depth - 0.6)
+
+
+def judged(mesh: Mesh, voxels: np.ndarray, labels: np.ndarray) -> Classification:
+    return classification(true_classes(*mesh, reachable_ground(*mesh, START)), voxels, labels, CONFIG)
+
+
+def nothing_but(causes: dict[str, float], **expected: float) -> None:
+    named = {cause.replace("_", " "): area for cause, area in expected.items()}
+    assert causes == pytest.approx({cause: named.get(cause, 0.0) for cause in causes}, abs=1e-9)
+    assert set(named) <= set(causes)
+
+
+def test_right_labels_are_neither_falsely_safe_nor_falsely_unsafe() -> None:
+    voxels = floor()
+    found = judged(room(4, 4), voxels, np.where(centre_may_be(voxels), TRAVERSABLE, INFLATION))
+    assert (found.false_safe_m2, found.false_unsafe_m2) == (0.0, 0.0)
+    assert found.confusion_m2["drivable"]["traversable"] == pytest.approx(PLACES)
+    assert found.confusion_m2["cliff"] == pytest.approx(dict.fromkeys(found.confusion_m2["cliff"], 0.0))
+
+
+def test_map_without_voxels_is_unmapped_and_nothing_of_it_false() -> None:
+    found = judged(room(4, 4), np.zeros((0, 3)), np.zeros(0, np.uint8))
+    assert (found.false_safe_m2, found.false_unsafe_m2) == (0.0, 0.0)
+    row = found.confusion_m2["drivable"]
+    assert row["unmapped"] == sum(row.values()) > PLACES
+
+
+def test_floor_labelled_safe_up_to_the_walls_is_falsely_safe_but_for_the_places() -> None:
+    voxels = floor()
+    found = judged(room(4, 4), voxels, np.full(len(voxels), TRAVERSABLE))
+    nothing_but(found.false_safe_by_cause, obstacle=16.0 - PLACES - EDGE, edge=EDGE)
+    assert found.false_safe_m2 == pytest.approx(16.0 - PLACES)
+    assert found.false_unsafe_m2 == 0.0
+
+
+def test_plateau_labelled_safe_up_to_its_edge_is_falsely_safe_because_of_the_cliff() -> None:
+    voxels = floor()
+    found = judged(plate(0, 0, 4, 4), voxels, np.full(len(voxels), TRAVERSABLE))
+    nothing_but(found.false_safe_by_cause, cliff=16.0 - PLACES - EDGE, edge=EDGE)
+
+
+def test_edge_of_a_plateau_is_the_row_of_cliffs() -> None:
+    voxels = floor()
+    border = ((voxels[:, :2] < 0.1) | (voxels[:, :2] > 3.9)).any(axis=1)
+    labels = np.where(centre_may_be(voxels), TRAVERSABLE, np.where(border, CLIFF, INFLATION))
+    found = judged(plate(0, 0, 4, 4), voxels, labels)
+    # Of each side the cells within 0.7 m of a place: 28 across from places, and 3 more at either end.
+    nothing_but(found.confusion_m2["cliff"], cliff=4 * 34 * 0.01)
+    assert found.confusion_m2["obstacle"] == pytest.approx(dict.fromkeys(found.confusion_m2["obstacle"], 0.0))
+
+
+def test_walls_are_the_row_of_obstacles_one_cell_wide() -> None:
+    found = judged(room(4, 4), np.zeros((0, 3)), np.zeros(0, np.uint8))
+    solid = join(plate(-1, -1, 5, 5), *(box(low, high) for low, high in WALLS))
+    thick = judged(solid, np.zeros((0, 3)), np.zeros(0, np.uint8))
+    assert sum(found.confusion_m2["obstacle"].values()) == pytest.approx(4 * 34 * 0.01)
+    assert sum(thick.confusion_m2["obstacle"].values()) == pytest.approx(4 * 34 * 0.01)
+
+
+WALLS = (
+    ((-0.3, -0.3, 0), (0.0, 4.3, 2.0)),
+    ((4.0, -0.3, 0), (4.3, 4.3, 2.0)),
+    ((0.0, -0.3, 0), (4.0, 0.0, 2.0)),
+    ((0.0, 4.0, 0), (4.0, 4.3, 2.0)),
+)
+
+
+@pytest.mark.parametrize(("label", "cause"), [(OBSTACLE, "obstacle"), (CLIFF, "cliff"), (INFLATION, "inflation")])
+def test_good_square_metre_with_a_wrong_label_is_falsely_unsafe(label: int, cause: str) -> None:
+    voxels = floor()
+    square = (np.abs(voxels[:, :2] - 2.0) < 0.5).all(axis=1)
+    labels = np.where(square, label, np.where(centre_may_be(voxels), TRAVERSABLE, INFLATION))
+    found = judged(room(4, 4), voxels, labels)
+    nothing_but(found.false_unsafe_by_cause, **{cause: 1.0})
+    assert found.confusion_m2["drivable"][cause] >= 1.0
+
+
+def test_one_cell_too_much_inflation_is_the_edge_s() -> None:
+    voxels = floor()
+    inner = ((voxels[:, :2] > 0.7) & (voxels[:, :2] < 3.3)).all(axis=1)
+    found = judged(room(4, 4), voxels, np.where(inner, TRAVERSABLE, INFLATION))
+    nothing_but(found.false_unsafe_by_cause, edge=(28 * 28 - 26 * 26) * 0.01)
+
+
+def test_ground_beneath_a_low_ceiling_is_falsely_safe_because_of_it() -> None:
+    world = join(room(8, 4), plate(4, 0, 8, 4, 0.9))
+    voxels = floor(8.0)
+    labels = np.where(centre_may_be(voxels, 8.0) & ((voxels[:, 0] < 3.4) | (voxels[:, 0] > 4.0)), TRAVERSABLE, INFLATION)
+    found = judged(world, voxels, labels)
+    nothing_but(found.false_safe_by_cause, low_ceiling=34 * 28 * 0.01)
+
+
+def test_ground_too_steep_is_falsely_safe_because_it_is() -> None:
+    rise = math.tan(math.radians(40))
+    world = join(plate(0, 0, 4, 4), ramp(4, 0, 8, 4, 0, 4 * rise))
+    on_ramp = floor(8.0, x0=4.0)
+    on_ramp[:, 2] = (on_ramp[:, 0] - 4.0) * rise
+    voxels = np.vstack([floor(), on_ramp])
+    labels = np.where(centre_may_be(voxels) | ((voxels[:, 0] > 5.0) & (np.abs(voxels[:, 1] - 2.0) < 1.0)), TRAVERSABLE, INFLATION)
+    found = judged(world, voxels, labels)
+    nothing_but(found.false_safe_by_cause, too_steep=30 * 20 * 0.01)
+    steep = found.confusion_m2["obstacle"]
+    assert steep["inflation"] > 0.0 and steep["unmapped"] == 0.0
+
+
+def test_safe_voxels_in_the_air_have_no_ground() -> None:
+    found = judged(room(4, 4), floor(z=0.5), np.full(1600, TRAVERSABLE))
+    nothing_but(found.false_safe_by_cause, no_ground=16.0)
+
+
+def test_top_of_a_box_is_other_and_its_edge_an_obstacle_to_the_floor() -> None:
+    world = join(room(8, 4), box((4, 0, 0), (8, 4, 0.3)))
+    top = floor(8.0, x0=4.0, z=0.3)
+    voxels = np.vstack([floor(), top])
+    labels = np.full(len(voxels), TRAVERSABLE)
+    found = judged(world, voxels, labels)
+    assert found.false_safe_by_cause["cliff"] == found.false_safe_by_cause["low ceiling"] == 0.0
+    assert found.confusion_m2["other"]["traversable"] > 0.0
+
+
+def test_wrong_voxels_and_labels_are_refused() -> None:
+    true = true_classes(*room(4, 4), reachable_ground(*room(4, 4), START))
+    with pytest.raises(ValueError, match="one label each"):
+        classification(true, floor(), np.zeros(3))
+    with pytest.raises(ValueError, match=r"labels are 0\.\.4"):
+        classification(true, floor(), np.full(1600, 7))
+    with pytest.raises(ValueError, match="edge_m"):
+        classification(true, floor(), np.zeros(1600), ClassificationConfig(edge_m=-1.0))
+    with pytest.raises(ValueError, match="belong together"):
+        true_classes(*room(8, 8), reachable_ground(*plate(20, 20, 24, 24), (22, 22, 0.132)))
