@@ -2,7 +2,8 @@
 
 Small yards, each with one feature across them. Truth looks at the yard's mesh alone; then the simulated robot drives, by a scripted
 controller and without ROS: along truth's own cells to random reachable ones, and straight at random blocked ones. Truth's limits are
-those of the robot as specified, so a robot that leans by more than it may climb counts as stopped, even where its wheels hold.
+those of the robot as specified, so a robot that leans by more than it may climb counts as stopped, even where its wheels hold (with
+the simulation's friction of 1 they climb 45 degrees), and so does one that touches what it could scrape over.
 """
 
 import math
@@ -96,11 +97,20 @@ def nearest_place(ground: ReachableGround, xy: tuple[float, float] | Floats) -> 
     return int(np.argmin(np.linalg.norm(ground.points[:, :2] - np.asarray(xy), axis=1)))
 
 
+def then_straight(way: Floats, *stops: Floats) -> Floats:
+    """A way that goes on straight to each of some more points, in steps of a cell."""
+    for stop in stops:
+        steps = max(2, round(float(np.linalg.norm(stop - way[-1, :2])) / 0.1) + 1)
+        way = np.vstack([way[:, :2], np.linspace(way[-1, :2], stop, steps)[1:]])
+    return way
+
+
 @dataclass(frozen=True)
 class Drive:
-    """How a drive ended: nearest distance to the goal, and what happened on the way (None: nothing)."""
+    """How a drive ended: nearest distance to the goal, the largest x on the way, and what stopped it (None: nothing)."""
 
     left_m: float
+    farthest_x: float
     trouble: str | None
 
     @property
@@ -119,21 +129,21 @@ def drive(world: World, way: Floats, seed: int, turn_at_goal: bool = False) -> D
 
 def _driven(simulation: Simulation, way: Floats, turn_at_goal: bool) -> Drive:
     length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
-    left, turned = math.inf, 0.0
+    left, farthest, turned = math.inf, -math.inf, 0.0
     for _ in range(round((length / SPEED * 2.0 + 12.0) / TICK_S)):
         pose = simulation.T_world_base
-        left = min(left, float(np.linalg.norm(way[-1] - pose[:2, 3])))
+        left, farthest = min(left, float(np.linalg.norm(way[-1] - pose[:2, 3]))), max(farthest, float(pose[0, 3]))
         there = left <= ARRIVED_M
         if there and (not turn_at_goal or turned > 2.0 * math.pi):
-            return Drive(left, None)
+            return Drive(left, farthest, None)
         v, w = (0.0, TURN_RATE) if there else _command(pose, way)
         turned += abs(w) * TICK_S * there
         data = simulation.tick(v, w)
         if data.contacts:
-            return Drive(left, f"touched with {data.contacts[0].link}")
+            return Drive(left, farthest, f"touched with {data.contacts[0].link}")
         if math.acos(min(1.0, data.truth.T_world_base[2, 2])) > LEANING_RAD:
-            return Drive(left, "leaned too far")
-    return Drive(left, "got no farther")
+            return Drive(left, farthest, "leaned too far")
+    return Drive(left, farthest, "got no farther")
 
 
 def _command(pose: Floats, way: Floats) -> tuple[float, float]:
@@ -164,9 +174,10 @@ def test_cells_that_truth_calls_blocked_are_not_reached_straight_ahead(name: str
     for _ in range(3):
         goal = rng.uniform((MIDDLE + 0.6, 0.7), (LENGTH - 0.7, WIDTH - 0.7))
         assert np.linalg.norm(ground.points[:, :2] - goal, axis=1).min() > 0.5, "truth reaches beyond the feature"
-        way = np.vstack([way_to(ground, nearest_place(ground, (2.5, goal[1])))[:, :2], goal])
+        way = then_straight(way_to(ground, nearest_place(ground, (2.5, goal[1]))), goal)
         end = drive(world, way, int(1000 * goal[0]))
         assert not end.arrived, f"{goal.round(2)}: {end}"
+        assert end.farthest_x > MIDDLE - 0.8, f"it never came to the feature: {end}"
 
 
 def test_places_beside_a_wall_that_truth_leaves_out_are_too_narrow_to_turn_on() -> None:
@@ -177,5 +188,5 @@ def test_places_beside_a_wall_that_truth_leaves_out_are_too_narrow_to_turn_on() 
         assert np.linalg.norm(ground.points[:, :2] - goal, axis=1).min() > 0.1
         before = ground.points[nearest_place(ground, (x - 1.2, goal[1]))]
         beside = np.array([before[0] + 0.6, goal[1]])
-        end = drive(world, np.vstack([way_to(ground, nearest_place(ground, before[:2]))[:, :2], beside, goal]), 1, turn_at_goal=True)
+        end = drive(world, then_straight(way_to(ground, nearest_place(ground, before[:2])), beside, goal), 1, turn_at_goal=True)
         assert end.trouble is not None and "touched" in end.trouble, f"{goal.round(2)}: {end}"
