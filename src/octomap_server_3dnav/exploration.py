@@ -22,7 +22,7 @@ from rigid_geometry import as_transform, yaw_of
 from rigid_geometry.transforms import Transform
 from stage_config import check_ranges, parameter
 
-RunsWithin = Callable[[float | None], ColumnRuns]
+TerrainWithin = Callable[[float | None], Terrain]
 
 
 class DecisionKind(Enum):
@@ -134,20 +134,18 @@ class ExplorationPlanner:
             raise ValueError(f"a frontier is three finite numbers, not {frontier_xyz!r}")
         self._place(frontier_xyz).failures.append(reason)
 
-    def decide(self, runs_within: RunsWithin | ColumnRuns, T_map_base: Transform, local: Terrain | None = None) -> Decision:
+    def decide(self, terrain_within: TerrainWithin | ColumnRuns, T_map_base: Transform) -> Decision:
         """The next goal, or why there is none, for the robot at `T_map_base` after a sweep.
 
-        `runs_within` gives the columns at least within a radius in metres around the robot (None: all), or is the whole map itself;
-        `local`: the terrain within `local_radius_m`, where it was classified after this sweep already. ValueError for a transform that
-        is not rigid.
+        `terrain_within` gives the terrain classified within a radius in metres around the robot (None: all), or is the whole map.
+        ValueError for a transform that is not rigid.
         """
         T_map_base = as_transform(T_map_base)
         for radius in (self.config.local_radius_m, None):
-            if radius is not None and local is not None:
-                terrain = local
+            if isinstance(terrain_within, ColumnRuns):
+                terrain = classify(terrain_within, T_map_base, self.terrain_config, radius)
             else:
-                runs = runs_within if isinstance(runs_within, ColumnRuns) else runs_within(radius)
-                terrain = classify(runs, T_map_base, self.terrain_config, radius)
+                terrain = terrain_within(radius)
             scope = "global" if radius is None else "local"
             if terrain.departure is None and radius is None:
                 return self._decision(DecisionKind.TRAPPED, self._why_trapped(terrain), terrain, scope, 0)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of, terrain_of
 from virtual_explorer import explore
 
 from octomap_server_3dnav.exploration import DecisionKind, ExplorationConfig, ExplorationPlanner, Validity
@@ -79,11 +79,11 @@ def test_robot_does_not_turn_to_the_frontier_on_a_slope(degrees, faces):
 def test_whole_map_is_searched_when_nothing_is_near():
     asked = []
 
-    def runs_within(radius):
+    def terrain_within(radius):
         asked.append(radius)
-        return runs_of(opening(room(150, 60)))
+        return terrain_of(opening(room(150, 60)), pose(1.6, 2.0), radius)
 
-    decision = ExplorationPlanner().decide(runs_within, pose(1.6, 2.0))
+    decision = ExplorationPlanner().decide(terrain_within, pose(1.6, 2.0))
     assert decision.kind is GOAL and decision.scope == "global" and asked == [6.0, None]
 
 
