@@ -6,9 +6,9 @@ What a worker of the cluster calls. It dies with its worker, and a run that hang
 import contextlib
 import ctypes
 import os
+import random
 import shutil
 import signal
-import socket
 import subprocess
 import time
 from dataclasses import dataclass
@@ -17,10 +17,12 @@ from typing import Any
 
 from evaluation_campaign.plan import OUTCOME_FILE, Limits, RunSpec
 from exploration_evaluation import read_json, write_json
+from explore_command.launching import free_port
 
 _GRACE_S = 90.0  # for nodes to save and the judge to score after an interrupt
 _LEAST_FREE_BYTES = 500 * 2**20
 _PR_SET_PDEATHSIG = 1
+_PORTS = range(11400, 14400)  # at random: runs that begin together on one machine must not choose the same
 
 
 class DiskFull(OSError):
@@ -67,7 +69,7 @@ def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
     """Exit code, and whether it ended by itself within the wall limit."""
     spec = request.spec
     command = [str(request.project / "explore"), "--headless", "--force", "--world", spec.world, "--seed", str(spec.seed)]
-    command += ["--profile", spec.profile, "--out", str(folder), "--port", str(_free_port())]
+    command += ["--profile", spec.profile, "--out", str(folder), "--port", str(free_port(random.sample(_PORTS, 100)))]
     command += ["--max-sim-time", str(request.limits.sim_s)]
     with (folder.parent / f".{folder.name}.log").open("w") as log:
         process = subprocess.Popen(
@@ -136,12 +138,6 @@ def _family(root: int) -> list[int]:
 
 def _end_with_worker() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
-
-
-def _free_port() -> int:
-    with socket.socket() as s:
-        s.bind(("", 0))
-        return int(s.getsockname()[1])
 
 
 def _ending(folder: Path, exit_code: int, in_time: bool) -> dict[str, Any]:

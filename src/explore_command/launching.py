@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TextIO
 
@@ -15,7 +16,7 @@ import yaml
 from explore_command.arguments import NAMED_WORLDS, ExploreArguments
 from explore_command.parameters import all_overrides, override_problems
 
-_DEFAULT_PORT = 11311
+ROS_PORTS = range(11311, 11400)
 _SHUTDOWN_S = 60
 _PR_SET_PDEATHSIG = 1
 _MONITOR_MARK = "[explore]"
@@ -43,16 +44,16 @@ def parameter_problem(arguments: ExploreArguments) -> str | None:
     return f"--profile, --set: wrong parameter: {'; '.join(problems)}" if problems else None
 
 
-def free_port() -> int:
-    """ROS's usual port when nobody has it, else any free one."""
-    for port in (_DEFAULT_PORT, 0):
+def free_port(among: Iterable[int] = ROS_PORTS) -> int:
+    """The first port that nobody has: ROS's usual one, else one near it, below those that the system hands out to whoever asks."""
+    for port in among:
         with socket.socket() as s:
             try:
                 s.bind(("", port))
-                return int(s.getsockname()[1])
+                return port
             except OSError:
                 continue
-    raise OSError("no free port for a ROS master")
+    raise OSError(f"no free port for a ROS master in {among}")
 
 
 def _joined(values: tuple[float, ...] | None) -> str:
