@@ -22,7 +22,12 @@ from explore_command.parameters import NODE_CONFIGS, config_class  # noqa: E402
 from stage_config import documented  # noqa: E402
 
 TARGET = ROOT / "docs" / "parameters.md"
-JUDGE_CONFIGS = ("exploration_evaluation.config.RobotShape", "exploration_evaluation.config.EvaluationConfig")
+JUDGE_CONFIGS = (
+    "exploration_evaluation.config.RobotShape",
+    "exploration_evaluation.config.EvaluationConfig",
+    "exploration_evaluation.visible_surface.VisibilityConfig",
+    "exploration_evaluation.classification.ClassificationConfig",
+)
 HEADER = ("Parameter", "Default", "Unit", "Allowed", "Meaning")
 INTRODUCTION = """# Parameters
 

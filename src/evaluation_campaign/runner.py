@@ -50,6 +50,7 @@ def make_run(request: RunRequest) -> dict[str, Any]:
     attempts = _count_attempt(folder)
     started, begun = time.strftime("%Y-%m-%dT%H:%M:%S"), time.monotonic()
     exit_code, in_time = _explore(request, folder)
+    _draw_missed(folder)
     spec = request.spec
     outcome = {
         "world": spec.world,
@@ -63,6 +64,14 @@ def make_run(request: RunRequest) -> dict[str, Any]:
     }
     write_json(folder / OUTCOME_FILE, outcome)
     return outcome
+
+
+def _draw_missed(folder: Path) -> None:
+    """map_missed.png for the report, where the run left enough for it."""
+    from evaluation_report import missed_view  # matplotlib takes a second to load, and only runs that are over need it
+
+    with contextlib.suppress(ValueError):
+        missed_view(folder)
 
 
 def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:

@@ -30,6 +30,7 @@ from exploration_evaluation.run_files import (
 )
 from exploration_evaluation.scores import Motion, TrajectoryErrors, coverage, divided_voxels, map_error, motion, trajectory_errors
 from exploration_evaluation.shortest_path import path_ratio, shortest_length
+from exploration_evaluation.surface_scores import NO_SURFACE_SCORES, surface_scores
 from exploration_evaluation.truth import ReachableGround, reachable_ground
 from rigid_geometry import transform_points
 
@@ -68,7 +69,9 @@ def evaluate_run(
     success, coverage, map_rmse_m, map_p95_m, trajectory_ate_m, trajectory_origin_error_m, map_tilt_rad, collisions,
     collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m, reachable_area_m2,
     turning_area_m2, coverage_curve (a CurvePoint a sweep), rpe_translation_m, rpe_rotation_rad, shortest_length_m, path_ratio,
-    activity_s, compute_s, runtime_s, and "missing": what is None and why. ValueError when the folder does not exist.
+    activity_s, compute_s, runtime_s, visible_surface_m2, seen_surface_share, map_completeness_rms_m, map_completeness_p95_m,
+    classification (confusion, false-safe and false-unsafe ground), and "missing": what is None and why. ValueError when the folder does
+    not exist.
     """
     folder = Path(directory)
     if not folder.is_dir():
@@ -99,12 +102,14 @@ class _Judgement:
             **self._map_error(errors),
             **self._activity(truth, reported.get("sim_time_s")),
             **dict.fromkeys(_OVER_THE_RUN),
+            **NO_SURFACE_SCORES,
         }
         if estimate is not None and truth is not None and errors is not None:
             scores |= self._relative_error(estimate, truth)
             if ground is not None:
                 scores["coverage_curve"] = self._try("coverage curve", lambda: self._curve(reported, estimate, truth, errors, ground))
                 scores |= self._way(estimate, truth, ground)
+                scores |= surface_scores(self._folder, self._mesh, ground, errors.T_world_map, self._robot, self._config.cell_m, self._try)
         success = _succeeded(reported.get("stop_reason"), scores["fell"], scores["collisions"], self._map_saved())
         return {"success": success, **reported, **scores, "missing": self._missing}
 

@@ -66,7 +66,7 @@ class SimulationConfig:
     slew_rate_rps: float = parameter(3.5, "rad/s", "tilt rate on the way to the start of a sweep and back to level", low=0.1, high=4.0)
     tilt_acceleration_rps2: float = parameter(30.0, "rad/s^2", "acceleration of the tilt drive", low=1.0, high=500.0)
     wheel_contact_slope_rad: float = parameter(
-        1.05, "rad", "a wheel on a surface steeper than this touches an obstacle, not ground", low=0.5, high=1.57
+        1.17, "rad", "a wheel on a surface steeper than this touches an obstacle, not ground: a step of 0.10 m", low=0.5, high=1.57
     )
     contact_force_min_n: float = parameter(1.0, "N", "weaker touches are not reported", low=0.0, high=1000.0)
 
