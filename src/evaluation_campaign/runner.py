@@ -146,6 +146,8 @@ def _family(root: int) -> list[int]:
 
 
 def _end_with_worker() -> None:
+    """In the child: SIGINT when the worker dies, and heard also where the campaign itself ignores it, as in a shell's background."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
 
 
