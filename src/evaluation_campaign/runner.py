@@ -4,7 +4,6 @@ What a worker of the cluster calls. It dies with its worker, and a run that hang
 """
 
 import contextlib
-import ctypes
 import os
 import random
 import shutil
@@ -17,11 +16,10 @@ from typing import Any
 
 from evaluation_campaign.plan import OUTCOME_FILE, Limits, RunSpec
 from exploration_evaluation import read_json, write_json
-from explore_command.launching import free_port
+from roslaunch_process import end_with_parent, free_port
 
 _GRACE_S = 90.0  # for nodes to save and the judge to score after an interrupt
 _LEAST_FREE_BYTES = 500 * 2**20
-_PR_SET_PDEATHSIG = 1
 _PORTS = range(11400, 14400)  # at random: runs that begin together on one machine must not choose the same
 
 
@@ -82,7 +80,7 @@ def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
     command += ["--max-sim-time", str(request.limits.sim_s)]
     with (folder.parent / f".{folder.name}.log").open("w") as log:
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=_end_with_worker
+            command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=end_with_parent
         )
         try:
             return process.wait(request.limits.wall_s), True
@@ -143,12 +141,6 @@ def _family(root: int) -> list[int]:
     for pid in family:
         family += children.get(pid, [])
     return family
-
-
-def _end_with_worker() -> None:
-    """In the child: SIGINT when the worker dies, and heard also where the campaign itself ignores it, as in a shell's background."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
 
 
 def _ending(folder: Path, exit_code: int, in_time: bool) -> dict[str, Any]:

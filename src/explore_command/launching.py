@@ -1,24 +1,16 @@
 """Starts roslaunch with a master on a free port, hands Ctrl-C on, and turns the summary into an exit code."""
 
-import ctypes
 import json
-import os
-import signal
-import socket
-import subprocess
 import sys
-from collections.abc import Iterable
 from pathlib import Path
-from typing import TextIO
 
 import yaml
 
 from explore_command.arguments import NAMED_WORLDS, ExploreArguments
 from explore_command.parameters import all_overrides, override_problems
+from roslaunch_process import free_port, hand_on_signals, shown_lines, start_launch
 
-ROS_PORTS = range(11311, 11400)
 _SHUTDOWN_S = 60
-_PR_SET_PDEATHSIG = 1
 _MONITOR_MARK = "[explore]"
 
 
@@ -44,25 +36,13 @@ def parameter_problem(arguments: ExploreArguments) -> str | None:
     return f"--profile, --set: wrong parameter: {'; '.join(problems)}" if problems else None
 
 
-def free_port(among: Iterable[int] = ROS_PORTS) -> int:
-    """The first port that nobody has: ROS's usual one, else one near it, below those that the system hands out to whoever asks."""
-    for port in among:
-        with socket.socket() as s:
-            try:
-                s.bind(("", port))
-                return port
-            except OSError:
-                continue
-    raise OSError(f"no free port for a ROS master in {among}")
-
-
 def _joined(values: tuple[float, ...] | None) -> str:
     return " ".join(f"{v:g}" for v in values) if values else ""
 
 
-def launch_arguments(arguments: ExploreArguments, overrides: str) -> list[str]:
-    """The launch file's arguments, name:=value."""
-    values = {
+def launch_arguments(arguments: ExploreArguments, overrides: str) -> dict[str, object]:
+    """The launch file's arguments by name."""
+    return {
         "world": arguments.world,
         "seed": arguments.seed,
         "start": _joined(arguments.start),
@@ -76,11 +56,6 @@ def launch_arguments(arguments: ExploreArguments, overrides: str) -> list[str]:
         "max_sim_time": arguments.max_sim_time_s,
         "overrides": overrides,
     }
-    return [f"{name}:={value}" for name, value in values.items()]
-
-
-def _end_with_parent() -> None:
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
 
 
 def _write_overrides(arguments: ExploreArguments) -> str:
@@ -92,43 +67,19 @@ def _write_overrides(arguments: ExploreArguments) -> str:
     return str(path)
 
 
-def _show(launch: "subprocess.Popen[str]", log: TextIO) -> None:
-    """Writes all output to the log, and the monitor's lines to the terminal, status lines over each other where it is one."""
-    live = sys.stdout.isatty()
-    assert launch.stdout is not None
-    for line in launch.stdout:
-        log.write(line)
-        log.flush()
-        _, found, text = line.rstrip().partition(_MONITOR_MARK)
-        if found and live and text.startswith(" t="):
-            print(f"\r\x1b[K{text.strip()}", end="", flush=True)
-        elif found:
-            print(("\n" if live else "") + text.strip(), flush=True)
-
-
 def run_launch(arguments: ExploreArguments) -> int:
     """Runs the launch file to its end; 0 when the run succeeded, 2 for a wrong parameter, else 1."""
     port = arguments.port or free_port()
-    environment = dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_LOG_DIR=str(arguments.out / "log"))
-    command = ["roslaunch", "--port", str(port), f"--sigint-timeout={_SHUTDOWN_S}", "explore_3dnav", "explore.launch"]
-    command += launch_arguments(arguments, _write_overrides(arguments))
     print(
         f"exploring {arguments.world}, seed {arguments.seed}; results in {arguments.out}; ROS_MASTER_URI=http://localhost:{port}",
         flush=True,
     )
-    with (arguments.out / "roslaunch.log").open("w") as log:
-        launch = subprocess.Popen(
-            command,
-            env=environment,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            start_new_session=True,
-            preexec_fn=_end_with_parent,
-        )
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-            signal.signal(number, lambda _n, _f: launch.send_signal(signal.SIGINT))
-        _show(launch, log)
+    values = launch_arguments(arguments, _write_overrides(arguments))
+    with (arguments.out / "roslaunch.log").open("w", buffering=1) as log:
+        launch = start_launch("explore.launch", values, port, arguments.out / "log", _SHUTDOWN_S)
+        hand_on_signals(launch)
+        for line in shown_lines(launch, _MONITOR_MARK):
+            log.write(f"{line}\n")
         launch.wait()
     return _exit_code(arguments.out)
 

@@ -22,7 +22,13 @@ STAGES = {
     "sweep_assembly",
 }
 ADAPTERS = "ros_adapters"
-PROGRAMS = {"explore_command", "evaluation_campaign", "evaluation_report", "run_replay"}  # they use stages, and no stage uses them
+PROGRAMS = {
+    "explore_command",
+    "evaluation_campaign",
+    "evaluation_report",
+    "roslaunch_process",
+    "run_replay",
+}  # they use stages, and no stage uses them
 ROS = {
     "rospy",
     "tf2_ros",

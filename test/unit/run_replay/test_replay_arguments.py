@@ -35,7 +35,7 @@ def test_folder_is_played_ten_times_as_fast_as_it_was(tmp_path: Path) -> None:
     folder = run_folder(tmp_path / "run")
     arguments = parse([str(folder), "--headless"])
     assert (arguments.run, arguments.bag, arguments.other, arguments.speed) == (folder, None, None, 10.0)
-    assert launch_arguments(arguments) == [f"run:={folder}", "other:=", "bag:=", "speed:=10", "rviz:=false"]
+    assert launch_arguments(arguments) == {"run": folder, "other": "", "bag": "", "speed": "10", "rviz": "false"}
 
 
 def test_bag_is_known_by_being_a_file(tmp_path: Path) -> None:

@@ -1,0 +1,9 @@
+"""roslaunch as a child of a command: a master's port, one life with its parent, Ctrl-C handed on, and the lines that are for the terminal.
+
+Below the programs ./explore, ./replay and ./evaluate.
+"""
+
+from roslaunch_process.children import end_with_parent
+from roslaunch_process.launch import ROS_PORTS, free_port, hand_on_signals, shown_lines, start_launch
+
+__all__ = ["ROS_PORTS", "end_with_parent", "free_port", "hand_on_signals", "shown_lines", "start_launch"]

@@ -1,0 +1,75 @@
+"""A launch file of the package under a master on a free port."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+
+from roslaunch_process.children import end_with_parent
+
+ROS_PORTS = range(11311, 11400)
+_PACKAGE = "explore_3dnav"
+_STATUS = " t="
+
+
+def free_port(among: Iterable[int] = ROS_PORTS) -> int:
+    """The first port that nobody has: ROS's usual one, else one near it, below those that the system hands out to whoever asks."""
+    for port in among:
+        with socket.socket() as s:
+            try:
+                s.bind(("", port))
+                return port
+            except OSError:
+                continue
+    raise OSError(f"no free port for a ROS master in {among}")
+
+
+def start_launch(
+    file: str, arguments: Mapping[str, object], port: int, log_folder: Path, sigint_timeout_s: int, sigterm_timeout_s: int = 2
+) -> "subprocess.Popen[str]":
+    """roslaunch with name:=value arguments, its output in a pipe, in a process group of its own; it ends when the caller dies."""
+    timeouts = [f"--sigint-timeout={sigint_timeout_s}", f"--sigterm-timeout={sigterm_timeout_s}"]
+    command = ["roslaunch", "--port", str(port), *timeouts, _PACKAGE, file]
+    return subprocess.Popen(
+        [*command, *(f"{name}:={value}" for name, value in arguments.items())],
+        env=dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_LOG_DIR=str(log_folder)),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        errors="replace",
+        start_new_session=True,
+        preexec_fn=end_with_parent,
+    )
+
+
+def hand_on_signals(launch: "subprocess.Popen[str]") -> list[int]:
+    """From now on SIGINT, SIGTERM and SIGHUP interrupt the launch; the signals that were caught so far, a list that grows."""
+    caught: list[int] = []
+
+    def hand_on(number: int, _frame: object) -> None:
+        caught.append(number)
+        launch.send_signal(signal.SIGINT)
+
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, hand_on)
+    return caught
+
+
+def shown_lines(launch: "subprocess.Popen[str]", mark: str, is_hidden: Callable[[str], bool] = lambda _: False) -> Iterator[str]:
+    """All lines of output as they come; what follows `mark` goes to the terminal, status lines over each other where it is one."""
+    live, below_status = sys.stdout.isatty(), False
+    assert launch.stdout is not None
+    for line in launch.stdout:
+        yield line.rstrip()
+        _, found, text = line.rstrip().partition(mark)
+        if found and live and text.startswith(_STATUS):
+            print(f"\r\x1b[K{text.strip()}", end="", flush=True)
+            below_status = True
+        elif found and not is_hidden(text.strip()):
+            print(("\n" if below_status else "") + text.strip(), flush=True)
+            below_status = False
+    if below_status:
+        print(flush=True)
