@@ -3,6 +3,7 @@
 import argparse
 import os
 import platform
+import signal
 import subprocess
 import sys
 import time
@@ -118,7 +119,13 @@ def run_campaign(campaign: Campaign, options: argparse.Namespace) -> None:
             run_all(campaign, client, PROJECT, _Progress(campaign))
 
 
+def _interrupt(_number: int, _frame: object) -> None:
+    raise KeyboardInterrupt
+
+
 def main(arguments: list[str] | None = None) -> int:
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, _interrupt)  # also where a shell's background ignores the first
     try:
         campaign, options = parse(arguments)
         open_campaign(campaign, about(options.jobs))

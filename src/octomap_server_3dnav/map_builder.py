@@ -16,7 +16,7 @@ from stage_config import check_ranges, parameter
 
 _LEVER_M = 4.0  # a turned sweep counts as moved by what its points at this distance move
 
-RUNS_MARGIN_M = 2.5  # columns beyond a classified radius that inflation and the look for cliffs read
+RUNS_MARGIN_M = 2.25  # columns beyond a classified radius that inflation and the look for cliffs read
 
 
 @dataclass(frozen=True)

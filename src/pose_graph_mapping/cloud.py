@@ -173,12 +173,12 @@ def normalised(vectors: Array) -> Array:
     return np.where(lengths > 1e-6, vectors / np.maximum(lengths, 1e-6), 0.0)
 
 
-def with_normals(cloud: PointCloud, neighbours: int) -> PointCloud:
+def with_normals(cloud: PointCloud, neighbours: int, threads: int = NORMAL_THREADS) -> PointCloud:
     """The cloud with the normal of the plane through each point's neighbours, turned to the beam's origin where that is known."""
     if len(cloud) == 0:
         return PointCloud(cloud.points, cloud.origins, np.zeros((0, 3)), cloud.dropped)
     estimate = small_gicp.PointCloud(cloud.points)
-    small_gicp.estimate_normals_covariances(estimate, num_neighbors=neighbours, num_threads=NORMAL_THREADS)
+    small_gicp.estimate_normals_covariances(estimate, num_neighbors=neighbours, num_threads=threads)
     normals = np.asarray(estimate.normals())[:, :3]
     if cloud.origins is not None:
         away = np.einsum("ij,ij->i", normals, cloud.origins - cloud.points) < 0.0
@@ -219,3 +219,9 @@ def viewpoints(origins: Array, radius_m: float = 0.5, most: int = 64) -> tuple[A
         index[near] = k
         centres.append(origins[near].mean(axis=0))
     return np.array(centres).reshape(-1, 3), index
+
+
+def compile_kernels() -> None:
+    """Compiles the kernels of voxel averaging for the types that a sweep passes."""
+    one = np.zeros((1, 3))
+    voxel_downsample(PointCloud(one, one, one), 1.0)

@@ -135,9 +135,12 @@ class PoseGraphMapper:
         return self._update(before, placed, correction, tuple(loops), sweep.dropped)
 
     def finish_cloud(self) -> None:
-        """Estimates the normals of the last sweep's cloud, which the next matches need; for whoever has time before the next sweep."""
+        """Estimates the normals of the last sweep's cloud, which the next matches need; for whoever has time before the next sweep.
+
+        By one thread: others classify meanwhile.
+        """
         if self._clouds and self._clouds[-1].normals is None:
-            self._clouds[-1] = with_normals(self._clouds[-1], self._config.vertex_normal_neighbours)
+            self._clouds[-1] = with_normals(self._clouds[-1], self._config.vertex_normal_neighbours, threads=1)
 
     def area_cloud(self, distance_m: float) -> PointCloud:
         """The clouds of all vertices within `distance_m` of the last one along the graph, merged, in the map frame."""

@@ -157,3 +157,9 @@ def judge(ratio: float, overlap: float, contradiction: float, weak: Degeneracy, 
     if len(weak.directions):
         return Verdict.DEGENERATE, f"{len(weak.directions)} directions are not held by the points and keep the guess"
     return Verdict.ACCEPTED, f"overlap {overlap:.2f}, contradiction {100 * contradiction:.2f} %"
+
+
+def compile_kernels() -> None:
+    """Compiles the kernels of the free-space check for the types that a match passes."""
+    config, ahead = RegistrationConfig(), np.array([[1.0, 0.0, 0.0]])
+    _count_in_front(ahead, np.zeros(3), range_image(ahead, np.zeros(3)), config.free_space_margin_m, config.free_space_margin_ratio)
