@@ -30,10 +30,13 @@ def _rows(s: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [
         ("coverage", f"{_share(s, 'coverage')} of {_value(s, 'reachable_area_m2', '.1f', ' m2')} of reachable ground"),
         ("map error", f"RMS {_cm(s, 'map_rmse_m')}, 95 % under {_cm(s, 'map_p95_m')}, tilted by {_degrees(s, 'map_tilt_rad')}"),
+        ("completeness", f"{_share(s, 'seen_surface_share')} of {_value(s, 'visible_surface_m2', '.0f', ' m2')} that can be seen"),
+        ("terrain", _terrain(s.get("classification") or {})),
         ("trajectory", f"ATE {_cm(s, 'trajectory_ate_m')}, from the first pose {_cm(s, 'trajectory_origin_error_m')}"),
         ("collisions", _collisions(s)),
         ("tilt", f"at most {_degrees(s, 'max_tilt_rad')}, fell: {_value(s, 'fell')}"),
         ("driven", f"{_value(s, 'distance_m', '.1f', ' m')} in {_clock(s, 'sim_time_s')} simulated, {_clock(s, 'wall_time_s')} wall time"),
+        ("shortest way", f"{_value(s, 'shortest_length_m', '.1f', ' m')}; driven {_value(s, 'path_ratio', '.2f')} of it"),
         ("sweeps", f"{_value(s, 'sweeps')}, {_value(s, 'loop_closures')} loop closures, {_value(s, 'refused_matches')} matches refused"),
         ("classification", f"local {_classified(s, 'local')}, global {_classified(s, 'global')}"),
         ("version", _value(s, "version")),
@@ -78,6 +81,15 @@ def _collisions(s: Mapping[str, Any]) -> str:
     if not s.get("collisions"):
         return count
     return f"{count}, at up to {_value(s, 'collision_top_speed_mps', '.2f', ' m/s')} and {_value(s, 'collision_top_force_n', '.0f', ' N')}"
+
+
+def _terrain(s: Mapping[str, Any]) -> str:
+    """Ground that is classified wrongly, without the part within a voxel of the true border, which resolution alone makes."""
+    parts = []
+    for kind in ("safe", "unsafe"):
+        area, edge = s.get(f"false_{kind}_m2"), (s.get(f"false_{kind}_by_cause") or {}).get("edge")
+        parts.append(_UNKNOWN if area is None or edge is None else f"{area - edge:.1f} m2")
+    return f"wrongly safe {parts[0]}, wrongly unsafe {parts[1]}, beyond a voxel from the border"
 
 
 def _classified(s: Mapping[str, Any], scope: str) -> str:
