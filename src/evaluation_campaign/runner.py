@@ -54,7 +54,7 @@ def make_run(request: RunRequest) -> dict[str, Any]:
         "world": spec.world,
         "seed": spec.seed,
         "profile": spec.profile,
-        **_ending(folder, exit_code, in_time),
+        **_ending(request, folder, exit_code, in_time),
         "exit_code": exit_code,
         "wall_s": round(time.monotonic() - begun, 1),
         "started": started,
@@ -143,14 +143,15 @@ def _family(root: int) -> list[int]:
     return family
 
 
-def _ending(folder: Path, exit_code: int, in_time: bool) -> dict[str, Any]:
-    """Status and, where the run is not finished, why."""
+def _ending(request: RunRequest, folder: Path, exit_code: int, in_time: bool) -> dict[str, Any]:
+    """Status and, where the run is not finished, why; without this machine's paths, for reports are passed on."""
     if not in_time:
         return {"status": "wall limit", "error": "ended from outside after the limit of wall time"}
     try:
         reason = str(read_json(folder / "summary.json").get("stop_reason"))
     except ValueError as error:
-        return {"status": "crashed", "error": f"exit code {exit_code}, {error}: {_last_words(folder)}"}
+        text = f"exit code {exit_code}, {error}: {_last_words(folder)}"
+        return {"status": "crashed", "error": text.replace(f"{request.out}/", "").replace(f"{request.project}/", "")}
     if reason.startswith("time limit"):
         return {"status": "sim limit", "error": reason}
     if reason.startswith(("node died", "interrupted")):

@@ -51,9 +51,10 @@ def test_reason_of_the_stop_gives_the_status(tmp_path, reason, status):
 
 
 def test_run_without_a_summary_has_crashed_and_its_last_words_are_kept(tmp_path):
-    outcome = make_run(request_with(tmp_path, "echo it broke\nexit 7\n"))
+    outcome = make_run(request_with(tmp_path, 'echo "it broke in $out"\nexit 7\n'))
     assert (outcome["status"], outcome["exit_code"]) == ("crashed", 7)
-    assert "it broke" in outcome["error"] and "exit code 7" in outcome["error"]
+    assert "it broke in runs/ours/rooms-3" in outcome["error"] and "exit code 7" in outcome["error"]
+    assert str(tmp_path) not in outcome["error"]
 
 
 def test_run_that_hangs_is_interrupted_at_the_wall_limit(tmp_path):
