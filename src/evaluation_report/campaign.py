@@ -14,6 +14,7 @@ from typing import Any
 from exploration_evaluation import read_json
 
 REFERENCE_PROFILE = "ours"
+GOOD_COVERAGE = 0.90  # a run that ended well with less left larger parts unexplored: the thesis marks such with "~" and counts them apart
 
 
 class Status(enum.Enum):
@@ -24,6 +25,14 @@ class Status(enum.Enum):
     WALL_LIMIT = "wall limit"
     SIM_LIMIT = "sim limit"
     MISSING = "missing"
+
+
+class Grade(enum.Enum):
+    """The marks of the thesis's tables 7.1 and 7.2."""
+
+    GOOD = "✓"
+    PARTIAL = "~"
+    FAILED = "×"
 
 
 @dataclass(frozen=True)
@@ -45,13 +54,20 @@ class Run:
 
     @property
     def verdict(self) -> bool | None:
-        """Whether it succeeded; a crash or a limit is a failure, a missing run or one that could not be judged is None."""
+        """Whether it succeeded; a crash, a limit and a partial success are failures, a missing run or one without judgement is None."""
+        return None if self.grade is None else self.grade is Grade.GOOD
+
+    @property
+    def grade(self) -> Grade | None:
+        """As the thesis grades its runs; None for a missing run or one that could not be judged."""
         if self.status is Status.MISSING:
             return None
-        if self.status is not Status.FINISHED:
-            return False
-        success = self.summary.get("success")
-        return success if isinstance(success, bool) else None
+        if self.status is not Status.FINISHED or self.summary.get("success") is False:
+            return Grade.FAILED
+        coverage = self.number("coverage")
+        if self.summary.get("success") is not True or coverage is None:
+            return None
+        return Grade.GOOD if coverage >= GOOD_COVERAGE else Grade.PARTIAL
 
     @property
     def averaged(self) -> bool:

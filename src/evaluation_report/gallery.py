@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from evaluation_report.campaign import Campaign, Run, Status, world_name
+from evaluation_report.campaign import Campaign, Grade, Run, Status, world_name
 from evaluation_report.config import ReportConfig
 from evaluation_report.measures import missed_area
 from evaluation_report.pictures import small_picture
 from evaluation_report.wording import UNKNOWN, clock, counted, number, percent
 
 _ORDER = {Status.MISSING: 0, Status.CRASHED: 1, Status.WALL_LIMIT: 2, Status.SIM_LIMIT: 3, Status.FINISHED: 4}
+_GRADES = {Grade.GOOD: "succeeded", Grade.PARTIAL: "left ground unexplored", Grade.FAILED: "failed"}
 _CAUSES_SHOWN = 2
 _WORTH_NAMING_M2 = 0.05
 
@@ -37,7 +38,7 @@ def worst_first(runs: Sequence[Run]) -> tuple[Run, ...]:
 
 
 def _badness(run: Run) -> tuple[float, ...]:
-    success = {False: 0, None: 1, True: 2}[run.verdict]
+    success = {Grade.FAILED: 0, None: 1, Grade.PARTIAL: 2, Grade.GOOD: 3}[run.grade]
     known = (run.number("coverage"), run.number("collisions"), run.number("max_tilt_rad"))
     coverage, collisions, tilt = (-1.0 if value is None else value for value in known)
     return (_ORDER[run.status], success, coverage, -collisions, -tilt)
@@ -66,7 +67,7 @@ def _card(campaign: Campaign, run: Run, config: ReportConfig) -> RunCard:
 def _verdict(run: Run) -> str:
     if run.status is not Status.FINISHED:
         return str(run.status.value)
-    return {True: "succeeded", False: "failed", None: "not judged"}[run.verdict]
+    return "not judged" if run.grade is None else _GRADES[run.grade]
 
 
 def shown_path(folder: Path) -> str:

@@ -108,7 +108,7 @@ def _run_row(run: Run) -> Row:
     texts = [
         str(run.seed),
         clock(run.number("runtime_s")),
-        {True: "✓", False: "×", None: "?"}[run.verdict],
+        "?" if run.grade is None else run.grade.value,
         number(local, 0),
         clock(run.number("local_classification_time_s"), 1),
         number(whole, 0),

@@ -6,6 +6,7 @@ import pytest
 from campaign_on_disk import SUMMARY, write_campaign, write_run
 
 from evaluation_report import Status, load_campaign
+from evaluation_report.campaign import Grade
 from evaluation_report.gallery import causes, worst_first
 from evaluation_report.wording import clock, listed, number, percent, ranges
 
@@ -44,6 +45,23 @@ def test_finished_run_without_summary_is_not_judged(tmp_path):
     run = load_campaign(folder).runs[0]
     assert (run.status, run.verdict, run.number("coverage")) == (Status.FINISHED, None, None)
     assert "summary.json is not there" in run.error
+
+
+@pytest.mark.parametrize(
+    ("changed", "grade", "verdict"),
+    [
+        ({"coverage": 0.90}, Grade.GOOD, True),
+        ({"coverage": 0.89}, Grade.PARTIAL, False),
+        ({"coverage": 1.0, "success": False}, Grade.FAILED, False),
+        ({"coverage": None}, None, None),
+        ({"status": "sim limit"}, Grade.FAILED, False),
+    ],
+)
+def test_grade_is_that_of_the_thesis_and_only_the_best_counts_as_success(tmp_path, changed, grade, verdict):
+    folder = write_campaign(tmp_path, seeds=(1,))
+    write_run(folder, "ramp", 1, **changed)
+    run = load_campaign(folder).runs[0]
+    assert (run.grade, run.verdict) == (grade, verdict)
 
 
 def test_null_and_broken_values_are_unknown(tmp_path):
