@@ -46,6 +46,7 @@ class Content:
     findings: tuple[str, ...]
     facts: tuple[tuple[str, str], ...]
     left_out: tuple[tuple[str, str], ...]
+    left_out_runs: int
     success: tuple[SuccessRow, ...]
     worlds: tuple[WorldPart, ...]
     gallery: tuple[tuple[str, tuple[RunCard, ...]], ...]
@@ -65,7 +66,8 @@ def report_content(campaign: Campaign, config: ReportConfig) -> Content:
         ended=_ended(campaign),
         findings=tuple(_finding(campaign, world) for world in campaign.worlds),
         facts=_facts(campaign),
-        left_out=tuple((run.name, _why_left_out(run)) for run in campaign.runs if not run.averaged or run.verdict is None),
+        left_out=_left_out(campaign),
+        left_out_runs=sum(_is_left_out(run) for run in campaign.runs),
         success=success_rows(campaign),
         worlds=tuple(_world(campaign, world) for world in campaign.worlds),
         gallery=tuple((profile, run_cards(campaign, profile, config)) for profile in _reference_first(campaign)),
@@ -111,6 +113,18 @@ def _finding(campaign: Campaign, world: str) -> str:
         text = percent(mean.value, 1) if key == "coverage" else f"{clock(mean.value)} min"
         parts.append(f"{heading} {'not known' if mean.value is None else text} ({mean.covers} runs)")
     return f"{campaign.reference} on {world_name(world)}: {'; '.join(parts)}."
+
+
+def _is_left_out(run: Run) -> bool:
+    return not run.averaged or run.verdict is None
+
+
+def _left_out(campaign: Campaign) -> tuple[tuple[str, str], ...]:
+    """Runs that are in no mean, with the reason; seeds of one profile and world with the same reason together."""
+    seeds: dict[tuple[str, str, str], list[int]] = {}
+    for run in filter(_is_left_out, campaign.runs):
+        seeds.setdefault((run.profile, world_name(run.world), _why_left_out(run)), []).append(run.seed)
+    return tuple((f"{profile}, {world} {ranges(numbers)}", why) for (profile, world, why), numbers in seeds.items())
 
 
 def _why_left_out(run: Run) -> str:

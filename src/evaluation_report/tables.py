@@ -8,7 +8,7 @@ from evaluation_report.measures import COMPARED, SCORES, class_time
 from evaluation_report.statistics import Interval, Mean, Measure, Ratio, SuccessCount, mean_of, mean_over, paired_ratio, success_count
 from evaluation_report.statistics import success_ratio as success_ratio_of
 from evaluation_report.thesis_tables import THESIS_TABLES, Mark, ThesisRun, ThesisTable
-from evaluation_report.wording import UNKNOWN, clock, number, percent
+from evaluation_report.wording import UNKNOWN, clock, number, percent, ranges
 
 THESIS_COLUMNS = (
     "run",
@@ -82,8 +82,10 @@ def success_rows(campaign: Campaign) -> tuple[SuccessRow, ...]:
 
 
 def _uncounted(runs: Sequence[Run]) -> str:
-    left_out = [f"{run.seed} {'missing' if run.status is Status.MISSING else 'not judged'}" for run in runs if run.verdict is None]
-    return f"not counted: seed {', '.join(left_out)}" if left_out else ""
+    kinds = (("missing", True), ("not judged", False))
+    seeds = [(name, [run.seed for run in runs if run.verdict is None and (run.status is Status.MISSING) is gone]) for name, gone in kinds]
+    left_out = [f"{'seeds' if len(numbers) > 1 else 'seed'} {ranges(numbers)} {name}" for name, numbers in seeds if numbers]
+    return f"not counted: {', '.join(left_out)}" if left_out else ""
 
 
 def _printed_success(table: ThesisTable) -> SuccessRow:
