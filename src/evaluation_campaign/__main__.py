@@ -23,7 +23,8 @@ def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(
         prog="./evaluate",
         description="Makes many runs, scores them against the true world, and writes a report. The same command goes on where it ended.",
-        epilog="Exit code: 0 all runs were made (the report says how they went), 1 some crashed or are missing, 2 wrong argument.",
+        epilog="Exit code: 0 all runs were made (the report says how they went), 1 some crashed or are missing, 2 wrong argument, "
+        "130 interrupted.",
     )
     p.add_argument("--worlds", default="ramp,moon", metavar="W,W", help="rooms, ramp, moon, or mesh FILEs; default ramp,moon")
     p.add_argument("--seeds", default="1-10", metavar="A-B", help="numbers and ranges, such as 1-10 or 1-5,8; default 1-10")
@@ -59,6 +60,11 @@ def _check_world(world: str) -> None:
     if world not in NAMED_WORLDS and not Path(world).is_file():
         raise CampaignProblem(
             f"--worlds {world}: no such world or file; worlds are {', '.join(NAMED_WORLDS)}, or a .dae .obj .stl .ply file"
+        )
+
+    if Path(world).suffix.lower() == ".png":
+        raise CampaignProblem(
+            f"--worlds {world}: a height map has no size of its own; save it as a mesh, or explore it with ./explore --size"
         )
 
 

@@ -90,7 +90,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--rate", type=float, default=0.0, metavar="R", help="at most R times real time; default 0: as fast as the machine can")
     p.add_argument("--free", action="store_true", help="no lock-step: for a teleop or node of your own beside it")
     p.add_argument("--record", action="store_true", help="write run.bag: what the mapping and terrain nodes heard")
-    p.add_argument("--port", type=int, metavar="N", help="port of the ROS master; default 11311, or any when that is taken")
+    p.add_argument("--port", type=int, metavar="N", help="port of the ROS master; default 11311, or one near it when that is taken")
     p.add_argument("--max-sim-time", type=float, default=3600.0, metavar="S", help="stop after S simulated seconds; default 3600")
     p.add_argument(
         "--profile", default="ours", metavar="P", help="parameters to explore with: ours, nearest, thesis, or a YAML FILE; default ours"

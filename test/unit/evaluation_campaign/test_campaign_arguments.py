@@ -1,9 +1,13 @@
 """./evaluate's command line: what it asks for, and what it refuses in one line."""
 
+from pathlib import Path
+
 import pytest
 
 from evaluation_campaign.__main__ import main, parse
 from evaluation_campaign.plan import Limits
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_campaign_is_what_the_arguments_say(tmp_path):
@@ -19,11 +23,13 @@ def test_campaign_is_what_the_arguments_say(tmp_path):
         (["--worlds", "romms"], "romms"),
         (["--profile", "thessis"], "profiles are nearest, ours, thesis"),
         (["--seeds", "5-1"], "runs backwards"),
+        (["--worlds", "docs/ramp.png"], "a height map has no size of its own"),
         (["--jobs", "0"], "must be positive"),
         (["--max-wall-time", "-1"], "must be positive"),
     ],
 )
-def test_what_cannot_be_run_is_one_line_and_exit_code_2(tmp_path, capsys, arguments, text):
+def test_what_cannot_be_run_is_one_line_and_exit_code_2(tmp_path, capsys, monkeypatch, arguments, text):
+    monkeypatch.chdir(ROOT)
     assert main([*arguments, "--out", str(tmp_path / "c")]) == 2
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1 and lines[0].startswith("./evaluate: ") and text in lines[0]
