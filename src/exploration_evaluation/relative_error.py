@@ -41,8 +41,8 @@ def matched_poses(stamps: ArrayLike, T_est: ArrayLike, stamps_truth: ArrayLike, 
 
     Stamps are seconds; true ones increase. ValueError when no stamp has a truth, or for another number of stamps than poses.
     """
-    at, poses = np.asarray(stamps, dtype=np.float64), _poses(T_est)
-    at_truth, truth = np.asarray(stamps_truth, dtype=np.float64), _poses(T_truth)
+    at, poses = np.asarray(stamps, dtype=np.float64), checked_poses(T_est)
+    at_truth, truth = np.asarray(stamps_truth, dtype=np.float64), checked_poses(T_truth)
     if len(at) != len(poses) or len(at_truth) != len(truth) or not len(truth):
         raise ValueError(f"every pose needs a stamp: {len(at)} for {len(poses)} estimated, {len(at_truth)} for {len(truth)} true poses")
     known = (at >= at_truth[0] - _STAMP_TOLERANCE_S) & (at <= at_truth[-1] + _STAMP_TOLERANCE_S)
@@ -58,24 +58,26 @@ def relative_pose_error(T_est: ArrayLike, T_truth: ArrayLike) -> RelativeError:
     What is left when the true motion is taken off the estimated one, as evo's RPE (delta of one frame) and Sturm et al. 2012,
     equation 2, define it. ValueError for fewer than two poses.
     """
-    estimate, truth = _poses(T_est), _poses(T_truth)
+    estimate, truth = checked_poses(T_est), checked_poses(T_truth)
     if len(estimate) != len(truth) or len(truth) < 2:
         raise ValueError(f"a relative error needs two poses or more, and as many true ones, not {len(estimate)} and {len(truth)}")
     error = np.linalg.inv(_motions(truth)) @ _motions(estimate)
     angles = Rotation.from_matrix(error[:, :3, :3]).magnitude()
-    return RelativeError(_rms(np.linalg.norm(error[:, :3, 3], axis=1)), _rms(angles), len(error))
+    return RelativeError(rms(np.linalg.norm(error[:, :3, 3], axis=1)), rms(angles), len(error))
 
 
 def _motions(poses: Floats) -> Floats:
     return np.asarray(np.linalg.inv(poses[:-1]) @ poses[1:])
 
 
-def _poses(values: ArrayLike) -> Floats:
+def checked_poses(values: ArrayLike) -> Floats:
+    """(N, 4, 4) float64 poses; ValueError for another shape, or numbers that are not finite."""
     poses = np.asarray(values, dtype=np.float64)
     if poses.ndim != 3 or poses.shape[1:] != (4, 4) or not np.isfinite(poses).all():
         raise ValueError(f"poses are finite and of shape (N, 4, 4), not {poses.shape}")
     return poses
 
 
-def _rms(values: Floats) -> float:
+def rms(values: Floats) -> float:
+    """Root of the mean square of (N,) values."""
     return float(np.sqrt(np.mean(np.square(values))))

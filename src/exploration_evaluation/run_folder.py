@@ -17,7 +17,7 @@ from exploration_evaluation.activity import ActivityTimes, activity_times
 from exploration_evaluation.config import EvaluationConfig, RobotShape
 from exploration_evaluation.curves import coverage_curve, driven_distances, placed_sweeps, swept_coverage
 from exploration_evaluation.mesh import read_cloud
-from exploration_evaluation.relative_error import matched_poses, relative_pose_error
+from exploration_evaluation.relative_error import MatchedPoses, matched_poses, relative_pose_error
 from exploration_evaluation.run_files import (
     Trajectory,
     read_contacts,
@@ -105,10 +105,11 @@ class _Judgement:
             **NO_SURFACE_SCORES,
         }
         if estimate is not None and truth is not None and errors is not None:
-            scores |= self._relative_error(estimate, truth)
+            poses = matched_poses(*estimate, *truth)
+            scores |= self._relative_error(poses)
             if ground is not None:
                 scores["coverage_curve"] = self._try("coverage curve", lambda: self._curve(reported, estimate, truth, errors, ground))
-                scores |= self._way(estimate, truth, ground)
+                scores |= self._way(poses, truth, ground)
                 scores |= surface_scores(self._folder, self._mesh, ground, errors.T_world_map, self._robot, self._config.cell_m, self._try)
         success = _succeeded(reported.get("stop_reason"), scores["fell"], scores["collisions"], self._map_saved())
         return {"success": success, **reported, **scores, "missing": self._missing}
@@ -134,8 +135,7 @@ class _Judgement:
             return None
         return self._try("trajectory errors", lambda: trajectory_errors(*estimate, *truth))
 
-    def _relative_error(self, estimate: Trajectory, truth: Trajectory) -> dict[str, Any]:
-        poses = matched_poses(*estimate, *truth)
+    def _relative_error(self, poses: MatchedPoses) -> dict[str, Any]:
         found = self._try("relative error", lambda: relative_pose_error(poses.estimate, poses.truth))
         return {
             "rpe_translation_m": found.translation_rms_m if found else None,
@@ -150,8 +150,7 @@ class _Judgement:
         shares = swept_coverage(ground.covered_points, sweeps, errors.T_world_map, self._config)
         return [asdict(point) for point in coverage_curve(shares, stamps, *truth)]
 
-    def _way(self, estimate: Trajectory, truth: Trajectory, ground: ReachableGround) -> dict[str, Any]:
-        poses = matched_poses(*estimate, *truth)
+    def _way(self, poses: MatchedPoses, truth: Trajectory, ground: ReachableGround) -> dict[str, Any]:
         begin_m, end_m = driven_distances(*truth, np.maximum(poses.stamps[[0, -1]], truth[0][0]))
         shortest = self._try("shortest way", lambda: shortest_length(ground, poses.truth[:, :3, 3]))
         ratio = None if shortest is None else self._try("path ratio", lambda: path_ratio(float(end_m - begin_m), shortest))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from exploration_evaluation.mesh import RayScene, checked_mesh
-from exploration_evaluation.relative_error import matched_poses
+from exploration_evaluation.relative_error import checked_poses, matched_poses, rms
 from rigid_geometry import inverse, tilt_angle, transform_points
 
 Floats = NDArray[np.float64]
@@ -105,7 +105,7 @@ def map_error(cloud_world: ArrayLike, vertices: ArrayLike, triangles: ArrayLike,
         raise ValueError("the map's error needs at least one point, got none")
     chosen = np.unique(np.linspace(0, len(cloud) - 1, min(len(cloud), max_points)).round().astype(np.int64))
     distance = RayScene(*checked_mesh(vertices, triangles)).distances(cloud[chosen])
-    return MapError(_rms(distance), float(np.percentile(distance, 95)), len(chosen))
+    return MapError(rms(distance), float(np.percentile(distance, 95)), len(chosen))
 
 
 def align_positions(estimate: ArrayLike, truth: ArrayLike) -> Floats:
@@ -126,7 +126,7 @@ def align_positions(estimate: ArrayLike, truth: ArrayLike) -> Floats:
 
 def align_poses(T_map_base: ArrayLike, T_world_base: ArrayLike) -> Floats:
     """The rigid T_world_map that brings (N, 4, 4) estimated poses nearest to the true ones, orientations included."""
-    estimate, truth = _poses(T_map_base), _poses(T_world_base)
+    estimate, truth = checked_poses(T_map_base), checked_poses(T_world_base)
     return align_positions(_lever_arm_points(estimate), _lever_arm_points(truth))
 
 
@@ -175,7 +175,7 @@ def motion(stamps: ArrayLike, T_world_base: ArrayLike, fall_tilt_rad: float = 0.
     Distance is summed over fifths of a second and without the tremble of a standing robot. A fall is a tilt, or a downward
     speed over a tenth of a second, beyond its limit.
     """
-    at, poses = np.asarray(stamps, dtype=np.float64), _poses(T_world_base)
+    at, poses = np.asarray(stamps, dtype=np.float64), checked_poses(T_world_base)
     if len(at) != len(poses) or not len(at):
         raise ValueError(f"every true pose needs a stamp and there is at least one: {len(at)} stamps, {len(poses)} poses")
     steps = np.linalg.norm(np.diff(poses[_every(at, _DISTANCE_STEP_S), :3, 3], axis=0), axis=1)
@@ -207,19 +207,8 @@ def _points(values: ArrayLike, name: str) -> Floats:
     return points
 
 
-def _poses(values: ArrayLike) -> Floats:
-    poses = np.asarray(values, dtype=np.float64)
-    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or not np.isfinite(poses).all():
-        raise ValueError(f"poses are finite and of shape (N, 4, 4), not {poses.shape}")
-    return poses
-
-
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))
-
-
 def _position_rms(T_world_map: Floats, poses: Floats, true_poses: Floats) -> float:
-    return _rms(np.linalg.norm(transform_points(T_world_map, poses[:, :3, 3]) - true_poses[:, :3, 3], axis=1))
+    return rms(np.linalg.norm(transform_points(T_world_map, poses[:, :3, 3]) - true_poses[:, :3, 3], axis=1))
 
 
 def _lever_arm_points(poses: Floats) -> Floats:

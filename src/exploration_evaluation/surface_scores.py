@@ -15,7 +15,7 @@ from exploration_evaluation.config import RobotShape
 from exploration_evaluation.mesh import read_cloud
 from exploration_evaluation.run_files import read_arrays
 from exploration_evaluation.truth import ReachableGround
-from exploration_evaluation.visible_surface import completeness, visible_surface
+from exploration_evaluation.visible_surface import VisibilityConfig, completeness, visible_surface
 from rigid_geometry import transform_points
 
 Mesh = tuple[ArrayLike, ArrayLike]
@@ -32,8 +32,9 @@ def surface_scores(
     """The keys of `NO_SURFACE_SCORES`; `attempt` calls what may raise ValueError, and notes why a score is not there."""
 
     def complete() -> dict[str, Any]:
-        surface = visible_surface(*mesh, ground)
-        found = completeness(surface, transform_points(T_world_map, read_cloud(folder / "cloud.ply")))
+        config = VisibilityConfig()
+        surface = visible_surface(*mesh, ground, config)
+        found = completeness(surface, transform_points(T_world_map, read_cloud(folder / "cloud.ply")), config.seen_within_m)
         return {
             "visible_surface_m2": surface.area_m2,
             "map_completeness_rms_m": found.rms_m,
