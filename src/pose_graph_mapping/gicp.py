@@ -69,7 +69,13 @@ class GicpRegistration:
     def __init__(self, config: RegistrationConfig) -> None:
         self._config = config
 
-    def match(self, reference: PointCloud, reading: PointCloud, T_reference_reading_guess: Array) -> RegistrationResult:
+    def match(
+        self,
+        reference: PointCloud,
+        reading: PointCloud,
+        T_reference_reading_guess: Array,
+        guess_covariance: Array | None = None,
+    ) -> RegistrationResult:
         """See `Registration.match`; voxel means are made here, so clouds of any density may come."""
         config, T_guess = self._config, as_transform(T_reference_reading_guess)
         if len(reference) == 0 or len(reading) == 0:

@@ -21,7 +21,7 @@ from pose_graph_mapping.registration import RegistrationResult, Verdict
 from rigid_geometry import inverse, rotation_angle
 
 Array = NDArray[np.float64]
-Match = Callable[[PointCloud, PointCloud, Array], RegistrationResult]
+Match = Callable[[PointCloud, PointCloud, Array, Array | None], RegistrationResult]
 
 
 def find_vertices_in_range(graph: PoseGraph, last_vertex: int, min_dist_m: float, max_dist_m: float) -> list[int]:
@@ -105,7 +105,7 @@ def _try_to_close(graph: PoseGraph, clouds: Sequence[PointCloud], match: Match, 
     """Lines 9 to 21. Both clouds stay in their own frames: the match itself then returns the edge (lines 17 and 18 in one)."""
     last = len(graph) - 1
     delta_estimate = inverse(graph.pose(closest)) @ graph.pose(last)  # 17
-    result = match(clouds[closest], clouds[last], delta_estimate)  # 9 to 15
+    result = match(clouds[closest], clouds[last], delta_estimate, None)  # 9 to 15
     closed = (
         result.verdict is Verdict.ACCEPTED
         and result.match_ratio > config.loop_match_success  # 16

@@ -178,16 +178,16 @@ class PoseGraphMapper:
         # estimate that has it already; it belongs to the old one.
         last_vertex_lc_corr = inverse(self._old_last_vertex_estimate) @ self.graph.pose(last)
         trans_curr_pc = as_transform(self._old_last_vertex_estimate @ last_vertex_lc_corr @ relative_odom)
-        placed = self._matched(cloud, trans_curr_pc)  # 9, 14 to 17
-        current = self.graph.add_vertex(placed.T_map_base)  # 18
         grown = odometry_covariance(relative_odom, self._config) + (0.0 if covariance is None else covariance)
+        placed = self._matched(cloud, trans_curr_pc, grown)  # 9, 14 to 17
+        current = self.graph.add_vertex(placed.T_map_base)  # 18
         self.graph.add_edge(last, current, relative_odom, grown, EdgeKind.ODOMETRY)
         if placed.used:
             T_last_current = inverse(self.graph.pose(last)) @ placed.T_map_base
             self.graph.add_edge(last, current, T_last_current, placed.result.covariance, EdgeKind.MATCH)
         return placed
 
-    def _matched(self, cloud: PointCloud, T_predicted: Array) -> _Placed:
+    def _matched(self, cloud: PointCloud, T_predicted: Array, covariance: Array) -> _Placed:
         """Lines 9 and 14 to 17: up to three tries, each against another reference, until one is not refused.
 
         The cloud stays in the body frame and the prediction is the guess, which is lines 14 and 17 in one: the match returns T_map_base.
@@ -196,15 +196,15 @@ class PoseGraphMapper:
         attempts = []
         for factor in (1.0, 0.0, 2.0)[: self._config.num_icp_tries]:  # 15
             area = self.area_cloud(factor * self._config.graph_dist_m)  # 9
-            attempts.append(self._plausible(self._match(area, cloud, T_predicted), T_predicted))  # 16
-            if attempts[-1].verdict is not Verdict.REFUSED:
+            attempts.append(self._plausible(self._match(area, cloud, T_predicted, covariance), T_predicted))  # 16
+            if attempts[-1].usable:
                 return _Placed(as_transform(attempts[-1].T_reference_reading), attempts[-1], True, len(attempts))
         return _Placed(T_predicted, attempts[0], False, len(attempts))
 
     def _plausible(self, result: RegistrationResult, T_predicted: Array) -> RegistrationResult:
         """The result, refused when it moves the prediction too far: only the prior can reject a symmetry."""
         reason = beyond_correction(T_predicted, result.T_reference_reading, self._config)
-        if result.verdict is Verdict.REFUSED or reason is None:
+        if not result.usable or reason is None:
             return result
         return dataclasses.replace(result, verdict=Verdict.REFUSED, reason=reason)
 

@@ -6,7 +6,7 @@ The mapper (Algorithm 1, line 16) and the loop closure (Algorithm 2, line 15) ca
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -24,6 +24,8 @@ class Verdict(enum.Enum):
     ACCEPTED = "accepted"
     DEGENERATE = "degenerate"
     """Right, but some directions are the guess's own: covariance is large there. Good for an edge, not for a loop."""
+    AMBIGUOUS = "ambiguous"
+    """Several placements explain the clouds equally well, and the guess is not known well enough to choose among them."""
     REFUSED = "refused"
 
 
@@ -34,7 +36,8 @@ class RegistrationResult:
     T_reference_reading (4, 4), the guess itself when nothing could be matched; covariance (6, 6) in gtsam's order
     (rotation rad, translation m) of the reading's body frame; match_ratio: share of reading points that took part; overlap: share near
     the reference; free_space_contradiction: share of points in space the other cloud saw free, the worse direction;
-    degenerate_directions (K, 6) unit rows in the covariance's order, rotation scaled by the RMS distance of the points.
+    degenerate_directions (K, 6) unit rows in the covariance's order, rotation scaled by the RMS distance of the points; rivals (R, 4, 4):
+    other placements that explain the clouds as well.
     """
 
     T_reference_reading: Array
@@ -46,13 +49,29 @@ class RegistrationResult:
     degenerate_directions: Array
     verdict: Verdict
     reason: str
+    rivals: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
+
+    @property
+    def usable(self) -> bool:
+        """Whether an edge may be made of the transform and its covariance."""
+        return self.verdict in (Verdict.ACCEPTED, Verdict.DEGENERATE)
 
 
 class Registration(Protocol):
     """Anything that finds the transform between two overlapping clouds."""
 
-    def match(self, reference: PointCloud, reading: PointCloud, T_reference_reading_guess: Array) -> RegistrationResult:
-        """Match `reading` (in its body frame) to `reference`; ValueError for clouds that are empty or a guess that is not rigid."""
+    def match(
+        self,
+        reference: PointCloud,
+        reading: PointCloud,
+        T_reference_reading_guess: Array,
+        guess_covariance: Array | None = None,
+    ) -> RegistrationResult:
+        """Match `reading` (in its body frame) to `reference`; ValueError for clouds that are empty or a guess that is not rigid.
+
+        guess_covariance (6, 6) of the guess, in the order of the result's; None: nothing is known, and the guess chooses between no
+        two placements.
+        """
         ...
 
 

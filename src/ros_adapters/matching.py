@@ -14,14 +14,20 @@ _UNKNOWN = Transform()
 _UNKNOWN.translation.x = _UNKNOWN.translation.y = _UNKNOWN.translation.z = float("nan")
 
 
-def match_request_clouds(request: MatchCloudsRequest) -> tuple[PointCloud, PointCloud, NDArray[np.float64]]:
-    """Reference, reading and guess of a request; ValueError when one cannot be read."""
-    return _cloud(request.reference), _cloud(request.reading), transform_from_message(request.guess)
+def match_request_arguments(
+    request: MatchCloudsRequest,
+) -> tuple[PointCloud, PointCloud, NDArray[np.float64], NDArray[np.float64] | None]:
+    """Reference, reading, guess and its covariance of a request; ValueError when one cannot be read."""
+    covariance = np.array(request.guess_covariance)
+    if covariance.size not in (0, 36):
+        raise ValueError(f"guess_covariance holds {covariance.size} numbers, expected 36 or none")
+    guess = transform_from_message(request.guess)
+    return _cloud(request.reference), _cloud(request.reading), guess, covariance.reshape(6, 6) if covariance.size else None
 
 
 def match_response(result: RegistrationResult) -> MatchCloudsResponse:
     return MatchCloudsResponse(
-        accepted=result.verdict is not Verdict.REFUSED,
+        verdict=result.verdict.value,
         reason=result.reason,
         transform=transform_message(result.T_reference_reading),
         covariance=result.covariance.ravel().tolist(),
@@ -29,6 +35,7 @@ def match_response(result: RegistrationResult) -> MatchCloudsResponse:
         overlap=result.overlap,
         free_space_contradiction=result.free_space_contradiction,
         degenerate_directions=result.degenerate_directions.ravel().tolist(),
+        rivals=[transform_message(T) for T in result.rivals],
         iterations=result.iterations,
     )
 
@@ -36,7 +43,7 @@ def match_response(result: RegistrationResult) -> MatchCloudsResponse:
 def refused_response(reason: str) -> MatchCloudsResponse:
     """An answer to a request that was none: not accepted, and no number that could be taken for a result."""
     nan = float("nan")
-    return MatchCloudsResponse(False, reason, _UNKNOWN, [nan] * 36, nan, nan, nan, [], 0)
+    return MatchCloudsResponse(Verdict.REFUSED.value, reason, _UNKNOWN, [nan] * 36, nan, nan, nan, [], [], 0)
 
 
 class MatchService:
@@ -45,10 +52,17 @@ class MatchService:
     def __init__(self) -> None:
         self._call = rospy.ServiceProxy("match_clouds", MatchClouds, persistent=True)
 
-    def __call__(self, reference: PointCloud, reading: PointCloud, T_guess: NDArray[np.float64]) -> RegistrationResult:
+    def __call__(
+        self, reference: PointCloud, reading: PointCloud, T_guess: NDArray[np.float64], covariance: NDArray[np.float64] | None
+    ) -> RegistrationResult:
         """A service that does not answer is a refusal with its reason: the vertex then hangs on odometry."""
         try:
-            response = self._call(_message(reference, "map"), _message(reading, "base_link"), transform_message(T_guess))
+            response = self._call(
+                _message(reference, "map"),
+                _message(reading, "base_link"),
+                transform_message(T_guess),
+                [] if covariance is None else covariance.ravel().tolist(),
+            )
         except rospy.ServiceException as error:
             self._call = rospy.ServiceProxy("match_clouds", MatchClouds, persistent=True)
             return refused(T_guess, f"match_clouds did not answer: {error}")
@@ -66,10 +80,10 @@ def _message(cloud: PointCloud, frame: str) -> object:
 
 
 def _result(response: MatchCloudsResponse, T_guess: NDArray[np.float64]) -> RegistrationResult:
-    if not response.accepted and not np.isfinite(response.match_ratio):
+    verdict = Verdict(response.verdict)
+    if verdict is Verdict.REFUSED and not np.isfinite(response.match_ratio):
         return refused(T_guess, response.reason)
     directions = np.array(response.degenerate_directions).reshape(-1, 6)
-    verdict = Verdict.REFUSED if not response.accepted else Verdict.DEGENERATE if len(directions) else Verdict.ACCEPTED
     return RegistrationResult(
         T_reference_reading=transform_from_message(response.transform),
         covariance=np.array(response.covariance).reshape(6, 6),
@@ -80,4 +94,5 @@ def _result(response: MatchCloudsResponse, T_guess: NDArray[np.float64]) -> Regi
         degenerate_directions=directions,
         verdict=verdict,
         reason=response.reason,
+        rivals=np.array([transform_from_message(T) for T in response.rivals]).reshape(-1, 4, 4),
     )

@@ -48,13 +48,13 @@ class IcpMatcherTest(unittest.TestCase):
 
     def assert_refused(self, response: MatchCloudsResponse, reason: str) -> None:
         """Not accepted, with a reason, and with no number that could be taken for a result."""
-        self.assertFalse(response.accepted)
+        self.assertEqual(response.verdict, "refused")
         self.assertIn(reason, response.reason)
         self.assertTrue(np.isnan(response.transform.translation.x) and np.isnan(response.covariance).all())
 
     def assert_matches(self) -> None:
-        response = self.match(self.reference, self.reading(), transform_message(np.eye(4)))
-        self.assertTrue(response.accepted, response.reason)
+        response = self.match(self.reference, self.reading(), transform_message(np.eye(4)), [])
+        self.assertEqual(response.verdict, "accepted", response.reason)
         error = inverse(self.T_map_base) @ transform_from_message(response.transform)
         self.assertLess(np.linalg.norm(error[:3, 3]), 0.03)
         self.assertLess(rotation_angle(error), 0.01)
@@ -65,7 +65,7 @@ class IcpMatcherTest(unittest.TestCase):
         self.assert_matches()
 
     def test_the_same_request_gets_the_same_answer(self) -> None:
-        answers = [self.match(self.reference, self.reading(), transform_message(np.eye(4))) for _ in range(2)]
+        answers = [self.match(self.reference, self.reading(), transform_message(np.eye(4)), []) for _ in range(2)]
         self.assertEqual(answers[0].transform, answers[1].transform)
 
     def test_clouds_that_are_none_are_refused_and_counted(self) -> None:
@@ -74,20 +74,22 @@ class IcpMatcherTest(unittest.TestCase):
         cut = self.reading()
         cut.data = cut.data[:100]
         for bad, reason in ((empty, "without points"), (nan, "finite"), (cut, "cannot be read"), (PointCloud2(), "without float32 fields")):
-            self.assert_refused(self.match(self.reference, bad, transform_message(np.eye(4))), reason)
-            self.assert_refused(self.match(bad, self.reading(), transform_message(np.eye(4))), reason)
+            self.assert_refused(self.match(self.reference, bad, transform_message(np.eye(4)), []), reason)
+            self.assert_refused(self.match(bad, self.reading(), transform_message(np.eye(4)), []), reason)
         self.assert_matches()
         self.diagnostics.wait_for_dropped("bad match request", at_least=8)
 
     def test_guess_that_is_no_transform_is_refused(self) -> None:
-        self.assert_refused(self.match(self.reference, self.reading(), Transform()), "not a unit quaternion")
+        self.assert_refused(self.match(self.reference, self.reading(), Transform(), []), "not a unit quaternion")
         self.assert_matches()
 
     def test_reading_of_another_place_is_refused(self) -> None:
         rng = np.random.default_rng(1)
         noise = rng.uniform(-3.0, 3.0, (20000, 3)).astype(np.float32)
-        response = self.match(self.reference, cloud_message(0.0, "base_link", noise, np.zeros_like(noise)), transform_message(np.eye(4)))
-        self.assertFalse(response.accepted)
+        response = self.match(
+            self.reference, cloud_message(0.0, "base_link", noise, np.zeros_like(noise)), transform_message(np.eye(4)), []
+        )
+        self.assertEqual(response.verdict, "refused")
 
     def test_wrong_parameter_ends_the_node_with_the_nearest_name(self) -> None:
         code, stderr = run_misconfigured(NODE, "voxel:=0.1")

@@ -38,7 +38,7 @@ def graph_of(positions):
 def matcher(verdict=Verdict.ACCEPTED, ratio=0.9, correction=None):
     calls = []
 
-    def match(reference, reading, T_guess):
+    def match(reference, reading, T_guess, covariance):
         calls.append((reference, reading, T_guess))
         T = T_guess if correction is None else T_guess @ correction
         return RegistrationResult(T, COVARIANCE, ratio, 0.9, 0.0, 5, np.zeros((0, 6)), verdict, "fake")

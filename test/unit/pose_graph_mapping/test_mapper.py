@@ -29,13 +29,13 @@ class Oracle:
     def __init__(self, truth):
         self.truth, self.guesses, self.sizes = truth, [], []
 
-    def __call__(self, reference, reading, T_guess):
+    def __call__(self, reference, reading, T_guess, covariance):
         self.guesses.append(T_guess)
         self.sizes.append(len(reference))
         return result_at(min(self.truth, key=lambda T: translation_distance(T, T_guess)))
 
 
-def never(reference, reading, T_guess):
+def never(reference, reading, T_guess, covariance):
     return refused(T_guess, "nothing matches")
 
 
@@ -131,7 +131,7 @@ def test_refused_match_leaves_an_odometry_edge_and_says_so():
 def test_three_tries_take_the_area_then_the_last_sweep_then_a_wider_area():
     truth, sizes = line_of(8), []
 
-    def match(reference, reading, T_guess):
+    def match(reference, reading, T_guess, covariance):
         sizes.append(round(len(reference) / 600, 1))
         return refused(T_guess, "never")
 
@@ -142,7 +142,7 @@ def test_three_tries_take_the_area_then_the_last_sweep_then_a_wider_area():
 def test_later_try_that_matches_is_used():
     truth, calls = line_of(3), []
 
-    def match(reference, reading, T_guess):
+    def match(reference, reading, T_guess, covariance):
         calls.append(len(reference))
         return result_at(T_guess) if len(calls) % 3 == 0 else refused(T_guess, "not yet")
 
@@ -153,13 +153,13 @@ def test_later_try_that_matches_is_used():
 @pytest.mark.parametrize("jump", [transform_from_rpy((2.0, 0, 0)), transform_from_rpy((0, 0, 0), (0, 0, np.pi))])
 def test_match_that_moves_the_prediction_beyond_reason_is_refused(jump):
     truth = line_of(3)
-    updates = drive(PoseGraphMapper(MappingConfig(), lambda a, b, T: result_at(T @ jump)), truth)
+    updates = drive(PoseGraphMapper(MappingConfig(), lambda a, b, T, covariance: result_at(T @ jump)), truth)
     assert updates[-1].result.verdict is Verdict.REFUSED and "moves the prediction" in updates[-1].result.reason
     np.testing.assert_allclose(updates[-1].vertex_poses, truth, atol=1e-7)
 
 
 def test_degenerate_match_gives_an_edge():
-    mapper = PoseGraphMapper(MappingConfig(), lambda a, b, T: result_at(T, Verdict.DEGENERATE))
+    mapper = PoseGraphMapper(MappingConfig(), lambda a, b, T, covariance: result_at(T, Verdict.DEGENERATE))
     drive(mapper, line_of(2))
     assert mapper.graph.edges() == [(0, 1, EdgeKind.ODOMETRY), (0, 1, EdgeKind.MATCH)]
 
@@ -174,7 +174,7 @@ def test_loop_closure_moves_the_drift_out_and_the_next_sweep_starts_from_there()
     config = MappingConfig(loop_max_dist_m=4.0, loop_min_dist_m=8.0)
     guesses = []
 
-    def match(reference, reading, T_guess):
+    def match(reference, reading, T_guess, covariance):
         k = int(np.argmin([np.abs(reading.points.mean(axis=0) - any_sweep(k)[0].mean(axis=0)).sum() for k in range(len(truth))]))
         if abs(len(reference) - len(reading)) < 30 and translation_distance(T_guess, np.eye(4)) < 4.5 and k >= 7:
             return result_at(inverse(truth[0]) @ truth[k]) if config_open[0] else refused(T_guess, "no")

@@ -25,4 +25,4 @@ def test_unknown_name_suggests_the_nearest():
 
 def test_mapper_refuses_a_wrong_configuration():
     with pytest.raises(ValueError, match="graph_dist_m"):
-        PoseGraphMapper(MappingConfig(graph_dist_m=-1.0), lambda a, b, T: None)
+        PoseGraphMapper(MappingConfig(graph_dist_m=-1.0), lambda a, b, T, covariance: None)

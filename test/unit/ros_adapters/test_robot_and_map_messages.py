@@ -100,5 +100,5 @@ def test_trajectory_has_the_stamps_of_the_sweeps() -> None:
 
 def test_answer_to_no_request_holds_no_number_that_could_be_believed() -> None:
     answer = refused_response("empty cloud")
-    assert (answer.accepted, answer.reason) == (False, "empty cloud")
+    assert (answer.verdict, answer.reason) == ("refused", "empty cloud")
     assert math.isnan(answer.transform.translation.x) and np.isnan(answer.covariance).all() and math.isnan(answer.match_ratio)
