@@ -1,15 +1,15 @@
 """What a mapping session leaves on disk: every sweep as it comes, and at any time the graph, the trajectory and the merged cloud.
 
-Nothing here can be half written: data reach the disk before the index that names them, and each file replaces its predecessor in one step.
+Nothing here can be half written: data reach the disk before the index that names them, and what is read again is checked first. With a disk
+that is full or read-only, sweeps wait in memory until it takes them.
 """
 
 from __future__ import annotations
 
-import io
-import json
+import hashlib
 import os
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,128 +17,171 @@ from numpy.typing import ArrayLike, NDArray
 
 from pose_graph_mapping.cloud import PointCloud, voxel_downsample
 from pose_graph_mapping.pose_graph import PoseGraph
-from rigid_geometry import quat_xyzw_from_transform
+from pose_graph_mapping.session_files import pcd_bytes, ply_bytes, sweep_bytes, sweep_cloud, tum_text, write_atomically
+from pose_graph_mapping.session_graph import StoredGraph
+from pose_graph_mapping.session_index import SessionIndex, sweep_file
+from pose_graph_mapping.session_record import GraphChange, Measured, StoredSweep, payload_text
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class StoredSweep:
-    """One line of the index: vertex, stamp, file below the session's folder, points and bytes in it."""
+class NotOnDiskError(OSError):
+    """A sweep could not be written, and waits in memory; the text says what the system says."""
+
+
+class DamagedSweepError(ValueError):
+    """A sweep's file is not what the index says of it; the text names it."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Waiting:
+    """A sweep that is not on disk yet."""
 
     vertex_id: int
     stamp_s: float
-    file: str
-    points: int
-    bytes: int
-
-
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Replace `path` by `data` so that a reader, or a crash, sees the old file or the new one; OSError as the system gives it."""
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        with open(temporary, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-    _sync_folder(path.parent)
-
-
-def ply_bytes(points: ArrayLike) -> bytes:
-    """A binary PLY of (N, 3) points in metres, as every viewer opens it."""
-    rows = np.ascontiguousarray(points, dtype="<f4")
-    columns = "".join(f"property float {axis}\n" for axis in "xyz")
-    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{columns}end_header\n"
-    return header.encode("ascii") + rows.tobytes()
-
-
-def tum_text(stamps_s: ArrayLike, poses: Array) -> str:
-    """A TUM trajectory: one line "stamp x y z qx qy qz qw" a pose (V, 4, 4)."""
-    lines = []
-    for stamp, T in zip(np.asarray(stamps_s, dtype=np.float64), poses, strict=True):
-        numbers = [*T[:3, 3], *quat_xyzw_from_transform(T)]
-        lines.append(f"{stamp:.6f} " + " ".join(f"{v:.9f}" for v in numbers))
-    return "".join(line + "\n" for line in lines)
+    cloud: PointCloud
+    measured: Measured | None
+    change: GraphChange | None
 
 
 class SessionStore:
-    """A folder with sweeps/000000.npz, .., sweeps/index.json, and after `save` graph.g2o, trajectory.txt, cloud.ply."""
+    """A folder with sweeps/000000.npz, .., sweeps/index.json, and after `save` graph.g2o, trajectory.txt, cloud.ply, cloud.pcd."""
 
     def __init__(self, directory: str | os.PathLike[str]) -> None:
-        """Open or create a session; ValueError when the index there cannot be read or names a file that is not whole."""
+        """Open or create a session; ValueError when a sweep is lost that later ones stand on, OSError when there can be no folder."""
         self._directory = Path(directory)
-        self._folder = self._directory / "sweeps"
-        self._folder.mkdir(parents=True, exist_ok=True)
-        self._index = self._folder / "index.json"
-        self._sweeps = self._read_index()
+        (self._directory / "sweeps").mkdir(parents=True, exist_ok=True)
+        self._index = SessionIndex(self._directory)
+        self._waiting: list[_Waiting] = []
+        self._graph = StoredGraph()
+        for stored in self._index.sweeps:
+            if stored.change is not None:
+                self._graph.apply(stored.change)
 
     @property
     def sweeps(self) -> tuple[StoredSweep, ...]:
         """The sweeps that are safely on disk, in the order they came."""
-        return tuple(self._sweeps)
+        return tuple(self._index.sweeps)
 
-    def add_sweep(self, vertex_id: int, stamp_s: float, points_base: ArrayLike, origins_base: ArrayLike) -> StoredSweep:
-        """Write the (N, 3) finite points and origins of a vertex; ValueError for a vertex out of turn."""
-        if vertex_id != len(self._sweeps):
-            raise ValueError(f"vertex {vertex_id} where {len(self._sweeps)} is next")
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was damaged when the session was opened, and what became of it, one sentence each."""
+        return tuple(self._index.notes)
+
+    @property
+    def not_on_disk(self) -> int:
+        """How many sweeps wait in memory, because the disk would not take them."""
+        return len(self._waiting)
+
+    def add_sweep(
+        self,
+        vertex_id: int,
+        stamp_s: float,
+        points_base: ArrayLike,
+        origins_base: ArrayLike,
+        graph: PoseGraph | None = None,
+        T_odom_base: ArrayLike | None = None,
+        gravity_base: ArrayLike | None = None,
+        gravity_sigma_rad: float | None = None,
+    ) -> StoredSweep:
+        """Write the (N, 3) finite points and origins of a vertex, what measured it, and what `graph` has become by it.
+
+        Without `graph` and `T_odom_base` (4, 4) the session cannot be gone on with. ValueError for a vertex out of turn.
+        NotOnDiskError when the disk does not take it: the session is as it was, and the next call, or `save`, tries again.
+        """
+        self._check_turn(vertex_id, graph, T_odom_base)
+        measured = None if T_odom_base is None else Measured.checked(T_odom_base, gravity_base, gravity_sigma_rad)
         cloud = PointCloud.of_finite(points_base, origins_base)
-        assert cloud.origins is not None
-        path = self._folder / f"{vertex_id:06d}.npz"
-        packed = io.BytesIO()
-        np.savez(packed, points=cloud.points.astype(np.float32), origins=cloud.origins.astype(np.float32), stamp_s=np.float64(stamp_s))
-        write_atomically(path, packed.getvalue())
-        stored = StoredSweep(vertex_id, float(stamp_s), f"sweeps/{path.name}", len(cloud), path.stat().st_size)
-        index = [asdict(s) for s in (*self._sweeps, stored)]
-        write_atomically(self._index, (json.dumps(index, indent=1) + "\n").encode("ascii"))
-        self._sweeps.append(stored)
-        return stored
+        change = None if graph is None else self._graph.change_to(graph)
+        if change is not None:
+            self._graph.apply(change)
+        self._waiting.append(_Waiting(vertex_id, float(stamp_s), cloud, measured, change))
+        self._write_waiting()
+        return self._index.sweeps[vertex_id]
 
     def load_sweep(self, vertex_id: int) -> PointCloud:
-        """The points and origins of a vertex, base_link at its stamp; ValueError when it is not stored."""
-        if not 0 <= vertex_id < len(self._sweeps):
-            raise ValueError(f"no sweep of vertex {vertex_id}; there are {len(self._sweeps)}")
-        with np.load(self._directory / self._sweeps[vertex_id].file) as data:
-            return PointCloud(data["points"], data["origins"])
+        """Points and origins of a vertex, base_link at its stamp; ValueError when it is not stored, DamagedSweepError when not whole."""
+        known = len(self._index.sweeps)
+        if not 0 <= vertex_id < known + len(self._waiting):
+            raise ValueError(f"no sweep of vertex {vertex_id}; there are {known}")
+        if vertex_id >= known:
+            return self._waiting[vertex_id - known].cloud
+        stored = self._index.sweeps[vertex_id]
+        try:
+            data = (self._directory / stored.file).read_bytes()
+        except OSError as error:
+            raise DamagedSweepError(f"{stored.file} cannot be read: {error.strerror}") from error
+        if hashlib.sha256(data).hexdigest() != stored.sha256:
+            raise DamagedSweepError(f"{stored.file} is damaged: {len(data)} bytes of {stored.bytes}, and their checksum is wrong")
+        return sweep_cloud(data)
 
-    def save(self, graph: PoseGraph, map_voxel_m: float = 0.04) -> None:
-        """Write graph.g2o, trajectory.txt (TUM) and cloud.ply (map frame, voxel means); ValueError when not every vertex has a sweep."""
-        if len(graph) != len(self._sweeps):
-            raise ValueError(f"{len(graph)} vertices for {len(self._sweeps)} stored sweeps")
+    def graph_on_disk(self, loop_cauchy_k: float = 1.0) -> PoseGraph:
+        """The graph as the session's sweeps left it, not optimised yet; ValueError when it was stored without one."""
+        return self._graph.rebuilt(len(self._index.sweeps) + len(self._waiting), loop_cauchy_k)
+
+    def save(self, graph: PoseGraph, map_voxel_m: float = 0.04) -> tuple[str, ...]:
+        """Write graph.g2o, trajectory.txt (TUM), cloud.ply and cloud.pcd (map frame, voxel means).
+
+        What it returns names the sweeps that are damaged and not in the clouds. ValueError when not every vertex has a sweep.
+        """
+        stamps_s = [s.stamp_s for s in self._index.sweeps] + [s.stamp_s for s in self._waiting]
+        if len(graph) != len(stamps_s):
+            raise ValueError(f"{len(graph)} vertices for {len(stamps_s)} stored sweeps")
+        self._write_waiting()
         write_atomically(self._directory / "graph.g2o", graph.g2o_text().encode("ascii"))
-        trajectory = tum_text([s.stamp_s for s in self._sweeps], graph.poses())
-        write_atomically(self._directory / "trajectory.txt", trajectory.encode("ascii"))
-        write_atomically(self._directory / "cloud.ply", ply_bytes(self.merged_points(graph.poses(), map_voxel_m)))
+        write_atomically(self._directory / "trajectory.txt", tum_text(stamps_s, graph.poses()).encode("ascii"))
+        left_out: list[str] = []
+        points = self.merged_points(graph.poses(), map_voxel_m, left_out)
+        write_atomically(self._directory / "cloud.ply", ply_bytes(points))
+        write_atomically(self._directory / "cloud.pcd", pcd_bytes(points))
+        return tuple(left_out)
 
-    def merged_points(self, vertex_poses: Array, voxel_m: float) -> Array:
-        """(M, 3) voxel means of all stored sweeps at `vertex_poses` (V, 4, 4), in the map frame."""
-        means = [voxel_downsample(PointCloud(c.points), voxel_m).points for c in self._in_map(vertex_poses)]
+    def merged_points(self, vertex_poses: Array, voxel_m: float, left_out: list[str] | None = None) -> Array:
+        """(M, 3) voxel means of all stored sweeps at `vertex_poses` (V, 4, 4), in the map frame.
+
+        Sweeps that are damaged are named in `left_out`; without such a list they are a DamagedSweepError.
+        """
+        means = [voxel_downsample(PointCloud(c.points), voxel_m).points for c in self._in_map(vertex_poses, left_out)]
         return voxel_downsample(PointCloud(np.concatenate([np.zeros((0, 3)), *means])), voxel_m).points
 
-    def _in_map(self, vertex_poses: Array) -> Iterator[PointCloud]:
-        for stored, T in zip(self._sweeps, vertex_poses, strict=True):
-            yield self.load_sweep(stored.vertex_id).transformed(T)
+    def _in_map(self, vertex_poses: Array, left_out: list[str] | None) -> Iterator[PointCloud]:
+        for vertex_id, T in enumerate(vertex_poses):
+            try:
+                yield self.load_sweep(vertex_id).transformed(T)
+            except DamagedSweepError as error:
+                if left_out is None:
+                    raise
+                left_out.append(str(error))
 
-    def _read_index(self) -> list[StoredSweep]:
-        if not self._index.exists():
-            return []
-        try:
-            sweeps = [StoredSweep(**entry) for entry in json.loads(self._index.read_text(encoding="ascii"))]
-        except (ValueError, TypeError) as error:
-            raise ValueError(f"{self._index} cannot be read: {error}") from error
-        for stored in sweeps:
-            path = self._directory / stored.file
-            if not path.is_file() or path.stat().st_size != stored.bytes:
-                raise ValueError(f"{path} is not the file of {stored.bytes} bytes that {self._index.name} names")
-        return sweeps
+    def _check_turn(self, vertex_id: int, graph: PoseGraph | None, T_odom_base: ArrayLike | None) -> None:
+        following = len(self._index.sweeps) + len(self._waiting)
+        if vertex_id != following:
+            raise ValueError(f"vertex {vertex_id} where {following} is next")
+        if (graph is None) != (T_odom_base is None):
+            raise ValueError("graph and T_odom_base go together: one without the other cannot be gone on with")
+        if graph is not None and len(graph) != vertex_id + 1:
+            raise ValueError(f"a graph of {len(graph)} vertices with sweep {vertex_id}")
+
+    def _write_waiting(self) -> None:
+        """Writes, in their order, the sweeps that are not on disk."""
+        while self._waiting:
+            try:
+                self._write(self._waiting[0])
+            except OSError as error:
+                first, count = self._waiting[0].vertex_id, len(self._waiting)
+                raise NotOnDiskError(
+                    error.errno, f"sweep {first} is not on disk, {count} wait in memory: {error.strerror or error}", str(self._directory)
+                ) from error
+            del self._waiting[0]
+
+    def _write(self, sweep: _Waiting) -> None:
+        """Data first, then the index."""
+        file, count = sweep_file(sweep.vertex_id), len(sweep.cloud)
+        stored = StoredSweep(sweep.vertex_id, sweep.stamp_s, file, count, 0, "", sweep.measured, sweep.change)
+        data = sweep_bytes(sweep.cloud, sweep.stamp_s, payload_text(stored))
+        write_atomically(self._directory / file, data)
+        digest = hashlib.sha256(data).hexdigest()
+        self._index.append(StoredSweep(sweep.vertex_id, sweep.stamp_s, file, count, len(data), digest, sweep.measured, sweep.change))
+
+
+__all__ = ["DamagedSweepError", "NotOnDiskError", "SessionStore", "StoredSweep", "ply_bytes", "tum_text", "write_atomically"]

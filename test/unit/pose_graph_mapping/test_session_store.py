@@ -1,16 +1,25 @@
-"""The session on disk: round trips, files that others open, and crashes between two steps."""
+"""The session on disk: round trips, files that others open, and what is left after crashes, damage and a full disk."""
 
+import errno
 import json
 import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import open3d as o3d
 import pytest
 
-from pose_graph_mapping import session_store
+from pose_graph_mapping import session_index, session_store
 from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph
-from pose_graph_mapping.session_store import SessionStore, ply_bytes, tum_text, write_atomically
+from pose_graph_mapping.session_files import pcd_bytes
+from pose_graph_mapping.session_store import DamagedSweepError, NotOnDiskError, SessionStore, ply_bytes, tum_text, write_atomically
 from rigid_geometry import inverse, quat_xyzw_from_transform, transform_from_rpy
+
+INDEX = Path("sweeps/index.json")
+UP = (0.0, 0.1, 1.0)
 
 
 def sweep_of(seed, count=500):
@@ -18,26 +27,43 @@ def sweep_of(seed, count=500):
     return rng.uniform(-2, 2, (count, 3)).astype(np.float32), rng.normal(0, 0.1, (count, 3)).astype(np.float32)
 
 
+def add_vertex(graph):
+    """Another vertex 10 m on, with an edge from the last one."""
+    k = len(graph)
+    graph.add_vertex(transform_from_rpy((10.0 * k, 0, 0), (0, 0, 0.3 * k)))
+    if k:
+        graph.add_edge(k - 1, k, inverse(graph.pose(k - 1)) @ graph.pose(k), np.diag(np.arange(1.0, 7.0)), EdgeKind.ODOMETRY)
+
+
 def graph_of(count):
     graph = PoseGraph()
-    for k in range(count):
-        graph.add_vertex(transform_from_rpy((10.0 * k, 0, 0), (0, 0, 0.3 * k)))
-        if k:
-            graph.add_edge(k - 1, k, inverse(graph.pose(k - 1)) @ graph.pose(k), np.eye(6), EdgeKind.ODOMETRY)
+    for _ in range(count):
+        add_vertex(graph)
     return graph
 
 
+def add(store, graph, seed=None):
+    """The next vertex, with everything that a session keeps."""
+    add_vertex(graph)
+    k = len(graph) - 1
+    return store.add_sweep(k, 1.5 * k, *sweep_of(k if seed is None else seed), graph, graph.pose(k), UP, 0.01)
+
+
 def filled(directory, count=3):
-    store = SessionStore(directory)
-    for k in range(count):
-        store.add_sweep(k, 1.5 * k, *sweep_of(k))
+    store, graph = SessionStore(directory), PoseGraph()
+    for _ in range(count):
+        add(store, graph)
     return store
+
+
+def lines_of(directory):
+    return (directory / INDEX).read_text().splitlines()
 
 
 def test_sweeps_come_back_bit_for_bit(tmp_path):
     filled(tmp_path)
     again = SessionStore(tmp_path)
-    assert [s.stamp_s for s in again.sweeps] == [0.0, 1.5, 3.0]
+    assert [s.stamp_s for s in again.sweeps] == [0.0, 1.5, 3.0] and again.notes == ()
     for k in range(3):
         points, origins = sweep_of(k)
         cloud = again.load_sweep(k)
@@ -45,46 +71,155 @@ def test_sweeps_come_back_bit_for_bit(tmp_path):
         np.testing.assert_array_equal(cloud.origins, origins)
 
 
-def test_saved_graph_trajectory_and_cloud_are_read_by_others(tmp_path):
+def test_graph_comes_back_bit_for_bit(tmp_path):
+    store, graph = SessionStore(tmp_path), PoseGraph()
+    for _ in range(4):
+        add(store, graph)
+    for held in (store, SessionStore(tmp_path)):
+        again = held.graph_on_disk()
+        np.testing.assert_allclose(again.poses(), graph.poses(), atol=1e-15)
+        for a, b in zip(again.measurements(), graph.measurements(), strict=True):
+            assert (a.i, a.j, a.kind) == (b.i, b.j, b.kind)
+            np.testing.assert_array_equal(a.T_i_j, b.T_i_j)
+            np.testing.assert_array_equal(a.covariance, b.covariance)
+    measured = SessionStore(tmp_path).sweeps[2].measured
+    np.testing.assert_array_equal(measured.T_odom_base, graph.pose(2))
+    np.testing.assert_allclose(measured.gravity_base, UP / np.linalg.norm(UP))
+    assert measured.gravity_sigma_rad == 0.01
+
+
+def test_vertices_that_moved_and_edges_that_went_are_written_with_the_next_sweep(tmp_path):
+    store, graph = SessionStore(tmp_path), PoseGraph()
+    for _ in range(3):
+        add(store, graph)
+    moved = PoseGraph()
+    for k, T in enumerate(graph.poses()):
+        moved.add_vertex(T @ transform_from_rpy((0.5 if k == 1 else 0.001, 0, 0)))
+    kept = graph.measurements()[1]
+    moved.add_edge(kept.i, kept.j, kept.T_i_j, kept.covariance, kept.kind)
+    moved.add_vertex(transform_from_rpy((30, 0, 0)))
+    moved.add_edge(0, 3, transform_from_rpy((30, 0, 0)), np.eye(6), EdgeKind.LOOP)
+    change = store.add_sweep(3, 9.0, *sweep_of(3), moved, np.eye(4)).change
+    assert (sorted(change.poses), change.removed, len(change.added)) == ([1, 3], (0,), 1)
+    again = SessionStore(tmp_path).graph_on_disk()
+    assert again.edges() == moved.edges()
+    np.testing.assert_allclose(again.poses(), moved.poses(), atol=2e-3)
+
+
+def test_index_is_json_and_a_line_costs_the_same_however_many_there_are(tmp_path):
+    store, graph, sizes = SessionStore(tmp_path), PoseGraph(), []
+    for _ in range(40):
+        add(store, graph)
+        sizes.append((tmp_path / INDEX).stat().st_size)
+    entries = json.loads((tmp_path / INDEX).read_text())
+    assert [e["vertex_id"] for e in entries] == list(range(40))
+    growth = np.diff(sizes)
+    assert growth[-1] < 1.2 * growth[0]
+
+
+def test_saved_graph_trajectory_and_clouds_are_read_by_others(tmp_path):
     store, graph = filled(tmp_path), graph_of(3)
-    store.save(graph, map_voxel_m=0.05)
+    assert store.save(graph, map_voxel_m=0.05) == ()
     np.testing.assert_allclose(PoseGraph.load_g2o(tmp_path / "graph.g2o").poses(), graph.poses(), atol=1e-9)
     trajectory = np.loadtxt(tmp_path / "trajectory.txt")
     np.testing.assert_allclose(trajectory[:, 0], [0.0, 1.5, 3.0])
     np.testing.assert_allclose(trajectory[:, 1:4], graph.poses()[:, :3, 3], atol=1e-8)
     np.testing.assert_allclose(trajectory[2, 4:], quat_xyzw_from_transform(graph.pose(2)), atol=1e-8)
-    points = np.asarray(o3d.io.read_point_cloud(str(tmp_path / "cloud.ply")).points)
-    np.testing.assert_allclose(points, store.merged_points(graph.poses(), 0.05), atol=1e-5)
-    assert points[:, 0].min() < 0 and points[:, 0].max() > 19
+    for name in ("cloud.ply", "cloud.pcd"):
+        points = np.asarray(o3d.io.read_point_cloud(str(tmp_path / name)).points)
+        np.testing.assert_allclose(points, store.merged_points(graph.poses(), 0.05), atol=1e-5)
+        assert points[:, 0].min() < 0 and points[:, 0].max() > 19
+
+
+@pytest.mark.skipif(shutil.which("pcl_convert_pcd_ascii_binary") is None, reason="Debian's pcl-tools are not installed")
+def test_pcl_opens_the_cloud(tmp_path):
+    points, _ = sweep_of(0)
+    (tmp_path / "cloud.pcd").write_bytes(pcd_bytes(points))
+    subprocess.run(["pcl_convert_pcd_ascii_binary", tmp_path / "cloud.pcd", tmp_path / "ascii.pcd", "0"], check=True)
+    np.testing.assert_allclose(np.loadtxt(tmp_path / "ascii.pcd", skiprows=11), points, atol=1e-4)
 
 
 def test_saving_twice_replaces_and_leaves_no_other_file(tmp_path):
     store = filled(tmp_path, 2)
     store.save(graph_of(2))
-    store.add_sweep(2, 9.0, *sweep_of(2))
+    add(store, graph_of(2))
     store.save(graph_of(3))
-    assert sorted(os.listdir(tmp_path)) == ["cloud.ply", "graph.g2o", "sweeps", "trajectory.txt"]
+    assert sorted(os.listdir(tmp_path)) == ["cloud.pcd", "cloud.ply", "graph.g2o", "sweeps", "trajectory.txt"]
     assert sorted(os.listdir(tmp_path / "sweeps")) == ["000000.npz", "000001.npz", "000002.npz", "index.json"]
     assert len(np.loadtxt(tmp_path / "trajectory.txt")) == 3
 
 
-def test_crash_before_the_index_leaves_the_sweeps_that_were_whole(tmp_path, monkeypatch):
+def test_index_cut_anywhere_gives_the_sweeps_before_the_cut_and_can_be_gone_on_with(tmp_path):
+    filled(tmp_path, 3)
+    data = (tmp_path / INDEX).read_bytes()
+    for vertex in range(3):  # without the files of their own that lines can be had from again
+        (tmp_path / f"sweeps/{vertex:06d}.npz").rename(tmp_path / f"{vertex}.kept")
+    ends = np.flatnonzero(np.frombuffer(data, np.uint8) == ord("\n"))[1:4]
+    for cut in range(len(data)):
+        (tmp_path / INDEX).write_bytes(data[:cut])
+        assert len(SessionStore(tmp_path).sweeps) == np.count_nonzero(ends <= cut), cut
+    (tmp_path / INDEX).write_bytes(data[: ends[1] + 100])
+    store = SessionStore(tmp_path)
+    assert "line 4 of sweeps/index.json is damaged: its checksum is wrong" in store.notes
+    add(store, graph_of(2), seed=7)
+    assert [e["vertex_id"] for e in json.loads((tmp_path / INDEX).read_text())] == [0, 1, 2]
+    np.testing.assert_array_equal(SessionStore(tmp_path).load_sweep(2).points, sweep_of(7)[0])
+
+
+def test_any_byte_of_the_index_that_changes_loses_nothing_and_is_named(tmp_path):
+    filled(tmp_path, 3)
+    data = (tmp_path / INDEX).read_bytes()
+    rng = np.random.default_rng(1)
+    for at in rng.integers(0, len(data), 60):
+        changed = bytearray(data)
+        changed[at] ^= 1 << rng.integers(0, 7)
+        (tmp_path / INDEX).write_bytes(changed)
+        store = SessionStore(tmp_path)
+        assert len(store.sweeps) == 3 and any(note.startswith("line ") for note in store.notes), at
+        np.testing.assert_allclose(store.graph_on_disk().poses(), graph_of(3).poses(), atol=1e-12)
+
+
+def test_line_in_the_middle_that_is_damaged_like_its_sweep_is_an_error_that_names_both(tmp_path):
+    filled(tmp_path, 3)
+    lines = lines_of(tmp_path)
+    lines[2] = lines[2].replace("1.5", "1.6")
+    (tmp_path / INDEX).write_text("\n".join(lines) + "\n")
+    (tmp_path / "sweeps/000001.npz").write_bytes(b"")
+    with pytest.raises(ValueError, match=r"line 3 of sweeps/index.json is damaged.*000001.npz is damaged"):
+        SessionStore(tmp_path)
+
+
+def test_lost_index_is_told_again_by_the_sweeps(tmp_path):
+    filled(tmp_path, 3)
+    before = (tmp_path / INDEX).read_bytes()
+    (tmp_path / INDEX).unlink()
+    store = SessionStore(tmp_path)
+    assert len(store.sweeps) == 3 and len(store.notes) == 3
+    add(store, graph_of(3))
+    assert (tmp_path / INDEX).read_bytes().startswith(before[:-2]) and SessionStore(tmp_path).notes == ()
+
+
+def test_sweeps_of_a_session_without_records_are_read(tmp_path):
+    (tmp_path / "sweeps").mkdir()
+    points, origins = sweep_of(0)
+    np.savez(tmp_path / "sweeps/000000.npz", points=points, origins=origins, stamp_s=4.0)
+    (tmp_path / INDEX).write_text('[\n {\n  "vertex_id": 0\n }\n]\n')
+    store = SessionStore(tmp_path)
+    assert (store.sweeps[0].stamp_s, store.sweeps[0].points, store.sweeps[0].change) == (4.0, 500, None)
+    with pytest.raises(ValueError, match="no pose of vertex 0"):
+        store.graph_on_disk()
+
+
+def test_crash_before_the_index_loses_nothing(tmp_path, monkeypatch):
     store = filled(tmp_path, 2)
-    write = session_store.write_atomically
-
-    def dies_at_the_index(path, data):
-        if path.name == "index.json":
-            raise OSError("the plug is pulled")
-        write(path, data)
-
-    monkeypatch.setattr(session_store, "write_atomically", dies_at_the_index)
-    with pytest.raises(OSError, match="plug"):
-        store.add_sweep(2, 9.0, *sweep_of(2))
+    monkeypatch.setattr(session_index.SessionIndex, "append", lambda *a: (_ for _ in ()).throw(KeyboardInterrupt))
+    with pytest.raises(KeyboardInterrupt):
+        add(store, graph_of(2))
     monkeypatch.undo()
     again = SessionStore(tmp_path)
-    assert len(again.sweeps) == 2
-    again.add_sweep(2, 9.0, *sweep_of(2))
-    assert len(SessionStore(tmp_path).sweeps) == 3
+    assert len(again.sweeps) == 3 and "sweep 2 has no line" in again.notes[0]
+    add(again, graph_of(3))
+    assert len(SessionStore(tmp_path).sweeps) == 4
 
 
 def test_crash_while_replacing_leaves_the_old_file(tmp_path, monkeypatch):
@@ -97,25 +232,91 @@ def test_crash_while_replacing_leaves_the_old_file(tmp_path, monkeypatch):
 
 
 def test_data_are_on_disk_before_the_index_names_them(tmp_path, monkeypatch):
-    order, write = [], session_store.write_atomically
+    order, write, append = [], session_store.write_atomically, session_index.SessionIndex.append
     monkeypatch.setattr(session_store, "write_atomically", lambda path, data: (order.append(path.name), write(path, data)))
-    filled(tmp_path, 1)
-    assert order == ["000000.npz", "index.json"]
+    monkeypatch.setattr(session_index.SessionIndex, "append", lambda self, s: (order.append("index"), append(self, s)))
+    filled(tmp_path, 2)
+    assert order == ["000000.npz", "index", "000001.npz", "index"]
 
 
-def test_index_that_names_a_truncated_file_is_an_error(tmp_path):
-    filled(tmp_path, 1)
-    path = tmp_path / "sweeps" / "000000.npz"
-    path.write_bytes(path.read_bytes()[:-10])
-    with pytest.raises(ValueError, match="000000.npz is not the file"):
-        SessionStore(tmp_path)
+def test_sweep_that_was_cut_or_changed_is_named_and_never_loaded(tmp_path):
+    filled(tmp_path, 3)
+    cut, changed = tmp_path / "sweeps/000000.npz", tmp_path / "sweeps/000001.npz"
+    cut.write_bytes(cut.read_bytes()[:-10])
+    data = bytearray(changed.read_bytes())
+    data[3000] ^= 1
+    changed.write_bytes(data)
+    store = SessionStore(tmp_path)
+    assert len(store.sweeps) == 3 and store.notes[0].startswith("sweeps/000000.npz is damaged: ")
+    for vertex in (0, 1):
+        with pytest.raises(DamagedSweepError, match=f"sweeps/00000{vertex}.npz is damaged"):
+            store.load_sweep(vertex)
+    assert len(store.load_sweep(2)) == 500
 
 
-def test_unreadable_index_is_an_error(tmp_path):
-    filled(tmp_path, 1)
-    (tmp_path / "sweeps" / "index.json").write_text(json.dumps([{"vertex": 0}]))
-    with pytest.raises(ValueError, match="cannot be read"):
-        SessionStore(tmp_path)
+def test_sweep_that_is_gone_is_left_out_of_the_clouds_and_named(tmp_path):
+    store = filled(tmp_path, 2)
+    (tmp_path / "sweeps/000001.npz").unlink()
+    assert [text.split()[0] for text in store.save(graph_of(2))] == ["sweeps/000001.npz"]
+    assert np.asarray(o3d.io.read_point_cloud(str(tmp_path / "cloud.ply")).points)[:, 0].max() < 5
+    with pytest.raises(DamagedSweepError):
+        store.merged_points(graph_of(2).poses(), 0.05)
+
+
+def test_full_disk_keeps_sweeps_in_memory_until_there_is_room(tmp_path, monkeypatch):
+    store, graph = filled(tmp_path, 1), graph_of(1)
+    before = (tmp_path / INDEX).read_bytes()
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(session_index.SessionIndex, "append", full)
+    for k in (1, 2):
+        with pytest.raises(NotOnDiskError, match=f"sweep 1 is not on disk, {k} wait in memory: No space left on device"):
+            add(store, graph)
+    with pytest.raises(OSError, match="No space left"):
+        store.save(graph)
+    assert (len(store.sweeps), store.not_on_disk) == (1, 2) and len(store.load_sweep(2)) == 500
+    assert (tmp_path / INDEX).read_bytes() == before
+    monkeypatch.undo()
+    add(store, graph)
+    again = SessionStore(tmp_path)
+    assert (len(again.sweeps), store.not_on_disk, again.notes) == (4, 0, ())
+    assert again.graph_on_disk().edges() == graph.edges()
+
+
+def test_write_that_the_system_cuts_short_leaves_the_index_whole(tmp_path):
+    """With a limit on the size of files in a process of its own: the line begins, and does not fit."""
+    filled(tmp_path, 2)
+    before = (tmp_path / INDEX).read_bytes()
+    limit = max(len(before) + 100, 40_000)
+    code = (
+        "import resource, signal, sys; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "from test_session_store import *\n"
+        "store, graph = SessionStore(sys.argv[1]), graph_of(2)\n"
+        f"resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))\n"
+        "for _ in range(400):\n"
+        "    try: add(store, graph)\n"
+        "    except NotOnDiskError as error: sys.exit(str(error) and 7)\n"
+    )
+    path = os.pathsep.join(p for p in (str(Path(__file__).parent), *sys.path) if p)
+    ended = subprocess.run([sys.executable, "-c", code, str(tmp_path)], env={**os.environ, "PYTHONPATH": path}, check=False)
+    again = SessionStore(tmp_path)
+    assert ended.returncode == 7 and len(again.sweeps) > 2
+    json.loads((tmp_path / INDEX).read_text())
+
+
+def test_two_writers_are_noticed(tmp_path):
+    first = filled(tmp_path, 1)
+    add(SessionStore(tmp_path), graph_of(1))
+    with pytest.raises(ValueError, match="changed by another program"):
+        add(first, graph_of(1))
+
+
+def test_place_that_is_no_folder_is_an_error_with_the_reason(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OSError, match="Not a directory"):
+        SessionStore(tmp_path / "file" / "session")
 
 
 def test_vertex_out_of_turn_is_refused(tmp_path):
@@ -123,6 +324,10 @@ def test_vertex_out_of_turn_is_refused(tmp_path):
         SessionStore(tmp_path).add_sweep(5, 0.0, *sweep_of(0))
     with pytest.raises(ValueError, match="no sweep of vertex 0"):
         SessionStore(tmp_path).load_sweep(0)
+    with pytest.raises(ValueError, match="go together"):
+        SessionStore(tmp_path).add_sweep(0, 0.0, *sweep_of(0), graph_of(1))
+    with pytest.raises(ValueError, match="2 vertices with sweep 0"):
+        SessionStore(tmp_path).add_sweep(0, 0.0, *sweep_of(0), graph_of(2), np.eye(4))
 
 
 def test_graph_of_another_length_is_refused(tmp_path):
