@@ -7,7 +7,9 @@ call, a registration of this package or a fake can stand there.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +21,9 @@ from pose_graph_mapping.loop_closure import LoopClosure, Match, beyond_correctio
 from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph, as_covariance, unit_up
 from pose_graph_mapping.registration import RegistrationResult, Verdict
 from rigid_geometry import as_transform, inverse, rotation_angle
+
+if TYPE_CHECKING:
+    from pose_graph_mapping.localisation import Placement
 
 Array = NDArray[np.float64]
 
@@ -107,13 +112,15 @@ class PoseGraphMapper:
         odom_covariance: ArrayLike | None = None,
         gravity_base: ArrayLike | None = None,
         gravity_sigma_rad: float | None = None,
+        placement: Placement | None = None,
     ) -> MappingUpdate:
         """Algorithm 1 for one sweep; line numbers in the code are its.
 
         points_base, origins_base (N, 3) at the stamp; T_odom_base (4, 4); odom_covariance (6, 6) of the motion since the last sweep,
         rotation first, in the body frame, which is added to the model of distance and turning; gravity_base (3,): up as the resting IMU
-        measured it. ValueError for a stamp that does not increase, too few finite points, or anything that is no transform, covariance or
-        direction; nothing is changed then.
+        measured it; placement: where the sweep was found in the map (`localise`), which then stands in for odometry. ValueError for a
+        stamp that does not increase, too few finite points, or anything that is no transform, covariance, direction or accepted placement;
+        nothing is changed then.
         """
         sweep = PointCloud.of_finite(points_base, origins_base)
         T_odom_base = as_transform(T_odom_base)
@@ -124,7 +131,12 @@ class PoseGraphMapper:
         self.finish_cloud()
         cloud = voxel_downsample(sweep, self._config.vertex_voxel_m)
         correction = self._last_vertex_correction()
-        placed = self._first_vertex(T_odom_base, up) if not len(self.graph) else self._next_vertex(cloud, T_odom_base, covariance)
+        if placement is not None:
+            placed: _Placed | None = self._localised_vertex(placement)
+        elif len(self.graph):
+            placed = self._next_vertex(cloud, T_odom_base, covariance)
+        else:
+            placed = self._first_vertex(T_odom_base, up)
         self._clouds.append(cloud)
         self._stamps_s.append(float(stamp_s))
         if up is not None:
@@ -133,6 +145,19 @@ class PoseGraphMapper:
         self._T_odom_last = T_odom_base  # 5
         loops = detect_loop_closures(self.graph, self._clouds, self._match, self._config)  # 20
         return self._update(before, placed, correction, tuple(loops), sweep.dropped)
+
+    def restore(self, graph: PoseGraph, clouds: Sequence[PointCloud], stamps_s: Sequence[float], T_odom_last: Array) -> None:
+        """Go on with the graph and the light clouds (body frames) of an earlier session; T_odom_last (4, 4): odometry of its last sweep."""
+        if not 0 < len(graph) == len(clouds) == len(stamps_s):
+            raise ValueError(f"{len(clouds)} clouds and {len(stamps_s)} stamps for {len(graph)} vertices, of which one is wanted at least")
+        self.graph, self._clouds, self._stamps_s = graph, list(clouds), [float(s) for s in stamps_s]
+        self._T_odom_last = as_transform(T_odom_last)
+        self._old_last_vertex_estimate = graph.pose(len(graph) - 1)
+
+    def vertex_clouds(self) -> tuple[PointCloud, ...]:
+        """The light cloud of every vertex, in its body frame."""
+        self.finish_cloud()
+        return tuple(self._clouds)
 
     def finish_cloud(self) -> None:
         """Estimates the normals of the last sweep's cloud, which the next matches need; for whoever has time before the next sweep.
@@ -169,6 +194,16 @@ class PoseGraphMapper:
         """Lines 2 to 6, levelled where gravity is known: a tilted first pose tilts the whole map."""
         self.graph.add_vertex(T_odom_base if up is None else levelled(T_odom_base, up))  # 3
         return None
+
+    def _localised_vertex(self, placement: Placement) -> _Placed:
+        """A vertex that hangs on the one it was found beside: odometry does not know how the robot came here."""
+        if not placement.accepted:
+            raise ValueError(f"a sweep that was not found in the map: {placement.reason}")
+        result, beside = placement.result, placement.vertex_id
+        T_map_base = as_transform(result.T_reference_reading)
+        T_beside_base = inverse(self.graph.pose(beside)) @ T_map_base
+        self.graph.add_edge(beside, self.graph.add_vertex(T_map_base), T_beside_base, result.covariance, EdgeKind.MATCH)
+        return _Placed(T_map_base, result, True, placement.tries)
 
     def _next_vertex(self, cloud: PointCloud, T_odom_base: Array, covariance: Array | None) -> _Placed:
         """Lines 8 to 18, with an odometry edge whatever the match says: it holds what the match leaves open."""
