@@ -1,0 +1,173 @@
+"""Cases for the benchmarks of registration: full sweeps of the tilting laser along seeded drives, each against the map of those before.
+
+A drive is made once (a few seconds) and kept as a file in a cache folder. Sweeps go through the simulator's laser, the scan filter and
+the sweep assembler, so that noise, veiled points and beam origins are those of a run; the robot stands where the ground puts it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tempfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from registration_worlds import MOVED, drive_poses, with_moved_furniture, world_of
+
+from pose_graph_mapping import MappingConfig, PointCloud, merged, vertex_cloud
+from pybullet_simulation.config import SimulationConfig
+from pybullet_simulation.laser import Laser, Motion
+from pybullet_simulation.robot_model import read_robot_model
+from pybullet_simulation.sweep_profile import sweep_profile
+from pybullet_simulation.world import World
+from rigid_geometry import transform_from_rpy
+from sweep_assembly import ScanFilter, ScanFilterConfig, ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
+
+Array = NDArray[np.float64]
+
+LAYOUT = 1  # of the cached files; to be raised when what is in them changes
+REFERENCE_M = 8.0
+SWEEPS_A_DRIVE = 11
+STEP_S, SCAN_S, START_S = 0.005, 0.025, 0.25
+DEFAULT_CACHE = Path(tempfile.gettempdir()) / "registration_cases"
+
+
+@dataclass(frozen=True)
+class Mount:
+    """How the tilting mount differs from what the robot believes of it."""
+
+    name: str
+    tilt_scale: float = 1.0
+    roll_rad: float = 0.0
+
+
+MOUNTS = {m.name: m for m in (Mount("nominal"), Mount("off", 1.005, math.radians(0.2)))}
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A match to be made: `reading` in base_link, `reference` in the map frame, and the truth T_map_base."""
+
+    name: str
+    world: str
+    reference: PointCloud
+    reading: PointCloud
+    T_map_base: Array
+
+
+class SweepingLaser:
+    """Sweeps of a robot that stands still in a world, through the whole chain from beams to cloud."""
+
+    def __init__(self, world: World, mount: Mount, rng: np.random.Generator) -> None:
+        self._config, self._mount, self._rng = SimulationConfig(), mount, rng
+        robot = read_robot_model()
+        self._laser, self._profile = Laser(self._config, robot, world, rng), sweep_profile(self._config)
+        layout = self._laser.geometry
+        self._geometry = ScanGeometry(layout.angle_min, layout.angle_increment, layout.time_increment, layout.beams)
+        self._tilt_geometry = TiltGeometry(robot.T_base_mount, robot.T_tilt_laser)
+        self._filter = ScanFilter(ScanFilterConfig(), self._geometry, self._tilt_geometry)
+        at = robot.T_base_mount[:3, 3]
+        self._T_base_seen = transform_from_rpy(at) @ transform_from_rpy((0, 0, 0), (mount.roll_rad, 0, 0)) @ transform_from_rpy(-at)
+
+    def sweep(self, T_map_base: Array) -> PointCloud:
+        """Points and beam origins in base_link, as the robot believes them to be."""
+        ticks = math.ceil((self._profile.duration_s + 2 * START_S) / SCAN_S)
+        stamps = np.arange(ticks + 1) * SCAN_S
+        ranges = self._laser.scans(self._motion(T_map_base, ticks), stamps[:-1])
+        measured = self._profile.tilt_at(stamps - START_S) + self._config.tilt_encoder_sigma_rad * self._rng.standard_normal(ticks + 1)
+        assembler = SweepAssembler(SweepAssemblyConfig(), self._geometry, self._tilt_geometry)
+        for k, scan in enumerate(ranges):
+            tilts = np.interp(stamps[k] + self._geometry.beam_times, stamps, measured)
+            assembler.add_odometry(float(stamps[k]), np.eye(4))
+            assembler.add_joint(float(stamps[k]), float(measured[k]))
+            assembler.add_scan(float(stamps[k]), self._filter.filter(scan, tilts))
+        found = assembler.poll()
+        if found is None:
+            raise RuntimeError(f"no sweep came out of {ticks} scans: {assembler.dropped}")
+        return PointCloud.of_finite(found.points, found.origins)
+
+    def _motion(self, T_map_base: Array, ticks: int) -> Motion:
+        """Standing still while the laser tilts, as it truly is mounted."""
+        T = T_map_base @ self._T_base_seen
+        steps = ticks * round(SCAN_S / STEP_S) + 1
+        tilts = self._mount.tilt_scale * self._profile.tilt_at(np.arange(steps) * STEP_S - START_S)
+        return Motion(np.tile(T[:3, :3], (steps, 1, 1)), np.tile(T[:3, 3], (steps, 1)), tilts, STEP_S)
+
+
+@dataclass(eq=False)
+class Drive:
+    """Sweeps along a drive, `points` and `origins` in base_link at `poses` (K, 4, 4); float32, as a session keeps them."""
+
+    world: str
+    seed: int
+    poses: Array
+    points: list[NDArray[np.float32]]
+    origins: list[NDArray[np.float32]]
+    _vertices: dict[int, PointCloud] = field(default_factory=dict)
+
+    def reading(self, index: int) -> PointCloud:
+        """A full sweep in base_link."""
+        return PointCloud.of_finite(self.points[index], self.origins[index])
+
+    def reference(self, index: int) -> PointCloud:
+        """Vertex clouds of all sweeps before `index` within 8 m of it, in the map frame."""
+        here = self.poses[index, :3, 3]
+        near = [k for k in range(index) if np.linalg.norm(self.poses[k, :3, 3] - here) <= REFERENCE_M]
+        return merged([self._vertex(k).transformed(self.poses[k]) for k in near])
+
+    def case(self, index: int) -> Case:
+        """Sweep `index` (1 or more) against those before."""
+        return Case(f"{self.world}/{self.seed}/{index}", self.world, self.reference(index), self.reading(index), self.poses[index])
+
+    def _vertex(self, index: int) -> PointCloud:
+        if index not in self._vertices:
+            config = MappingConfig()
+            self._vertices[index] = vertex_cloud(self.reading(index), config.vertex_voxel_m, config.vertex_normal_neighbours)
+        return self._vertices[index]
+
+
+@lru_cache(maxsize=24)
+def drive(world: str, seed: int, mount: str = "nominal", cache: Path = DEFAULT_CACHE, sweeps: int = SWEEPS_A_DRIVE) -> Drive:
+    """A drive from the cache, made and stored when it is not there."""
+    path = cache / f"{world}-{seed}-{mount}-{sweeps}-{LAYOUT}.npz"
+    if not path.exists():
+        _store(path, _make(world, seed, MOUNTS[mount], sweeps))
+    with np.load(path) as data:
+        ends = np.cumsum(data["counts"])[:-1]
+        return Drive(world, seed, data["poses"], np.split(data["points"], ends), np.split(data["origins"], ends))
+
+
+def _make(name: str, seed: int, mount: Mount, sweeps: int) -> Drive:
+    """A world with moved furniture is driven as the world itself is."""
+    world = world_of(name.removesuffix(MOVED), seed)
+    poses = drive_poses(world, seed, sweeps)
+    if name.endswith(MOVED):
+        world = with_moved_furniture(world, seed, poses[:, :2, 3])
+    laser = SweepingLaser(world, mount, np.random.default_rng([seed, 33]))
+    clouds = [laser.sweep(T) for T in poses]
+    origins = [c.origins.astype(np.float32) for c in clouds if c.origins is not None]
+    return Drive(name, seed, poses, [c.points.astype(np.float32) for c in clouds], origins)
+
+
+def _store(path: Path, made: Drive) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_suffix(f".{os.getpid()}.npz")
+    counts = [len(p) for p in made.points]
+    np.savez_compressed(
+        unfinished, poses=made.poses, counts=counts, points=np.concatenate(made.points), origins=np.concatenate(made.origins)
+    )
+    unfinished.replace(path)
+
+
+def case_of(world: str, k: int, mount: str = "nominal", cache: Path = DEFAULT_CACHE, sweeps: int = SWEEPS_A_DRIVE) -> Case:
+    """The k-th case of a world: one a sweep but the first of each drive, drives by seed from 1."""
+    return drive(world, 1 + k // (sweeps - 1), mount, cache, sweeps).case(1 + k % (sweeps - 1))
+
+
+def cases(world: str, count: int, mount: str = "nominal", cache: Path = DEFAULT_CACHE) -> Iterator[Case]:
+    """The first `count` cases of a world, one at a time."""
+    return (case_of(world, k, mount, cache) for k in range(count))
