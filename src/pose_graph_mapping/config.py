@@ -19,15 +19,30 @@ class RegistrationConfig:
     facing_away_cos: float = parameter(
         -0.1, "-", "reference points whose normal makes a cosine below this with the sensor are left out", low=-1.0, high=0.0
     )
-    yaw_starts_rad: tuple[float, ...] = parameter(
-        (-0.35, 0.35, -0.7, 0.7, -1.05, 1.05),
-        "rad",
-        "headings tried around a guess that was refused; empty: none",
-        low=-math.pi,
-        high=math.pi,
+    search_shift_m: float = parameter(
+        3.0, "m", "horizontal half width of the search around a guess of which nothing is known", low=0.0, high=20.0
     )
-    yaw_start_voxel_m: float = parameter(0.4, "m", "voxels of that search", low=0.05, high=2.0)
-    yaw_start_distance_m: float = parameter(2.0, "m", "largest distance of matched points in that search", low=0.1)
+    search_height_m: float = parameter(1.0, "m", "the same, vertical", low=0.0, high=10.0)
+    search_yaw_rad: float = parameter(math.pi, "rad", "the same, heading", low=0.0, high=math.pi)
+    search_least_shift_m: float = parameter(
+        1.0, "m", "least half width of the search, after a direct match was refused", low=0.0, high=20.0
+    )
+    search_least_yaw_rad: float = parameter(math.radians(45.0), "rad", "the same, heading", low=0.0, high=math.pi)
+    search_cell_m: float = parameter(0.30, "m", "edge of the cells of the search", low=0.05, high=2.0)
+    search_yaw_step_rad: float = parameter(math.radians(5.0), "rad", "step of its headings", low=0.01, high=0.5)
+    search_points: int = parameter(600, "-", "points of the reading that are placed", low=50, high=5000)
+    search_range_m: float = parameter(15.0, "m", "farther points of the reading are not placed", low=1.0, high=100.0)
+    search_peaks: int = parameter(10, "-", "placements that are looked at closer", low=1, high=100)
+    search_peaks_a_heading: int = parameter(3, "-", "most of them of one heading", low=1, high=100)
+    search_apart_m: float = parameter(0.6, "m", "placements nearer than this are one", low=0.0, high=5.0)
+    search_apart_rad: float = parameter(math.radians(15.0), "rad", ".. if they differ in heading by less than this", low=0.0, high=math.pi)
+    search_refine_voxel_m: float = parameter(0.4, "m", "voxels of their first refinement", low=0.05, high=2.0)
+    search_iterations: int = parameter(12, "-", "most iterations of it", low=1, high=1000)
+    search_refined: int = parameter(4, "-", "most placements that are refined in full", low=1, high=100)
+    search_max_contradiction: float = parameter(
+        0.015, "-", "points in free space above which a rough placement comes last", low=0.0, high=1.0
+    )
+    search_rival_share: float = parameter(0.8, "-", "share of the best overlap that makes a rival", low=0.0, high=1.0)
 
     degenerate_eigenvalue: float = parameter(
         1.5, "-", "Hessian eigenvalue by inlier under which a direction is unconstrained (0.5 is nothing)", low=0.0

@@ -6,6 +6,7 @@ Overlap alone does not tell right from wrong; points that lie where the other cl
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -13,8 +14,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
+from scipy.spatial.transform import Rotation
 
-from pose_graph_mapping.cloud import PointCloud, viewpoints
+from pose_graph_mapping.cloud import PointCloud, moved_points, viewpoints
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration import Verdict
 from rigid_geometry import inverse
@@ -66,33 +68,55 @@ def range_image(points: Array, eye: Array) -> Array:
     return np.asarray(minimum_filter(_nearest_by_cell(points, eye), size=3, mode=("nearest", "wrap")))
 
 
-def _one_way(observer: PointCloud, others: Array, near: Array, config: RegistrationConfig) -> tuple[int, int]:
-    """Points compared with, and in front of, what `observer` saw from its standpoints (those nearest to `near`)."""
-    assert observer.origins is not None
+class FreeSpace:
+    """What two clouds saw free, each from its standpoints: range images made once, asked for many placements.
+
+    Each cloud in its own frame. Without origins every answer is NaN.
+    """
+
+    def __init__(self, reference: PointCloud, reading: PointCloud, near: Array, config: RegistrationConfig) -> None:
+        """`near` (3,), in the reference: of many standpoints there, the nearest to it are asked."""
+        self._config = config
+        self._reference, self._reading = reference.points, reading.points
+        self._seen_by_reference = _images(reference, near, config.free_space_viewpoints)
+        self._seen_by_reading = _images(reading, np.zeros(3), 1)
+
+    def contradiction(self, T_reference_reading: Array, most: int | None = None) -> float:
+        """Share of the points of one cloud that lie in space the other saw free, the worse of both directions; NaN without origins.
+
+        Only directions in which the observer saw something count; nothing in common gives NaN too. `most` points of a cloud are enough
+        for a rough answer; None asks all.
+        """
+        reading = moved_points(T_reference_reading, _thinned(self._reading, most))
+        reference = moved_points(inverse(T_reference_reading), _thinned(self._reference, most))
+        ways = [self._one_way(self._seen_by_reading, reference), self._one_way(self._seen_by_reference, reading)]
+        if any(compared == 0 for compared, _ in ways):
+            return float("nan")
+        return max(in_front / compared for compared, in_front in ways)
+
+    def _one_way(self, images: Sequence[tuple[Array, Array]], others: Array) -> tuple[int, int]:
+        """Points compared with, and in front of, what was seen from the standpoints."""
+        margins = self._config.free_space_margin_m, self._config.free_space_margin_ratio
+        counts = [_count_in_front(others, eye, image, *margins) for eye, image in images]
+        return sum(compared for compared, _ in counts), sum(in_front for _, in_front in counts)
+
+
+def _thinned(points: Array, most: int | None) -> Array:
+    return points if most is None else points[:: max(1, len(points) // most)]
+
+
+def _images(observer: PointCloud, near: Array, most: int) -> list[tuple[Array, Array]]:
+    """Standpoints (those nearest to `near`) with what was seen from them."""
+    if observer.origins is None or not len(observer):
+        return []
     eyes, index = viewpoints(observer.origins)
-    order = np.argsort(np.linalg.norm(eyes - near, axis=1), kind="stable")[: config.free_space_viewpoints]
-    compared = in_front = 0
-    for k in order:
-        image = range_image(observer.points[index == k], eyes[k])
-        counts = _count_in_front(others, eyes[k], image, config.free_space_margin_m, config.free_space_margin_ratio)
-        compared, in_front = compared + counts[0], in_front + counts[1]
-    return compared, in_front
+    order = np.argsort(np.linalg.norm(eyes - near, axis=1), kind="stable")[:most]
+    return [(eyes[k], range_image(observer.points[index == k], eyes[k])) for k in order]
 
 
 def free_space_contradiction(reference: PointCloud, reading: PointCloud, T_reference_reading: Array, config: RegistrationConfig) -> float:
-    """Share of the points of one cloud that lie in space the other saw free, the worse of both directions; NaN without origins.
-
-    Only directions in which the observer saw something count; nothing in common gives NaN too.
-    """
-    if reference.origins is None or reading.origins is None:
-        return float("nan")
-    moved = reading.transformed(T_reference_reading)
-    assert moved.origins is not None
-    sensor = moved.origins.mean(axis=0)
-    ways = [_one_way(moved, reference.points, sensor, config), _one_way(reference, moved.points, sensor, config)]
-    if any(compared == 0 for compared, _ in ways):
-        return float("nan")
-    return max(in_front / compared for compared, in_front in ways)
+    """`FreeSpace.contradiction` of one placement."""
+    return FreeSpace(reference, reading, T_reference_reading[:3, 3], config).contradiction(T_reference_reading)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,18 +143,21 @@ def exp_motion(motion: Array) -> Array:
     return np.asarray(gtsam.Pose3.Expmap(motion).matrix())
 
 
-def log_motion(T: Array) -> Array:
-    """(6,) logarithm of a transform, the inverse of `exp_motion`."""
-    return np.asarray(gtsam.Pose3.Logmap(gtsam.Pose3(T)))
+def offset_between(T_reference_a: Array, T_reference_b: Array) -> Array:
+    """(6,) rotation vector and translation from `a` to `b` in the body frame of `a`, each by itself: no path between far poses is meant."""
+    T = inverse(T_reference_a) @ T_reference_b
+    return np.concatenate([Rotation.from_matrix(T[:3, :3]).as_rotvec(), T[:3, 3]])
 
 
 def keep_guess(T_guess: Array, T_matched: Array, weak: Degeneracy) -> Array:
-    """The match without its motion along the degenerate directions: there the guess stands (solution remapping)."""
+    """The match, but the guess along the degenerate directions of the matched body frame (solution remapping)."""
     if len(weak.directions) == 0:
         return T_matched
-    motion = weak.scale * log_motion(inverse(T_guess) @ T_matched)
-    motion = motion - weak.directions.T @ (weak.directions @ motion)
-    return T_guess @ exp_motion(motion / weak.scale)
+    kept = weak.directions.T @ (weak.directions @ (weak.scale * offset_between(T_matched, T_guess))) / weak.scale
+    T = T_matched.copy()
+    T[:3, :3] = T_matched[:3, :3] @ Rotation.from_rotvec(kept[:3]).as_matrix()
+    T[:3, 3] += T_matched[:3, :3] @ kept[3:]
+    return T
 
 
 def match_covariance(information_inverse: Array, weak: Degeneracy, config: RegistrationConfig) -> Array:

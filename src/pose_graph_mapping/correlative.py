@@ -1,0 +1,177 @@
+"""Coarse placement of a reading in a reference from far off: correlation of voxels over x, y, z and yaw (after Olson, ICRA 2009).
+
+Gravity is known, so roll and pitch stay those of the guess. Level and steep surfaces are correlated apart: a floor that lies on any floor
+tells nothing of where its walls are. What comes out are starts for a registration, never results.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pose_graph_mapping.cloud import Array, PointCloud
+from pose_graph_mapping.config import RegistrationConfig
+from rigid_geometry import transform_from_rpy
+
+_THREADS = 2
+_LEVEL_COS = 0.75
+_ON_SURFACE, _BESIDE = 3, 1
+_LOOKED_AT = 3000
+
+
+@dataclass(frozen=True)
+class Window:
+    """Half widths of a search around a guess: horizontal and vertical metres, radians of yaw."""
+
+    shift_m: float
+    height_m: float
+    yaw_rad: float
+
+    def is_wide(self, config: RegistrationConfig) -> bool:
+        """Whether a registration that starts at the guess may end in a wrong place."""
+        return self.shift_m > config.search_least_shift_m or self.yaw_rad > config.search_least_yaw_rad
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Level and steep surface cells (2, ny, nz, nx) uint8, with their lower corner (3,) in metres: x runs fastest."""
+
+    cells: NDArray[np.uint8]
+    corner: Array
+    cell_m: float
+
+
+def window_of(guess_covariance: Array | None, T_guess: Array, config: RegistrationConfig) -> Window:
+    """Three sigmas of the guess, at least `search_least_*` and at most `search_*`; all of the latter when nothing is known."""
+    if guess_covariance is None:
+        return Window(config.search_shift_m, config.search_height_m, config.search_yaw_rad)
+    R = T_guess[:3, :3]
+    yaw = R[2] @ guess_covariance[:3, :3] @ R[2]
+    shift = R @ guess_covariance[3:, 3:] @ R.T
+    return Window(
+        float(np.clip(3.0 * math.sqrt(np.linalg.eigvalsh(shift[:2, :2])[-1]), config.search_least_shift_m, config.search_shift_m)),
+        float(np.clip(3.0 * math.sqrt(shift[2, 2]), config.search_least_shift_m, config.search_height_m)),
+        float(np.clip(3.0 * math.sqrt(yaw), config.search_least_yaw_rad, config.search_yaw_rad)),
+    )
+
+
+def coarse_placements(reference: PointCloud, reading: PointCloud, T_guess: Array, window: Window, config: RegistrationConfig) -> Array:
+    """(K, 4, 4) T_reference_reading within `window` of the guess where the surfaces agree best, best first, well apart.
+
+    Both clouds need normals; the same input gives the same placements.
+    """
+    cell = config.search_cell_m
+    steps = np.array([math.ceil(window.shift_m / cell - 1e-9), math.ceil(window.height_m / cell - 1e-9)])
+    yaws = _yaws(window.yaw_rad, config.search_yaw_step_rad)
+    points, level = _balanced(reading, T_guess[:3, :3], config)
+    near = np.linalg.norm(reference.points - T_guess[:3, 3], axis=1) <= np.linalg.norm(points, axis=1).max() + window.shift_m + cell
+    if not near.any():
+        return T_guess[None]
+    grid = _grid_of(reference.selected(near), cell, steps)
+    offset = T_guess[:3, 3] - grid.corner
+    with ThreadPoolExecutor(_THREADS) as pool:
+        parts = pool.map(
+            lambda part: _correlate(grid.cells, points, level, offset, 1.0 / cell, part, *steps), np.array_split(yaws, _THREADS)
+        )
+        scores = np.concatenate(list(parts))
+    return _peaks(scores, yaws, T_guess, steps, config)
+
+
+def _yaws(half_width: float, step: float) -> Array:
+    if half_width >= math.pi - 0.5 * step:
+        return np.linspace(-math.pi, math.pi, round(2.0 * math.pi / step), endpoint=False)
+    side = max(1, math.ceil(half_width / step))
+    return np.linspace(-half_width, half_width, 2 * side + 1)
+
+
+def _balanced(reading: PointCloud, R_map_body: Array, config: RegistrationConfig) -> tuple[Array, NDArray[np.uint8]]:
+    """Points of the reading in the map's directions, one a cell and as many of both kinds, and whether each is level (0) or steep (1)."""
+    assert reading.normals is not None
+    points = reading.points @ R_map_body.T
+    level = (np.abs(reading.normals @ R_map_body[2]) < _LEVEL_COS).astype(np.uint8)
+    inside = np.linalg.norm(points, axis=1) <= config.search_range_m
+    kept = []
+    for kind in (0, 1):
+        which = np.flatnonzero(inside & (level == kind))
+        keys = np.floor(points[which] / config.search_cell_m).astype(np.int64)
+        _, first = np.unique(keys, axis=0, return_index=True)
+        first = which[np.sort(first)]
+        kept.append(first[:: max(1, math.ceil(2 * len(first) / config.search_points))])
+    chosen = np.concatenate(kept)
+    return np.ascontiguousarray(points[chosen]), level[chosen]
+
+
+def _grid_of(reference: PointCloud, cell_m: float, steps: NDArray[np.int64]) -> _Grid:
+    """Cells of the reference with room for every shift around them."""
+    assert reference.normals is not None
+    margin = 2 * np.array([steps[0], steps[0], steps[1]]) + 1
+    low = np.floor(reference.points.min(axis=0) / cell_m).astype(np.int64) - margin
+    size = np.floor(reference.points.max(axis=0) / cell_m).astype(np.int64) + margin + 1 - low
+    at = np.floor(reference.points / cell_m).astype(np.int64) - low
+    steep = (np.abs(reference.normals[:, 2]) < _LEVEL_COS).astype(np.int64)
+    known = np.linalg.norm(reference.normals, axis=1) > 0.5
+    filled = np.zeros((2, size[1], size[2], size[0]), dtype=bool)
+    filled[steep[known], at[known, 1], at[known, 2], at[known, 0]] = True
+    cells = np.where(filled, _ON_SURFACE, 0).astype(np.uint8)
+    for axis in (1, 2, 3):
+        for side in (1, -1):
+            cells = np.where(np.roll(filled, side, axis) & ~filled, np.uint8(_BESIDE), cells)
+    return _Grid(np.ascontiguousarray(cells), low * cell_m, cell_m)
+
+
+@njit(cache=True, nogil=True)
+def _correlate(
+    cells: NDArray[np.uint8], points: Array, kind: NDArray[np.uint8], offset: Array, per_metre: float, yaws: Array, side: int, rise: int
+) -> NDArray[np.uint16]:
+    """(Y, 2 side + 1 (y), 2 rise + 1 (z), 2 side + 1 (x)) sums of the cells that the points fall on, for every yaw and shift."""
+    wide, high = 2 * side + 1, 2 * rise + 1
+    sums = np.zeros((len(yaws), wide, high, wide), dtype=np.uint16)
+    _, ny, nz, nx = cells.shape
+    for k in range(len(yaws)):
+        c, s = math.cos(yaws[k]), math.sin(yaws[k])
+        for i in range(len(points)):
+            x = math.floor((c * points[i, 0] - s * points[i, 1] + offset[0]) * per_metre) - side
+            y = math.floor((s * points[i, 0] + c * points[i, 1] + offset[1]) * per_metre) - side
+            z = math.floor((points[i, 2] + offset[2]) * per_metre) - rise
+            if x < 0 or y < 0 or z < 0 or x + wide > nx or y + wide > ny or z + high > nz:
+                continue
+            plane = cells[kind[i]]
+            for dy in range(wide):
+                for dz in range(high):
+                    row, total = plane[y + dy, z + dz], sums[k, dy, dz]
+                    for dx in range(wide):
+                        total[dx] += row[x + dx]
+    return sums
+
+
+def _peaks(scores: NDArray[np.uint16], yaws: Array, T_guess: Array, steps: NDArray[np.int64], config: RegistrationConfig) -> Array:
+    """The highest sums, best first, each well apart from those before in shift or in yaw, and at most so many of one heading."""
+    flat = scores.ravel()
+    best = np.flatnonzero(flat >= np.partition(flat, -min(_LOOKED_AT, flat.size))[-min(_LOOKED_AT, flat.size)])
+    k, y, z, x = np.unravel_index(best[np.argsort(-flat[best].astype(np.int64), kind="stable")[:_LOOKED_AT]], scores.shape)
+    shifts = np.stack([x - steps[0], y - steps[0], z - steps[1]], axis=1) * config.search_cell_m
+    angles = yaws[k]
+    chosen: list[int] = []
+    for i in range(len(angles)):
+        turned = np.abs(np.angle(np.exp(1j * (angles[chosen] - angles[i])))) if chosen else np.zeros(0)
+        alike = turned <= config.search_apart_rad
+        if np.count_nonzero(alike) >= config.search_peaks_a_heading:
+            continue
+        if (alike & (np.linalg.norm(shifts[chosen] - shifts[i], axis=1) <= config.search_apart_m)).any():
+            continue
+        chosen.append(i)
+        if len(chosen) == config.search_peaks:
+            break
+    return np.array([_moved(T_guess, shifts[i], float(angles[i])) for i in chosen])
+
+
+def _moved(T_guess: Array, shift: Array, yaw: float) -> Array:
+    """The guess turned about the map's vertical through its own origin, and shifted."""
+    T = transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw)) @ np.block([[T_guess[:3, :3], np.zeros((3, 1))], [np.zeros((1, 3)), 1.0]])
+    T[:3, 3] = T_guess[:3, 3] + shift
+    return T

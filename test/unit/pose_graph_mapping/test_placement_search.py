@@ -1,0 +1,146 @@
+"""The search for placements far from the guess: where it looks, what it finds, and when two placements rival."""
+
+import numpy as np
+import pytest
+from synthetic_sweeps import furnished_room, pose, sweep, world_of
+
+from pose_graph_mapping.cloud import PointCloud, merged, vertex_cloud, with_normals
+from pose_graph_mapping.config import RegistrationConfig
+from pose_graph_mapping.correlative import Window, coarse_placements, window_of
+from pose_graph_mapping.match_quality import Degeneracy, keep_guess, offset_between
+from pose_graph_mapping.registration import Verdict, create_registration
+from rigid_geometry import inverse, rotation_angle, transform_from_rpy
+
+CONFIG = RegistrationConfig()
+HALF_TURN = transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, np.pi))
+
+
+def covariance(yaw_sigma, shift_sigma):
+    return np.diag([0.01**2, 0.01**2, yaw_sigma**2, shift_sigma**2, shift_sigma**2, 0.1**2])
+
+
+def symmetric_room():
+    """Half a turn about the middle changes nothing."""
+    shell, furniture = furnished_room()[:5], [((2.5, 2.0, 0.4), (1.0, 0.6, 0.8)), ((1.0, -2.5, 0.9), (0.4, 0.4, 1.8))]
+    return shell + furniture + [((-x, -y, z), size) for (x, y, z), size in furniture]
+
+
+def area_and_reading(boxes, seed):
+    """The map of two sweeps, a third sweep, and where it was made."""
+    rng, scene = np.random.default_rng(seed), world_of(boxes)
+    poses = [pose(-2.0, -1.0, 0.1), pose(1.5, 0.8, 2.5), pose(0.3, 0.5, 1.0)]
+    clouds = [PointCloud(*sweep(scene, T, rng)) for T in poses]
+    area = merged([vertex_cloud(c, 0.1, 20).transformed(T) for c, T in zip(clouds[:2], poses[:2], strict=True)])
+    return area, clouds[2], poses[2]
+
+
+@pytest.fixture(scope="module")
+def room():
+    return area_and_reading(furnished_room(), 21)
+
+
+@pytest.fixture(scope="module")
+def ambiguous_room():
+    return area_and_reading(symmetric_room(), 22)
+
+
+def assert_right(result, T_true, metres=0.02, degrees=0.2):
+    off = inverse(T_true) @ result.T_reference_reading
+    assert np.linalg.norm(off[:3, 3]) < metres and np.degrees(rotation_angle(off)) < degrees, result.reason
+
+
+def test_window_is_three_sigmas_between_its_limits():
+    T = transform_from_rpy((1.0, 2.0, 0.0), (0.0, 0.0, 0.7))
+    assert window_of(None, T, CONFIG) == Window(CONFIG.search_shift_m, CONFIG.search_height_m, CONFIG.search_yaw_rad)
+    window = window_of(covariance(0.5, 0.7), T, CONFIG)
+    assert window.shift_m == pytest.approx(2.1) and window.yaw_rad == pytest.approx(1.5) and window.is_wide(CONFIG)
+    narrow = window_of(covariance(1e-3, 1e-3), T, CONFIG)
+    assert (narrow.shift_m, narrow.yaw_rad) == (CONFIG.search_least_shift_m, CONFIG.search_least_yaw_rad) and not narrow.is_wide(CONFIG)
+
+
+def test_window_turns_with_the_frames():
+    """Sideways of a robot that lies on its nose is not sideways of the map."""
+    T = transform_from_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))
+    window = window_of(np.diag([0.5**2, 0.0, 0.0, 0.5**2, 0.9**2, 0.9**2]), T, RegistrationConfig(search_height_m=5.0))
+    assert window.height_m == pytest.approx(1.5) and window.shift_m == pytest.approx(2.7) and window.yaw_rad == pytest.approx(1.5)
+
+
+def test_best_coarse_placement_is_near_the_truth(room):
+    area, reading, T_true = room
+    T_guess = transform_from_rpy((1.4, -0.9, 0.2)) @ T_true @ transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 2.4))
+    placements = coarse_placements(area, with_normals(vertex_cloud(reading, 0.1, 20), 20), T_guess, Window(3.0, 0.5, np.pi), CONFIG)
+    off = offset_between(T_true, placements[0])
+    assert np.linalg.norm(off[3:]) < 2.0 * CONFIG.search_cell_m and np.linalg.norm(off[:3]) < 2.0 * CONFIG.search_yaw_step_rad
+
+
+def test_placements_lie_well_apart_and_within_the_window(room):
+    area, reading, T_guess = room
+    window = Window(1.2, 0.6, 0.8)
+    placements = coarse_placements(area, vertex_cloud(reading, 0.1, 20), T_guess, window, CONFIG)
+    assert 1 < len(placements) <= CONFIG.search_peaks
+    shifts = placements[:, :3, 3] - T_guess[:3, 3]
+    assert np.abs(shifts[:, :2]).max() <= window.shift_m + 1e-9 and np.abs(shifts[:, 2]).max() <= window.height_m + 1e-9
+    assert max(rotation_angle(inverse(T_guess) @ T) for T in placements) <= window.yaw_rad + 1e-9
+    for k, T in enumerate(placements):
+        for other in placements[:k]:
+            off = offset_between(other, T)
+            assert np.linalg.norm(off[:3]) > CONFIG.search_apart_rad or np.linalg.norm(off[3:]) > CONFIG.search_apart_m
+
+
+@pytest.mark.parametrize(("yaw", "shift"), [(0.7, (1.2, -0.8, 0.2)), (-2.0, (-1.5, 1.5, 0.3)), (np.pi, (2.5, 1.2, -0.4))])
+def test_reading_is_placed_from_far_off(room, yaw, shift):
+    area, reading, T_true = room
+    T_guess = transform_from_rpy(shift) @ T_true @ transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
+    result = create_registration(CONFIG).match(area, reading, T_guess)
+    assert result.verdict is Verdict.ACCEPTED and not len(result.rivals), result.reason
+    assert_right(result, T_true)
+
+
+def test_narrow_guess_that_is_refused_is_searched_around(room):
+    area, reading, T_true = room
+    T_guess = transform_from_rpy((0.6, -0.6, 0.0)) @ T_true @ transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 0.75))
+    result = create_registration(CONFIG).match(area, reading, T_guess, covariance(0.02, 0.05))
+    assert result.verdict is Verdict.ACCEPTED, result.reason
+    assert_right(result, T_true)
+
+
+def test_symmetric_place_is_ambiguous_when_nothing_is_known(ambiguous_room):
+    area, reading, T_true = ambiguous_room
+    result = create_registration(CONFIG).match(area, reading, transform_from_rpy((0.0, 0.0, 0.132)))
+    assert result.verdict is Verdict.AMBIGUOUS and not result.usable, result.reason
+    placements = [result.T_reference_reading, *result.rivals]
+    assert len(placements) == 2
+    for T_expected in (T_true, HALF_TURN @ T_true):
+        assert min(np.linalg.norm(offset_between(T_expected, T)) for T in placements) < 0.03
+
+
+@pytest.mark.parametrize("turn", [np.eye(4), HALF_TURN])
+def test_guess_that_is_known_chooses_among_rivals(ambiguous_room, turn):
+    area, reading, T_true = ambiguous_room
+    T_guess = turn @ transform_from_rpy((0.3, -0.2, 0.05)) @ T_true @ transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 0.4))
+    result = create_registration(CONFIG).match(area, reading, T_guess, covariance(0.4, 0.8))
+    assert result.verdict is Verdict.ACCEPTED, result.reason
+    assert_right(result, turn @ T_true)
+
+
+def test_guess_between_two_rivals_chooses_none(ambiguous_room):
+    area, reading, T_true = ambiguous_room
+    T_guess = transform_from_rpy((0.0, 0.0, 0.132), (0.0, 0.0, 1.0 + np.pi / 2))
+    result = create_registration(CONFIG).match(area, reading, T_guess, covariance(0.9, 0.9))
+    assert result.verdict is Verdict.AMBIGUOUS, result.reason
+
+
+def test_search_is_bit_identical_when_repeated(room):
+    area, reading, T_true = room
+    first, second = (create_registration(CONFIG).match(area, reading, HALF_TURN @ T_true) for _ in range(2))
+    assert first.T_reference_reading.tobytes() == second.T_reference_reading.tobytes()
+
+
+def test_kept_guess_is_the_guess_along_the_free_direction_only():
+    """Also after a large turn: along the wall of the matched frame the guess stands, across it the match."""
+    T_matched = transform_from_rpy((4.0, 1.0, 0.0), (0.0, 0.0, np.pi / 2))
+    T_guess = transform_from_rpy((2.0, 3.5, 0.0), (0.0, 0.0, 0.0))
+    along_body_x = Degeneracy(np.array([3.0, 3.0, 3.0, 1.0, 1.0, 1.0]), np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0]]))
+    T = keep_guess(T_guess, T_matched, along_body_x)
+    np.testing.assert_allclose(T[:3, 3], [4.0, 3.5, 0.0], atol=1e-12)
+    np.testing.assert_allclose(T[:3, :3], T_matched[:3, :3], atol=1e-12)
