@@ -57,6 +57,9 @@ class ExplorationConfig:
         0.40, "m", "distance of a path from floor that was not seen; half the robot's width and more", low=0.0, high=3.0
     )
     least_way_m: float = parameter(0.3, "m", "a shorter safe way towards a distant frontier is none", low=0.0, high=5.0)
+    max_refused_sweeps: int = parameter(
+        2, "-", "sweeps in a row that match nothing after which the robot goes back to known ground; 0: never", low=0, high=100
+    )
     closer_factor: float = parameter(0.6, "-", "the path is trimmed to this share at every further look", low=0.1, high=1.0)
 
     turn_slope_rad: float = parameter(
