@@ -1,0 +1,167 @@
+"""./register_clouds: what it finds, what it refuses, and what it says of bad input, all without a traceback."""
+
+import json
+
+import numpy as np
+import open3d as o3d
+import pytest
+
+from mapping_tools.register_clouds import main
+from rigid_geometry import inverse, rotation_angle, transform_from_rpy, transform_points
+
+T_ROOM_A = transform_from_rpy((-1.2, -0.8, 0.9))
+T_ROOM_B = transform_from_rpy((-0.6, 0.1, 0.9), (0.0, 0.0, 0.4))
+T_A_B = inverse(T_ROOM_A) @ T_ROOM_B
+
+
+def room(size=(4.5, 3.5, 2.6)):
+    """A closed room of half sizes x, y and height z, with furniture that makes it unlike itself from any other side."""
+    x, y, z = size
+    boxes = [(-x, -y, -0.1, x, y, 0), (-x, -y, z, x, y, z + 0.1), (-x, y, 0, x, y + 0.1, z), (-x, -y - 0.1, 0, x, -y, z)]
+    boxes += [(x, -y, 0, x + 0.1, y, z), (-x - 0.1, -y, 0, -x, y, z), (2, 1, 0, 3, 1.7, 0.8), (-x, 0.5, 0, -x + 0.5, 2, 1.3)]
+    boxes += [(0.8, -2.6, 0, 1.2, -2.2, 1.9), (-2.4, -y, 0, -0.6, -y + 0.5, 0.6)]
+    scene = o3d.t.geometry.RaycastingScene()
+    for box in np.array(boxes, dtype=float):
+        mesh = o3d.geometry.TriangleMesh.create_box(*(box[3:] - box[:3])).translate(box[:3])
+        scene.add_triangles(o3d.t.geometry.TriangleMesh.from_legacy(mesh))
+    return scene
+
+
+def scan(scene, T_room_sensor, seed=1, count=40_000):
+    """(count, 3) points in the sensor's frame, with a centimetre of noise."""
+    rng = np.random.default_rng(seed)
+    direction = rng.normal(size=(count, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    rays = np.hstack([np.tile(T_room_sensor[:3, 3], (count, 1)), direction @ T_room_sensor[:3, :3].T]).astype(np.float32)
+    ranges = scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy()
+    return direction * (ranges + rng.normal(0.0, 0.01, count))[:, None]
+
+
+def written(path, points):
+    cloud = o3d.t.geometry.PointCloud(points.astype(np.float32))
+    assert o3d.t.io.write_point_cloud(str(path), cloud)
+    return str(path)
+
+
+@pytest.fixture(scope="module")
+def scans(tmp_path_factory):
+    folder, scene = tmp_path_factory.mktemp("scans"), room()
+    return written(folder / "a.ply", scan(scene, T_ROOM_A)), written(folder / "b.pcd", scan(scene, T_ROOM_B, seed=2))
+
+
+def outcome(folder, *arguments):
+    """Exit code and what was written."""
+    out = folder / "T.json"
+    code = main([*map(str, arguments), "--out", str(out)])
+    return code, json.loads(out.read_text()) if out.exists() else None
+
+
+def assert_right(found, T_true):
+    off = inverse(T_true) @ np.array(found["transform"])
+    assert np.linalg.norm(off[:3, 3]) < 0.03 and np.degrees(rotation_angle(off)) < 0.3
+
+
+def test_reading_is_placed_from_a_guess(tmp_path, scans):
+    code, found = outcome(tmp_path, *scans, "--guess", 0.4, 1.1, 0.0, 0.0, 0.0, 0.25, "--guess-sigma", 0.3, 0.1)
+    assert code == 0 and found["verdict"] == "accepted"
+    assert_right(found, T_A_B)
+    assert np.linalg.eigvalsh(found["covariance"]).min() > 0.0
+    assert np.linalg.norm(found["quaternion_xyzw"]) == pytest.approx(1.0)
+
+
+def test_reading_is_placed_without_a_guess(tmp_path, scans):
+    code, found = outcome(tmp_path, *scans)
+    assert code == 0
+    assert_right(found, T_A_B)
+
+
+def test_what_was_written_is_a_guess_for_the_next_match(tmp_path, scans, capsys):
+    outcome(tmp_path, *scans)
+    assert main([*scans, "--guess-file", str(tmp_path / "T.json")]) == 0
+    assert "accepted" in capsys.readouterr().out
+
+
+def test_origins_in_fields_are_used(tmp_path, scans):
+    points = transform_points(T_A_B, scan(room(), T_ROOM_B, seed=2))
+    cloud = o3d.t.geometry.PointCloud(points.astype(np.float32))
+    for name, value in zip(("vp_x", "vp_y", "vp_z"), T_A_B[:3, 3], strict=True):
+        cloud.point[name] = np.full((len(points), 1), value, np.float32)
+    o3d.t.io.write_point_cloud(str(tmp_path / "moved.ply"), cloud)
+    code, found = outcome(tmp_path, scans[0], tmp_path / "moved.ply")
+    assert code == 0
+    assert_right(found, np.eye(4))
+
+
+def test_another_room_is_refused_and_leaves_no_transform(tmp_path, scans, capsys):
+    other = written(tmp_path / "other.ply", scan(room((3.1, 2.7, 2.2)), transform_from_rpy((0.5, 0.4, 0.9), (0, 0, 2.0))))
+    code, found = outcome(tmp_path, scans[0], other)
+    assert code == 1 and found["transform"] is None and found["covariance"] is None
+    assert found["verdict"] in ("refused", "ambiguous") and found["reason"] in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.array([[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]]),
+        np.full((5000, 3), 1.5),
+        np.array([[1e3, 0.0, 0.0]]) + np.random.default_rng(0).uniform(-3, 3, (5000, 3)),
+        np.random.default_rng(0).uniform(-3, 3, (5000, 3)) * [1, 1, 0],
+        np.random.default_rng(0).uniform(-3, 3, (5000, 3)) * [1, 0, 0],
+    ],
+    ids=["two points", "all equal", "a kilometre off", "planar", "on a line"],
+)
+def test_cloud_that_tells_nothing_is_not_accepted(tmp_path, scans, points):
+    poor = written(tmp_path / "poor.ply", points)
+    for pair in ((scans[0], poor), (poor, scans[1])):
+        code, found = outcome(tmp_path, *pair)
+        assert found["verdict"] != "accepted" and code == (0 if found["verdict"] == "degenerate" else 1)
+
+
+def test_points_that_are_not_finite_are_left_out(tmp_path, scans, capsys):
+    points = scan(room(), T_ROOM_B, seed=2)
+    points[::7] = np.nan
+    code, found = outcome(tmp_path, scans[0], written(tmp_path / "holes.ply", points))
+    assert code == 0 and "not finite" in capsys.readouterr().err
+    assert_right(found, T_A_B)
+
+
+@pytest.mark.parametrize(
+    "more, said",
+    [
+        (["--guess", "0", "0", "nan", "0", "0", "0"], "transform"),
+        (["--guess", "0", "0"], "--guess"),
+        (["--guess-file", "absent.json"], "absent.json"),
+        (["--guess-sigma", "0", "1"], "--guess-sigma"),
+        (["--origins", "fields"], "vp_x"),
+        (["--origins", "anywhere"], "--origins"),
+        (["--set", "voxel=1"], "voxel_m"),
+        (["--set", "voxel_m"], "PARAMETER=VALUE"),
+        (["--set", "voxel_m=-1"], "voxel_m"),
+        (["--set", "voxel_m=[1"], "voxel_m"),
+        (["--min-range", "1000"], "1000"),
+        (["--out", "/nowhere/T.json"], "/nowhere"),
+        (["--speed"], "--speed"),
+    ],
+)
+def test_wrong_argument_is_named(scans, capsys, more, said):
+    assert main([*scans, *more]) == 2
+    assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", ["", "[1, 2, 3]", '{"transform": null}', '{"pose": 1}', json.dumps((2 * np.eye(4)).tolist()), "[[1, 2"])
+def test_guess_file_that_holds_no_transform_is_named(tmp_path, scans, capsys, content):
+    (tmp_path / "guess.json").write_text(content)
+    assert main([*scans, "--guess-file", str(tmp_path / "guess.json")]) == 2
+    assert "transform" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "points", [np.zeros((0, 3)), np.full((50, 3), np.nan), np.full((50, 3), 1e9)], ids=["empty", "NaN", "out of any grid"]
+)
+def test_cloud_that_holds_nothing_is_named(tmp_path, scans, capsys, points):
+    path = tmp_path / "nothing.ply"
+    rows = points.astype("<f4")
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\nproperty float x\nproperty float y\nproperty float z\n"
+    path.write_bytes(header.encode("ascii") + b"end_header\n" + rows.tobytes())
+    assert main([scans[0], str(path)]) == 2
+    assert "nothing.ply" in capsys.readouterr().err
