@@ -1,149 +1,200 @@
-"""Median time and error of both registrations on simulated sweeps and, where it is there, a real pair; time of a large pose graph.
+"""Registration side by side with libraries that people use, on the same pairs in the same run: how many are right, and how long they take.
 
-Usage: PYTHONPATH=src python benchmarks/registration.py [--repeats N] [--data FOLDER]
-FOLDER holds room_scan1.pcd, room_scan2.pcd and sphere2500.txt; what is absent is named and left out.
+    python benchmarks/registration.py [--worlds rooms ramp moon] [--classes 20 45 180] [--pairs 10] [--data FOLDER] [--json FILE]
+
+With PYTHONPATH as benchmarks/README.md sets it. Every method gets the full sweep and the map's points and does its own preparation, which
+counts; all may use two threads. Right: under 5 cm and 0.5 deg off (and, of ours, usable). FOLDER holds room_scan1.pcd and room_scan2.pcd,
+one real room from two places: each method finds the second in the first from no guess at all and from the known one; a real pair has no
+truth, so what counts is how far apart the two answers are. Where the files are absent, this part is left out.
 """
 
+import os
+
+os.environ["OMP_NUM_THREADS"] = "2"  # open3d reads it when it is loaded
+
 import argparse
+import math
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 import open3d as o3d
+import small_gicp
+from numpy.typing import NDArray
+from registration_basin import CLAIMED_UP_TO_DEG, SHIFT_M
+from registration_cases import DEFAULT_CACHE, case_of
+from registration_scores import RIGHT_DEG, RIGHT_M, share, text_table, uniform_guess, write_json
+from registration_worlds import BUILT_IN
 
-from rigid_geometry import inverse, rotation_angle, transform_from_rpy, translation_distance
+from pose_graph_mapping import PointCloud, RegistrationConfig, create_registration
+from rigid_geometry import inverse, rotation_angle, transform_from_rpy
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path[:0] = [str(ROOT / "src"), str(ROOT / "test" / "unit" / "pose_graph_mapping")]
+Array = NDArray[np.float64]
+Method = Callable[[PointCloud, PointCloud, Array, Array | None], tuple[Array, str]]
+"""(reference, reading, guess, covariance of the guess) to transform and verdict; those that give no verdict are always sure."""
 
-from synthetic_sweeps import corridor, furnished_room, pose, sweep, world_of  # noqa: E402
-
-from pose_graph_mapping import EdgeKind, PointCloud, PoseGraph, RegistrationConfig, create_registration, merged, vertex_cloud  # noqa: E402
-
-METHODS = ("gicp", "thesis_chain")
-DISTURBANCES = [
-    transform_from_rpy((x, y, 0.03), (0.01, -0.01, yaw)) for x, y, yaw in [(0.2, -0.1, 0.1), (-0.3, 0.2, -0.2), (0.3, 0.4, 0.35)]
-]
+THREADS, SURE = 2, "accepted"
+VOXEL_M, COARSE_VOXEL_M, COARSE_M, FINE_M = 0.1, 0.3, 1.0, 0.3
+VEHICLE_M = 1.5  # nearer points of the real scans are the car that carried the scanner
+MOVING_THINGS = 0.02  # share of points in free space that the real pair may have
 T_REAL_GUESS = transform_from_rpy((1.79387, 0.720047, 0.0), (0.0, 0.0, 0.6931))
-T = TypeVar("T")
+HEADER = ("world", "yaw deg", "shift m", "method", "right %", "wrong %", "median ms")
+REAL_HEADER = ("real room", "no guess ms", "known ms", "cm apart", "deg apart", "verdict")
 
 
-def timed(call: Callable[[], T]) -> tuple[float, T]:
-    """Milliseconds of wall time and the value of one call."""
-    start = time.perf_counter()
-    value = call()
-    return 1e3 * (time.perf_counter() - start), value
+def ours(**parameters: object) -> Method:
+    """This project's, as it comes."""
+    matcher = create_registration(RegistrationConfig(**parameters))  # type: ignore[arg-type]
+
+    def run(reference: PointCloud, reading: PointCloud, T_guess: Array, covariance: Array | None) -> tuple[Array, str]:
+        result = matcher.match(reference, reading, T_guess, covariance)
+        return result.T_reference_reading, result.verdict.value
+
+    return run
 
 
-def simulated(name, boxes, repeats):
-    """Match a full sweep to the area of three earlier ones from disturbed guesses."""
-    rng, scene = np.random.default_rng(1), world_of(boxes)
-    poses = [pose(-2, -0.6, 0.1), pose(-1, -0.3, 0.5), pose(0.3, 0.3, 1.0), pose(1, 0.4, 1.2)]
-    sweeps = [PointCloud(*sweep(scene, T_map_base, rng, lines=400)) for T_map_base in poses]
-    vertex_cloud(sweeps[0], 0.1, 20)
-    kept = [timed(lambda c=c: vertex_cloud(c, 0.1, 20)) for c in sweeps]
-    area = merged([cloud.transformed(T_map_base) for (_, cloud), T_map_base in zip(kept[:3], poses[:3], strict=True)])
-    print(f"{name}: {len(sweeps[3])} points, area {len(area)}; vertex cloud {np.median([ms for ms, _ in kept]):.0f} ms")
-    for method in METHODS:
-        matcher = create_registration(RegistrationConfig(method=method))
-        matcher.match(area, sweeps[3], poses[3])
-        runs = [timed(lambda m=matcher, d=d: m.match(area, sweeps[3], poses[3] @ d)) for d in DISTURBANCES * repeats]
-        report(method, runs, [poses[3]] * len(runs))
+def small_gicp_align(kind: str) -> Method:
+    """small_gicp: preprocess_points and two calls of align, coarse and fine."""
+
+    def run(reference: PointCloud, reading: PointCloud, T_guess: Array, covariance: Array | None) -> tuple[Array, str]:
+        clouds = [small_gicp.preprocess_points(c.points, VOXEL_M, num_threads=THREADS) for c in (reference, reading)]
+        (target, tree), (source, _) = clouds
+        T, result = T_guess, None
+        for distance in (COARSE_M, FINE_M):
+            if kind == "VGICP":
+                voxels = small_gicp.GaussianVoxelMap(distance)
+                voxels.insert(target)
+                result = small_gicp.align(voxels, source, T, max_correspondence_distance=distance, num_threads=THREADS)
+            else:
+                result = small_gicp.align(target, source, tree, T, kind, distance, THREADS)
+            T = np.asarray(result.T_target_source)
+        return T, SURE
+
+    return run
 
 
-def report(method, runs, truths):
-    """One line: time, errors, verdicts."""
-    off = [inverse(T_true) @ result.T_reference_reading for (_, result), T_true in zip(runs, truths, strict=True)]
-    metres, degrees = [np.linalg.norm(T_off[:3, 3]) for T_off in off], [np.degrees(rotation_angle(T_off)) for T_off in off]
-    verdicts = ", ".join(sorted({result.verdict.value for _, result in runs}))
-    print(
-        f"  {method:13s} {np.median([ms for ms, _ in runs]):6.0f} ms  "
-        f"median {100 * np.median(metres):6.2f} cm {np.median(degrees):6.3f} deg  "
-        f"worst {100 * max(metres):6.2f} cm {max(degrees):6.3f} deg  {verdicts}"
+def _open3d_cloud(points: Array, voxel_m: float) -> o3d.geometry.PointCloud:
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)).voxel_down_sample(voxel_m)
+    cloud.estimate_normals(o3d.geometry.KDTreeSearchParamHybrid(radius=3 * voxel_m, max_nn=30))
+    return cloud
+
+
+def _point_to_plane(clouds: Sequence[o3d.geometry.PointCloud], T_start: Array, distances: Sequence[float]) -> Array:
+    plane, T = o3d.pipelines.registration.TransformationEstimationPointToPlane(), T_start
+    for distance in distances:
+        T = o3d.pipelines.registration.registration_icp(clouds[1], clouds[0], distance, T, plane).transformation
+    return np.asarray(T)
+
+
+def open3d_icp(reference: PointCloud, reading: PointCloud, T_guess: Array, covariance: Array | None) -> tuple[Array, str]:
+    """open3d: point-to-plane ICP, coarse and fine."""
+    clouds = [_open3d_cloud(c.points, VOXEL_M) for c in (reference, reading)]
+    return _point_to_plane(clouds, T_guess, (COARSE_M, FINE_M)), SURE
+
+
+def open3d_features(reference: PointCloud, reading: PointCloud, T_guess: Array, covariance: Array | None) -> tuple[Array, str]:
+    """open3d: FPFH features and RANSAC, which need no guess, then point-to-plane ICP."""
+    o3d.utility.random.seed(1)
+    registration = o3d.pipelines.registration
+    coarse = [_open3d_cloud(c.points, COARSE_VOXEL_M) for c in (reference, reading)]
+    around = o3d.geometry.KDTreeSearchParamHybrid(radius=5 * COARSE_VOXEL_M, max_nn=100)
+    features = [registration.compute_fpfh_feature(c, around) for c in coarse]
+    distance = 1.5 * COARSE_VOXEL_M
+    found = registration.registration_ransac_based_on_feature_matching(
+        *coarse[::-1],
+        *features[::-1],
+        True,
+        distance,
+        registration.TransformationEstimationPointToPoint(False),
+        3,
+        [registration.CorrespondenceCheckerBasedOnEdgeLength(0.9), registration.CorrespondenceCheckerBasedOnDistance(distance)],
+        registration.RANSACConvergenceCriteria(100_000, 0.999),
     )
+    clouds = [_open3d_cloud(c.points, VOXEL_M) for c in (reference, reading)]
+    return _point_to_plane(clouds, found.transformation, (COARSE_M, FINE_M)), SURE
 
 
-def real_pair(folder, repeats):
-    """Both methods on a real room; without a truth, the difference between them and the round trip forth and back tell."""
-    paths = [folder / f"room_scan{k}.pcd" for k in (1, 2)]
-    if not all(path.exists() for path in paths):
-        print("real room: room_scan1.pcd, room_scan2.pcd are absent")
-        return
+METHODS: dict[str, Method] = {
+    "ours": ours(),
+    "thesis_chain": ours(method="thesis_chain"),
+    "small_gicp GICP": small_gicp_align("GICP"),
+    "small_gicp VGICP": small_gicp_align("VGICP"),
+    "open3d ICP": open3d_icp,
+    "open3d FPFH+RANSAC": open3d_features,
+}
+
+
+def errors(T_true: Array, T_found: Array) -> tuple[float, float]:
+    """Metres and degrees between two transforms."""
+    T_off = inverse(T_true) @ T_found
+    return float(np.linalg.norm(T_off[:3, 3])), math.degrees(rotation_angle(T_off))
+
+
+def timed(run: Method, *arguments: object) -> tuple[float, Array, str]:
+    """Milliseconds of wall time, then what the method gave."""
+    start = time.perf_counter()
+    T_found, verdict = run(*arguments)  # type: ignore[arg-type]
+    return 1e3 * (time.perf_counter() - start), T_found, verdict
+
+
+def simulated(world: str, degrees: int, pairs: int, cache: Path) -> list[list[object]]:
+    """Rows of one world and class; all methods take their turns on each pair, from the guesses of registration_basin.py."""
+    times: dict[str, list[float]] = {name: [] for name in METHODS}
+    right: dict[str, list[bool]] = {name: [] for name in METHODS}
+    wrong: dict[str, list[bool]] = {name: [] for name in METHODS}
+    for k in range(pairs):
+        case = case_of(world, k, cache=cache)
+        rng = np.random.default_rng([1, degrees, *case.name.encode()])
+        guess = uniform_guess(rng, case.T_map_base, math.radians(degrees), SHIFT_M[degrees], claimed=degrees <= CLAIMED_UP_TO_DEG)
+        for name, run in METHODS.items():
+            ms, T_found, verdict = timed(run, case.reference, case.reading, guess.T_map_base, guess.covariance)
+            metres, off_deg = errors(case.T_map_base, T_found)
+            near, sure = metres < RIGHT_M and off_deg < RIGHT_DEG, verdict in (SURE, "degenerate")
+            times[name].append(ms)
+            right[name].append(near and sure)
+            wrong[name].append(sure and not near)
+    return [
+        [world, degrees, SHIFT_M[degrees], name, share(right[name]), share(wrong[name]), float(np.median(times[name]))] for name in METHODS
+    ]
+
+
+def real_pair(folder: Path) -> list[list[object]]:
+    """Rows of the real room: each method from no guess, against itself from the known one."""
     clouds = []
-    for path in paths:
+    for path in (folder / "room_scan1.pcd", folder / "room_scan2.pcd"):
         points = np.asarray(o3d.io.read_point_cloud(str(path)).points)
-        points = points[np.linalg.norm(points, axis=1) > 1.5]  # the vehicle itself
+        points = points[np.linalg.norm(points, axis=1) > VEHICLE_M]
         clouds.append(PointCloud(points, np.zeros_like(points)))
-    print(f"real room: {len(clouds[0])} and {len(clouds[1])} points off the vehicle")
-    found = []
-    for method in METHODS:
-        matcher = create_registration(RegistrationConfig(method=method, max_contradiction=0.02))
-        runs = [timed(lambda m=matcher: m.match(clouds[0], clouds[1], T_REAL_GUESS)) for _ in range(repeats + 1)][1:]
-        back = matcher.match(clouds[1], clouds[0], inverse(T_REAL_GUESS))
-        found.append(runs[0][1].T_reference_reading)
-        loop = found[-1] @ back.T_reference_reading
-        print(
-            f"  {method:13s} {np.median([ms for ms, _ in runs]):6.0f} ms  forth and back {100 * np.linalg.norm(loop[:3, 3]):.2f} cm "
-            f"{np.degrees(rotation_angle(loop)):.3f} deg  "
-            f"contradiction {100 * runs[0][1].free_space_contradiction:.2f} %  {runs[0][1].verdict.value}"
-        )
-    apart = inverse(found[0]) @ found[1]
-    print(f"  between the two: {100 * np.linalg.norm(apart[:3, 3]):.2f} cm, {np.degrees(rotation_angle(apart)):.3f} deg")
+    rows: list[list[object]] = []
+    for name, run in (METHODS | {"ours": ours(max_contradiction=MOVING_THINGS)}).items():
+        from_nothing = timed(run, *clouds, np.eye(4), None)
+        from_known = timed(run, *clouds, T_REAL_GUESS, None)
+        metres, degrees = errors(from_known[1], from_nothing[1])
+        rows.append([name, from_nothing[0], from_known[0], f"{100 * metres:.2f}", f"{degrees:.3f}", f"{from_nothing[2]}, {from_known[2]}"])
+    return rows
 
 
-def sphere(folder):
-    """The 2,500 vertices of the sphere, from odometry: our graph's optimisation, plain losses."""
-    path, truth_path = folder / "sphere2500.txt", folder / "sphere2500_groundtruth.txt"
-    if not path.exists():
-        print("sphere2500.txt is absent")
-        return
-    graph = read_sphere(path)
-    ms, _ = timed(graph.optimise)
-    print(f"sphere2500: {len(graph)} vertices, {len(graph.edges())} edges, optimised in {ms:.0f} ms")
-    if truth_path.exists():
-        truth = read_sphere(truth_path)
-        T_align = truth.pose(0) @ inverse(graph.pose(0))
-        errors = [translation_distance(T_align @ a, b) for a, b in zip(graph.poses(), truth.poses(), strict=False)]
-        print(f"  RMS distance to the ground truth, aligned at the first vertex: {np.sqrt(np.mean(np.square(errors))):.3f} m")
-
-
-def read_sphere(path):
-    """EDGE3 lines as match edges; vertices follow the edges between neighbours in number."""
-    graph, upper = PoseGraph(), np.triu_indices(6)
-    graph.add_vertex(np.eye(4))
-    edges = [line.split() for line in path.read_text().splitlines() if line.startswith("EDGE3")]
-    parsed = [(int(w[1]), int(w[2]), transform_from_rpy(*_pose(w[3:9])), np.array(w[9:30], dtype=float)) for w in edges]
-    for i, j, T_i_j, _ in sorted(parsed, key=lambda edge: edge[:2]):
-        if j == i + 1 and j == len(graph):
-            graph.add_vertex(graph.pose(i) @ T_i_j)
-    for i, j, T_i_j, numbers in parsed:
-        information = np.zeros((6, 6))
-        information[upper] = numbers
-        information += np.triu(information, 1).T
-        order = [3, 4, 5, 0, 1, 2]
-        graph.add_edge(i, j, T_i_j, np.linalg.inv(information[np.ix_(order, order)]), EdgeKind.MATCH)
-    return graph
-
-
-def _pose(words):
-    x, y, z, roll, pitch, yaw = (float(w) for w in words)
-    return (x, y, z), (roll, pitch, yaw)
-
-
-def main():
-    """Run everything that can be run."""
+def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")
+    parser.add_argument("--worlds", nargs="+", default=list(BUILT_IN))
+    parser.add_argument("--classes", nargs="+", type=int, choices=SHIFT_M, default=[20, 45, 180], metavar="DEG")
+    parser.add_argument("--pairs", type=int, default=10, metavar="N")
+    parser.add_argument("--data", type=Path, metavar="FOLDER")
+    parser.add_argument("--cache", type=Path, default=DEFAULT_CACHE, help="folder for sweeps, about 35 MB a drive of ten pairs")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="the tables, for other programs")
     options = parser.parse_args()
-    simulated("room", furnished_room(), options.repeats)
-    simulated("corridor (errors along it are the guess's own)", corridor(), options.repeats)
-    real_pair(options.data, options.repeats)
-    sphere(options.data)
+    if options.pairs:
+        simulated("rooms", 20, 1, options.cache)  # compiles what is to be compiled
+    rows = [r for w in options.worlds for degrees in options.classes for r in simulated(w, degrees, options.pairs, options.cache)]
+    print(text_table(HEADER, rows))
+    there = options.data is not None and all((options.data / f"room_scan{k}.pcd").is_file() for k in (1, 2))
+    real = real_pair(options.data) if there else []
+    print("\n" + text_table(REAL_HEADER, real) if real else "\nroom_scan1.pcd and room_scan2.pcd are absent: no real pair")
+    write_json(options.json, {"simulated": rows, "simulated_columns": HEADER, "real": real, "real_columns": REAL_HEADER})
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
