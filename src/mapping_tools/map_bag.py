@@ -1,0 +1,183 @@
+"""./map_bag: a rosbag 1, or a folder of PCD and PLY sweeps, becomes a session folder with graph, trajectory and cloud. No ROS runs."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from explore_command.arguments import ArgumentProblem
+from mapping_tools.bag_sweeps import BagSweeps, BagTopics
+from mapping_tools.configuration import ToolConfig, configured
+from mapping_tools.folder_sweeps import FolderSweeps
+from mapping_tools.mapping_run import MappingRun
+from mapping_tools.sweep_sources import SweepSource
+from pose_graph_mapping.loop_closure import Match
+from pose_graph_mapping.mapper import PoseGraphMapper
+from pose_graph_mapping.registration import create_registration
+from pose_graph_mapping.session_resume import resume
+from pose_graph_mapping.session_store import SessionStore, write_atomically
+from rigid_geometry import transform_from_rpy
+from stage_config import to_mapping
+
+Array = NDArray[np.float64]
+
+SUMMARY = "map_summary.json"
+_DESCRIPTION = """Maps a rosbag 1 with PointCloud2 sweeps and Odometry, or a folder of .pcd, .ply or .npz sweeps in the order of their
+names. A folder may hold poses.txt, a TUM trajectory (stamp x y z qx qy qz qw) with the odometry pose of every sweep; without it, each sweep
+is looked for around the last one. Every sweep should be taken while the sensor stands, or be de-skewed."""
+_EPILOG = f"""DIR then holds sweeps/, graph.g2o, trajectory.txt (TUM), cloud.ply, cloud.pcd and {SUMMARY}. A run that was killed goes on
+with --resume. Exit code: 0 mapped, 1 some sweeps could not be placed, the recording breaks off, or it was stopped, 2 wrong file or
+argument."""
+
+
+class _OneLineParser(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise ArgumentProblem(message)
+
+
+def parser() -> argparse.ArgumentParser:
+    p = _OneLineParser(prog="./map_bag", usage="./map_bag BAG|FOLDER --out DIR [options]", description=_DESCRIPTION, epilog=_EPILOG)
+    defaults = BagTopics()
+    p.add_argument("recording", type=Path, metavar="BAG|FOLDER")
+    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="the session's folder; made where it is not there")
+    p.add_argument("--resume", action="store_true", help="go on with the session in DIR; sweeps up to its last stamp are passed over")
+    p.add_argument("--moved", action="store_true", help="with --resume: find the first new sweep in the map, whatever odometry says")
+    p.add_argument("--cloud-topic", default=defaults.cloud, metavar="T", help=f"sensor_msgs/PointCloud2; default {defaults.cloud}")
+    p.add_argument("--odom-topic", default=defaults.odometry, metavar="T", help=f"nav_msgs/Odometry; default {defaults.odometry}")
+    p.add_argument("--no-odometry", action="store_true", help="a bag without odometry: look for each sweep around the last one")
+    p.add_argument(
+        "--mount", nargs=6, type=float, metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"),
+        help="pose of the clouds' frame in base_link, m and rad; wanted where their frame is not odometry's child frame",
+    )  # fmt: skip
+    p.add_argument(
+        "--sensor", nargs=3, type=float, metavar=("X", "Y", "Z"),
+        help="where beams start, in the clouds' frame, m, for clouds without vp_x vp_y vp_z; default its origin, or a PCD's VIEWPOINT",
+    )  # fmt: skip
+    p.add_argument(
+        "--min-travel", type=float, default=0.0, metavar="M", help="pass by sweeps nearer to the last one than this, by odometry"
+    )
+    p.add_argument("--no-gravity", action="store_true", help="odometry's roll and pitch do not come from gravity")
+    p.add_argument("--set", action="append", default=[], metavar="PARAMETER=VALUE", help="of icp_matcher_node or pose_graph_mapping_node")
+    p.add_argument("--quiet", action="store_true", help="no line a sweep")
+    return p
+
+
+def source_of(a: argparse.Namespace) -> SweepSource:
+    """The recording that the arguments name; ArgumentProblem when it is none."""
+    sensor = None if a.sensor is None else np.array(a.sensor)
+    T_base_cloud = None if a.mount is None else np.asarray(transform_from_rpy(a.mount[:3], tuple(a.mount[3:])))
+    if not a.recording.exists():
+        raise ArgumentProblem(f"{a.recording}: no such bag or folder")
+    try:
+        if a.recording.is_dir():
+            return FolderSweeps(a.recording, np.eye(4) if T_base_cloud is None else T_base_cloud, sensor)
+        return BagSweeps(a.recording, BagTopics(a.cloud_topic, None if a.no_odometry else a.odom_topic), T_base_cloud, sensor)
+    except (ValueError, OSError) as error:
+        raise ArgumentProblem(f"{a.recording}: {error}") from error
+
+
+def open_session(a: argparse.Namespace, config: ToolConfig, match: Match) -> tuple[SessionStore, PoseGraphMapper, tuple[str, ...]]:
+    """The session's store and mapper, and what is damaged in it; ArgumentProblem when there is none to open, or one to be kept."""
+    existing = (a.out / "sweeps").is_dir() and any((a.out / "sweeps").iterdir())
+    if existing != a.resume:
+        wrong = "holds a session; --resume goes on with it" if existing else "holds no session to go on with"
+        raise ArgumentProblem(f"{a.out}: {wrong}")
+    try:
+        store = SessionStore(a.out)
+        if not a.resume:
+            return store, PoseGraphMapper(config.mapping, match), ()
+        resumed = resume(store, config.mapping, match)
+    except (ValueError, OSError) as error:
+        raise ArgumentProblem(f"{a.out}: {error}") from error
+    return store, resumed.mapper, resumed.notes
+
+
+def map_recording(a: argparse.Namespace) -> int:
+    """The exit code of a run; ArgumentProblem for code 2."""
+    begun = time.monotonic()
+    config = configured(a.set, use_gravity=not a.no_gravity)
+    source, match = source_of(a), create_registration(config.registration).match
+    store, mapper, notes = open_session(a, config, match)
+    for note in notes:
+        _say(note)
+    run = MappingRun(mapper, match, store, (lambda _: None) if a.quiet else _say, min_travel_m=a.min_travel)
+    stopped = _mapped(run, source, a)
+    left_out, unsaved = _saved(store, mapper, config)
+    problems = [text for text in (stopped, source.problem, unsaved) if text]
+    summary = {
+        "recording": str(a.recording),
+        "complete": not problems and not run.account.not_placed,
+        "problems": problems,
+        "damaged": [*notes, *(text for text in left_out if not any(text in note for note in notes))],
+        "vertices": len(mapper.stamps_s),
+        "edges": len(mapper.graph.edges()),
+        "not_on_disk": store.not_on_disk,
+        **dataclasses.asdict(run.account),
+        "wall_time_s": round(time.monotonic() - begun, 3),
+        "config": {"registration": to_mapping(config.registration), "mapping": to_mapping(config.mapping)},
+    }
+    return _ended(a, summary)
+
+
+def _mapped(run: MappingRun, source: SweepSource, a: argparse.Namespace) -> str | None:
+    """Maps the recording; why it was stopped before its end, or None. Ctrl-C and SIGTERM end it after the sweep that it is at."""
+    before = {number: signal.signal(number, lambda *_: run.stop()) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        whole = run.map(source, moved=a.moved)
+    except ValueError as error:
+        raise ArgumentProblem(f"{a.recording}: {error}") from error
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    return None if whole else f"stopped after {100 * source.progress:.0f} % of it"
+
+
+def _saved(store: SessionStore, mapper: PoseGraphMapper, config: ToolConfig) -> tuple[tuple[str, ...], str | None]:
+    try:
+        return store.save(mapper.graph, config.mapping.map_voxel_m), None
+    except OSError as error:
+        return (), f"graph, trajectory and cloud could not be saved: {error}"
+
+
+def _ended(a: argparse.Namespace, summary: dict[str, object]) -> int:
+    """Writes the summary, says how it ended, and returns the exit code."""
+    try:
+        write_atomically(a.out / SUMMARY, (json.dumps(summary, indent=1, allow_nan=False) + "\n").encode("utf-8"))
+    except OSError as error:
+        _say(f"{SUMMARY} could not be written: {error}")
+        return 1
+    problems, missing = summary["problems"], summary["not_placed"]
+    assert isinstance(problems, list) and isinstance(missing, list)
+    for text in problems:
+        _say(f"{a.recording}: {text}")
+    if missing:
+        _say(f"{len(missing)} sweeps could not be placed: {', '.join(str(entry['sweep']) for entry in missing)}")
+    _say(f"{a.out}: {summary['vertices']} vertices, {summary['edges']} edges, {summary['loop_closures']} loops closed")
+    return 0 if summary["complete"] else 1
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Exit code for arguments, sys.argv's by default."""
+    try:
+        return map_recording(parser().parse_args(argv))
+    except ArgumentProblem as error:
+        _say(f"./map_bag: {error}")
+        return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,150 @@
+"""Maps a recording sweep by sweep into a session folder, and keeps account of what became of every one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapping_tools.sweep_sources import SourceSweep, SweepSource, Unreadable
+from pose_graph_mapping.cloud import PointCloud
+from pose_graph_mapping.localisation import localise
+from pose_graph_mapping.loop_closure import Match
+from pose_graph_mapping.mapper import MappingUpdate, PoseGraphMapper
+from pose_graph_mapping.session_store import NotOnDiskError, SessionStore
+from rigid_geometry import inverse, rotation_angle
+
+Array = NDArray[np.float64]
+Say = Callable[[str], None]
+
+_TURNED_RAD = 0.5
+
+
+@dataclass(frozen=True)
+class NotPlaced:
+    """A sweep that is not in the map."""
+
+    sweep: str
+    stamp_s: float | None
+    reason: str
+
+
+@dataclass
+class Account:
+    """What became of the sweeps: read, known to the session already, passed by as too near to the last, not placed, on odometry alone."""
+
+    read: int = 0
+    known: int = 0
+    passed_by: int = 0
+    loop_closures: int = 0
+    read_until_s: float | None = None
+    not_placed: list[NotPlaced] = field(default_factory=list)
+    by_odometry_alone: list[dict[str, object]] = field(default_factory=list)
+
+
+class MappingRun:
+    """Owns the account of one recording; the mapper and its session belong to the caller."""
+
+    def __init__(self, mapper: PoseGraphMapper, match: Match, store: SessionStore, say: Say, *, min_travel_m: float = 0.0) -> None:
+        """say: one line of progress a sweep; min_travel_m: sweeps taken nearer to the last one, by odometry, are passed by."""
+        self._mapper, self._match, self._store, self._say = mapper, match, store, say
+        self._min_travel_m = min_travel_m
+        self._last: SourceSweep | None = None
+        self._stopping = False
+        self.account = Account()
+
+    def stop(self) -> None:
+        """Ends `map` after the sweep that it is at, for a signal handler."""
+        self._stopping = True
+
+    def map(self, source: SweepSource, *, moved: bool = False) -> bool:
+        """Map every sweep that the session does not have; False when it was stopped.
+
+        moved: the first of them is looked for in the map, whatever odometry says.
+        """
+        last_s = self._mapper.stamps_s[-1] if self._mapper.stamps_s else -np.inf
+        lost = moved and bool(self._mapper.stamps_s)
+        for sweep in source.sweeps():
+            if self._stopping:
+                return False
+            self.account.read += 1
+            if sweep.stamp_s is not None:
+                self.account.read_until_s = sweep.stamp_s
+            if sweep.stamp_s is not None and sweep.stamp_s <= last_s + 1e-6:
+                self.account.known += 1
+            elif isinstance(sweep, Unreadable):
+                self._not_placed(sweep.name, sweep.stamp_s, sweep.reason)
+            elif self._is_near(sweep):
+                self.account.passed_by += 1
+            elif self._placed(sweep, source.progress, lost):
+                self._last, lost = sweep, False
+        return True
+
+    def _is_near(self, sweep: SourceSweep) -> bool:
+        if self._last is None or self._last.T_odom_base is None or sweep.T_odom_base is None:
+            return False
+        motion = inverse(self._last.T_odom_base) @ sweep.T_odom_base
+        return float(np.linalg.norm(motion[:3, 3])) < self._min_travel_m and rotation_angle(motion) < _TURNED_RAD
+
+    def _placed(self, sweep: SourceSweep, progress: float, lost: bool) -> bool:
+        """Adds a sweep to map and session; False when it cannot be placed."""
+        try:
+            T_odom_base, update = self._add(sweep, lost)
+        except ValueError as error:
+            self._not_placed(sweep.name, sweep.stamp_s, str(error))
+            return False
+        self.account.loop_closures += update.loop_closures
+        word = self._word(sweep, update)
+        try:
+            self._store.add_sweep(
+                update.vertex_id,
+                sweep.stamp_s,
+                sweep.points,
+                sweep.origins,
+                self._mapper.graph,
+                T_odom_base,
+                sweep.gravity_base,
+                sweep.gravity_sigma_rad,
+            )
+        except NotOnDiskError as error:
+            word = f"{word}; {error}"
+        self._say(f"{100 * progress:3.0f} %  {sweep.name} at {sweep.stamp_s:.2f} s: vertex {update.vertex_id}, {word}")
+        return True
+
+    def _add(self, sweep: SourceSweep, lost: bool) -> tuple[Array, MappingUpdate]:
+        """T_odom_base and what the sweep changed. Without odometry a match tells the place, the map's frame stands for odometry's."""
+        placement = None
+        if lost or (sweep.T_odom_base is None and self._mapper.stamps_s):
+            cloud = PointCloud.of_finite(sweep.points, sweep.origins)
+            placement = localise(self._mapper.graph, self._mapper.vertex_clouds(), cloud, self._match, gravity_base=sweep.gravity_base)
+            if not placement.accepted:
+                raise ValueError(placement.reason)
+        T_odom_base = sweep.T_odom_base
+        if T_odom_base is None:  # the first sweep makes the map's frame
+            T_odom_base = placement.result.T_reference_reading if placement else np.eye(4)
+        update = self._mapper.add_sweep(
+            sweep.stamp_s,
+            sweep.points,
+            sweep.origins,
+            T_odom_base,
+            gravity_base=sweep.gravity_base,
+            gravity_sigma_rad=sweep.gravity_sigma_rad,
+            placement=placement,
+        )
+        return T_odom_base, update
+
+    def _word(self, sweep: SourceSweep, update: MappingUpdate) -> str:
+        if update.result is None:
+            return "the first"
+        closed = f", {update.loop_closures} loops closed" if update.loop_closures else ""
+        if update.match_used:
+            return f"{update.result.verdict.value}: {update.result.reason}{closed}"
+        entry = {"vertex_id": update.vertex_id, "sweep": sweep.name, "stamp_s": sweep.stamp_s, "reason": update.result.reason}
+        self.account.by_odometry_alone.append(entry)
+        return f"by odometry alone: {update.result.reason}{closed}"
+
+    def _not_placed(self, name: str, stamp_s: float | None, reason: str) -> None:
+        self.account.not_placed.append(NotPlaced(name, stamp_s, reason))
+        self._say(f"{name} could not be placed: {reason}")

@@ -1,0 +1,76 @@
+"""What is mapped: one sweep after the other, in base_link, with what odometry and gravity say of it. Bags and folders both give these."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigid_geometry import transform_points
+
+Array = NDArray[np.float64]
+Singles = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class SourceSweep:
+    """A sweep under the name that messages call it by.
+
+    points, origins (N, 3) float32 in base_link; T_odom_base (4, 4) and gravity_base (3,) with its sigma: None where nothing is known.
+    """
+
+    name: str
+    stamp_s: float
+    points: Singles
+    origins: Singles
+    T_odom_base: Array | None = None
+    gravity_base: Array | None = None
+    gravity_sigma_rad: float | None = None
+
+
+@dataclass(frozen=True)
+class Unreadable:
+    """A sweep that was found and could not be read or joined with odometry."""
+
+    name: str
+    stamp_s: float | None
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Mount:
+    """Where clouds were measured: T_base_cloud (4, 4) takes them to base_link; sensor (3,): where beams start, in the cloud's frame."""
+
+    T_base_cloud: Array
+    sensor: Array
+
+    def placed(self, points: ArrayLike, origins: ArrayLike | None) -> tuple[Singles, Singles]:
+        """Finite points and origins in base_link, float32 as a session keeps them; ValueError when no point is finite."""
+        points = np.asarray(points, dtype=np.float64)
+        starts = np.broadcast_to(self.sensor, points.shape) if origins is None else np.asarray(origins, dtype=np.float64)
+        finite = np.isfinite(points).all(axis=1) & np.isfinite(starts).all(axis=1)
+        if not finite.any():
+            raise ValueError(f"none of its {len(points)} points is finite")
+        placed = (np.asarray(transform_points(self.T_base_cloud, rows[finite]), dtype=np.float32) for rows in (points, starts))
+        return next(placed), next(placed)
+
+
+class SweepSource(Protocol):
+    """A recording that is read once."""
+
+    @property
+    def problem(self) -> str | None:
+        """Why it ended early; None when it is whole."""
+        ...
+
+    @property
+    def progress(self) -> float:
+        """Share of it that has been read, 0 to 1."""
+        ...
+
+    def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
+        """In order. ValueError when this is not a recording that can be mapped: nothing of it fits."""
+        ...

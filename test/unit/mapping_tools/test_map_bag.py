@@ -1,0 +1,292 @@
+"""A recording becomes a session folder: bags whole, cut and wrong, folders with and without poses, and runs that go on."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import open3d as o3d
+import pytest
+import recordings
+from recordings import TRUTH, cloud_message, drive, odometry, odometry_message, pose, write_bag, write_folder
+from rosbags.rosbag1 import Writer
+
+from mapping_tools import map_bag
+from mapping_tools.bag_records import BagRecords
+from mapping_tools.bag_sweeps import cloud_columns, gravity_of
+from mapping_tools.folder_sweeps import read_poses
+from pose_graph_mapping.pose_graph import PoseGraph
+from pose_graph_mapping.session_store import NotOnDiskError, SessionStore
+from rigid_geometry import inverse, transform_from_rpy, transform_points, translation_distance
+
+FAST = ("--set", "num_icp_tries=1")
+
+
+@pytest.fixture(scope="session")
+def clouds():
+    return recordings.sweeps()
+
+
+@pytest.fixture(scope="session")
+def bag(tmp_path_factory, clouds):
+    return write_bag(tmp_path_factory.mktemp("bag") / "run.bag", drive(clouds))
+
+
+def mapped(recording, out, *words):
+    """Exit code and summary of a run."""
+    code = map_bag.main([str(recording), "--out", str(out), "--quiet", *map(str, words)])
+    path = out / map_bag.SUMMARY
+    return code, json.loads(path.read_text()) if path.exists() else None
+
+
+def refusal(capsys, *words):
+    assert map_bag.main([str(word) for word in words]) == 2
+    text = capsys.readouterr().err
+    assert text.startswith("./map_bag: ") and text.count("\n") == 1
+    return text
+
+
+def error_of(out, truth=TRUTH):
+    """Greatest distance of the final poses from the true ones, both seen from the first."""
+    poses = PoseGraph.load_g2o(out / "graph.g2o").poses()
+    pairs = zip(poses, truth, strict=True)
+    return max(translation_distance(inverse(poses[0]) @ a, inverse(truth[0]) @ b) for a, b in pairs)
+
+
+def test_bag_becomes_a_session_that_others_open(bag, tmp_path):
+    code, summary = mapped(bag, tmp_path)
+    assert code == 0 and summary["complete"] and (summary["read"], summary["vertices"], summary["not_placed"]) == (5, 5, [])
+    assert translation_distance(odometry()[-1], TRUTH[-1]) > 0.15 and error_of(tmp_path) < 0.03
+    assert [s.stamp_s for s in SessionStore(tmp_path).sweeps] == pytest.approx([5.0, 15.0, 25.0, 35.0, 45.0])
+    assert len(np.loadtxt(tmp_path / "trajectory.txt")) == 5
+    for name in ("cloud.ply", "cloud.pcd"):
+        assert len(o3d.io.read_point_cloud(str(tmp_path / name)).points) > 5000
+    assert summary["config"]["mapping"]["map_voxel_m"] == 0.04
+    assert SessionStore(tmp_path).sweeps[1].measured.gravity_sigma_rad == pytest.approx(recordings.SIGMA_RAD)
+
+
+@pytest.mark.parametrize("compression", [Writer.CompressionFormat.BZ2, Writer.CompressionFormat.LZ4, None])
+def test_bag_that_was_cut_gives_what_it_holds(tmp_path, clouds, compression):
+    path = write_bag(tmp_path / "whole.bag", drive(clouds), compression)
+    cut = tmp_path / "cut.bag"
+    cut.write_bytes(path.read_bytes()[: int(0.7 * path.stat().st_size)])
+    code, summary = mapped(cut, tmp_path / "out", *FAST)
+    assert code == 1 and 2 <= summary["vertices"] < 5 and summary["read_until_s"] == pytest.approx(10 * summary["vertices"] - 5)
+    assert "breaks off after" in summary["problems"][0]
+
+
+def test_bag_whose_recorder_was_killed_is_read_without_its_index(tmp_path, bag):
+    data = bag.read_bytes()
+    at = data.index(b"index_pos=") + len(b"index_pos=")
+    unclosed = tmp_path / "killed.bag"
+    unclosed.write_bytes(data[:at] + bytes(8) + data[at + 8 : int.from_bytes(data[at : at + 8], "little")])
+    code, summary = mapped(unclosed, tmp_path / "out", *FAST)
+    assert code == 1 and summary["vertices"] == 5 and "never closed" in summary["problems"][0]
+
+
+def test_records_are_the_messages_of_the_bag(bag):
+    with BagRecords(bag) as records:
+        topics = [message.topic for message in records.messages()]
+        assert topics == ["/odom", "/sweep_cloud", "/odom"] * 5 and records.problem is None
+        assert records.topics == {"/odom": "nav_msgs/msg/Odometry", "/sweep_cloud": "sensor_msgs/msg/PointCloud2"}
+
+
+def test_garbage_in_the_middle_of_a_bag_ends_it_there(tmp_path, bag):
+    data = bytearray(bag.read_bytes())
+    middle = len(data) // 2
+    data[middle:] = b"\xff" * (len(data) - middle)
+    (tmp_path / "bad.bag").write_bytes(data)
+    with BagRecords(tmp_path / "bad.bag") as records:
+        assert 0 < len(list(records.messages())) < 15
+        assert records.problem is not None
+
+
+def test_sweeps_that_cannot_be_placed_are_named_and_the_others_mapped(tmp_path, clouds):
+    messages = drive(clouds[:3], odometry()[:3])
+    messages[4] = ("/sweep_cloud", cloud_message(15.0, *(part[:50] for part in clouds[1])))
+    messages.append(("/sweep_cloud", cloud_message(99.0, *clouds[3])))
+    code, summary = mapped(write_bag(tmp_path / "some.bag", messages), tmp_path / "out", *FAST)
+    assert (code, summary["vertices"], summary["complete"]) == (1, 2, False)
+    assert [entry["sweep"] for entry in summary["not_placed"]] == ["/sweep_cloud 1", "/sweep_cloud 3"]
+    assert "50 finite points" in summary["not_placed"][0]["reason"] and "does not reach" in summary["not_placed"][1]["reason"]
+
+
+def test_match_that_is_refused_leaves_odometry_and_says_so(tmp_path, clouds):
+    strange = [(np.asarray(points * [1, 1, 3], np.float32), origins) for points, origins in clouds[:2]]
+    code, summary = mapped(write_bag(tmp_path / "x.bag", drive([clouds[0], strange[1]], odometry()[:2])), tmp_path / "out", *FAST)
+    assert code == 0 and summary["vertices"] == 2
+    assert [entry["vertex_id"] for entry in summary["by_odometry_alone"]] == [1]
+
+
+def test_wrong_recordings_and_arguments_are_refused_with_the_reason(tmp_path, clouds, bag, capsys):
+    out = ("--out", tmp_path / "out")
+    (tmp_path / "text.bag").write_text("hello")
+    (tmp_path / "empty").mkdir()
+    odd = write_bag(tmp_path / "odd.bag", [("/sweep_cloud", odometry_message(0.0, TRUTH[0]))])
+    cases = [
+        ((tmp_path / "no.bag", *out), "no such bag"),
+        ((tmp_path / "text.bag", *out), "not a rosbag of version 2.0"),
+        ((tmp_path / "empty", *out), "no .ply or .pcd or .npz files"),
+        ((bag, *out, "--cloud-topic", "/points"), "no cloud on topic /points; topics in it: /odom, /sweep_cloud"),
+        ((bag, *out, "--odom-topic", "/o"), "no odometry on topic /o"),
+        ((odd, *out), "topic /sweep_cloud holds nav_msgs/msg/Odometry"),
+        ((bag,), "--out"),
+        ((bag, *out, "--set", "vertex_voxel=1"), "did you mean vertex_voxel_m?"),
+        ((bag, *out, "--set", "vertex_voxel_m=-1"), "is below"),
+        ((bag, *out, "--resume"), "holds no session"),
+        ((bag, "--out", tmp_path / "text.bag" / "x"), "Not a directory"),
+    ]
+    for words, reason in cases:
+        assert reason in refusal(capsys, *words, "--quiet"), words
+
+
+def test_session_that_is_there_is_not_overwritten(tmp_path, bag, clouds, capsys):
+    SessionStore(tmp_path).add_sweep(0, 0.0, *clouds[0])
+    assert "--resume goes on with it" in refusal(capsys, bag, "--out", tmp_path)
+    assert "stored without its odometry" in refusal(capsys, bag, "--out", tmp_path, "--resume")
+
+
+def test_clouds_in_another_frame_need_a_mount(tmp_path, clouds, capsys):
+    T_base_laser = transform_from_rpy((0.2, 0.0, 0.8), (0, 0, np.pi / 2))
+    moved = [(transform_points(inverse(T_base_laser), p).astype(np.float32), None) for p, _ in clouds[:3]]
+    path = write_bag(tmp_path / "laser.bag", drive(moved, odometry()[:3], frame="laser", kind="<f8"))
+    assert "--mount" in refusal(capsys, path, "--out", tmp_path / "out", "--quiet")
+    code, summary = mapped(path, tmp_path / "mounted", "--mount", 0.2, 0, 0.8, 0, 0, np.pi / 2)
+    assert (code, summary["vertices"]) == (0, 3) and error_of(tmp_path / "mounted", TRUTH[:3]) < 0.03
+    np.testing.assert_allclose(SessionStore(tmp_path / "mounted").load_sweep(0).origins[0], [0.2, 0.0, 0.8], atol=1e-6)
+
+
+def test_near_sweeps_are_passed_by(tmp_path, bag):
+    code, summary = mapped(bag, tmp_path, "--min-travel", 1.5, *FAST)
+    assert (code, summary["vertices"], summary["passed_by"]) == (0, 4, 1)
+
+
+@pytest.mark.parametrize("suffix", [".pcd", ".ply"])
+def test_folder_without_poses_is_mapped_by_matching_alone(tmp_path, clouds, suffix):
+    code, summary = mapped(write_folder(tmp_path / "scans", clouds, suffix), tmp_path / "out")
+    assert (code, summary["vertices"]) == (0, 5), summary
+    sensor = transform_from_rpy((0.2, 0.0, 0.75))
+    assert error_of(tmp_path / "out", [T @ sensor for T in TRUTH]) < 0.15
+
+
+def test_folder_with_poses_takes_them_for_odometry(tmp_path, clouds):
+    folder = write_folder(tmp_path / "scans", clouds[:3], poses=odometry()[:3])
+    (folder / "notes.md").write_text("not a cloud")
+    code, summary = mapped(folder, tmp_path / "out")
+    assert (code, summary["vertices"]) == (0, 3)
+    assert [s.stamp_s for s in SessionStore(tmp_path / "out").sweeps] == [0.0, 10.0, 20.0]
+
+
+def test_file_in_a_folder_that_is_damaged_is_named_and_the_others_mapped(tmp_path, clouds):
+    folder = write_folder(tmp_path / "scans", clouds[:3], poses=odometry()[:3])
+    path = folder / "scan_01.pcd"
+    path.write_bytes(path.read_bytes()[:2000])
+    code, summary = mapped(folder, tmp_path / "out", *FAST)
+    assert (code, summary["vertices"], [entry["sweep"] for entry in summary["not_placed"]]) == (1, 2, ["scan_01.pcd"])
+
+
+def test_poses_that_do_not_fit_are_refused(tmp_path, clouds, capsys):
+    folder = write_folder(tmp_path / "scans", clouds[:2], poses=odometry()[:3])
+    assert "3 poses in poses.txt for 2 sweeps" in refusal(capsys, folder, "--out", tmp_path / "out")
+    (folder / "poses.txt").write_text("0 1 2 3 0 0 0 1\n1 2 3\n")
+    assert "poses.txt, line 2" in refusal(capsys, folder, "--out", tmp_path / "out")
+
+
+def test_poses_skip_comments_and_must_go_forward(tmp_path):
+    path = tmp_path / "poses.txt"
+    path.write_text("# stamp x y z qx qy qz qw\n\n1 4 5 6 0 0 0 1\n")
+    (stamp, T), *_ = read_poses(path)
+    assert stamp == 1.0 and T[:3, 3].tolist() == [4, 5, 6]
+    path.write_text("1 4 5 6 0 0 0 1\n1 4 5 6 0 0 0 1\n")
+    with pytest.raises(ValueError, match="line 2"):
+        read_poses(path)
+
+
+def test_run_that_was_killed_goes_on_and_ends_like_one_that_was_not(tmp_path, bag):
+    whole, cut = tmp_path / "whole", tmp_path / "cut"
+    assert mapped(bag, whole)[0] == 0
+    path = os.pathsep.join(p for p in sys.path if p)
+    command = [sys.executable, "-m", "mapping_tools.map_bag", str(bag), "--out", str(cut)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": path})
+    for line in process.stderr:
+        if "vertex 1" in line:
+            break
+    process.kill()
+    process.communicate()
+    found = len(SessionStore(cut).sweeps)
+    code, summary = mapped(bag, cut, "--resume")
+    assert (code, summary["known"], summary["vertices"]) == (0, found, 5) and found >= 2
+    a, b = (PoseGraph.load_g2o(folder / "graph.g2o") for folder in (whole, cut))
+    assert a.edges() == b.edges()
+    np.testing.assert_allclose(a.poses(), b.poses(), atol=2e-3)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_run_that_is_interrupted_saves_what_it_has(tmp_path, bag, monkeypatch, number):
+    monkeypatch.setattr(map_bag, "_say", lambda text: os.kill(os.getpid(), number) if "vertex 1" in text else None)
+    assert map_bag.main([str(bag), "--out", str(tmp_path), *FAST]) == 1
+    summary = json.loads((tmp_path / map_bag.SUMMARY).read_text())
+    assert summary["problems"] == ["stopped after 40 % of it"] and summary["vertices"] == 2 and (tmp_path / "cloud.pcd").exists()
+
+
+def test_other_recording_of_the_same_place_goes_on_where_it_is_found(tmp_path, bag):
+    mapped(bag, tmp_path, *FAST)
+    truth = [pose(-0.5, 0.5, 2.0), pose(-1.5, 0.8, 2.4)]
+    poses = [transform_from_rpy((40.0, 0.0, 0.0)) @ T for T in truth]
+    later = [
+        ("/odom", odometry_message(1000.0, poses[0])),
+        *(("/sweep_cloud", cloud_message(1000.0 + 10 * k, *cloud)) for k, cloud in enumerate(recordings.sweeps(truth))),
+        ("/odom", odometry_message(1010.0, poses[1])),
+    ]
+    code, summary = mapped(write_bag(tmp_path / "later.bag", later), tmp_path, "--resume", "--moved")
+    assert (code, summary["vertices"]) == (0, 7) and error_of(tmp_path, [*TRUTH, *truth]) < 0.05
+
+
+def test_full_disk_is_said_and_ends_with_code_1(tmp_path, bag, monkeypatch, capsys):
+    def full(self, *values):
+        raise NotOnDiskError(28, "sweep 0 is not on disk: No space left on device", "there")
+
+    monkeypatch.setattr(SessionStore, "add_sweep", full)
+    monkeypatch.setattr(SessionStore, "save", full)
+    assert map_bag.main([str(bag), "--out", str(tmp_path), *FAST]) == 1
+    text = capsys.readouterr().err
+    assert text.count("is not on disk") >= 5 and "could not be saved" in text
+
+
+def test_progress_names_share_sweep_and_verdict(tmp_path, bag, capsys):
+    map_bag.main([str(bag), "--out", str(tmp_path), *FAST])
+    lines = capsys.readouterr().err.splitlines()
+    assert "/sweep_cloud 0 at 5.00 s: vertex 0, the first" in lines[0] and "%" in lines[0]
+    assert "vertex 4, accepted" in lines[4] and "5 vertices" in lines[-1]
+
+
+def test_cloud_is_read_with_gaps_rows_and_doubles():
+    points = np.arange(24.0).reshape(8, 3)
+    message = cloud_message(0.0, points, None, kind="<f8")
+    np.testing.assert_array_equal(cloud_columns(message)[0], points)
+    padded = np.zeros((2, 4 * 24 + 10), np.uint8)
+    padded[:, : 4 * 24] = message.data.reshape(2, -1)
+    message.height, message.width, message.row_step, message.data = 2, 4, padded.shape[1], padded.ravel()
+    np.testing.assert_array_equal(cloud_columns(message)[0], points)
+    message.data = padded.ravel()[:50]
+    with pytest.raises(ValueError, match="in 50 bytes"):
+        cloud_columns(message)
+    message.fields = message.fields[1:]
+    with pytest.raises(ValueError, match="without float fields x"):
+        cloud_columns(message)
+
+
+def test_gravity_is_unknown_where_the_odometry_s_covariance_is():
+    assert gravity_of(np.eye(4), np.zeros(36)) is None
+    covariance = np.zeros(36)
+    covariance[[21, 28]] = 0.01, 0.04
+    up, sigma = gravity_of(transform_from_rpy((0, 0, 0), (0.1, 0, 0)), covariance)
+    assert sigma == pytest.approx(0.2) and up[1] == pytest.approx(np.sin(0.1))
+
+
+def test_help_tells_of_exit_codes(capsys):
+    with pytest.raises(SystemExit) as ended:
+        map_bag.main(["--help"])
+    assert ended.value.code == 0 and "Exit code: 0 mapped" in " ".join(capsys.readouterr().out.split())
