@@ -204,24 +204,40 @@ def reference_cloud(reference: PointCloud, voxel_m: float, neighbours: int) -> P
     return merged([vertex_cloud(reference.selected(index == k), voxel_m, neighbours) for k in np.unique(index)])
 
 
+@njit(cache=True)
+def _standpoints(origins: Array, radius_m: float, most: int) -> tuple[Array, NDArray[np.int32]]:
+    """Sums and numbers (K, 4) of the origins of every standpoint, and the (N,) standpoint of every origin: the first within reach."""
+    index = np.full(len(origins), -1, dtype=np.int32)
+    first = np.empty((most, 3))
+    sums = np.zeros((most, 4))
+    found = 0
+    for i in range(len(origins)):
+        for k in range(found + 1):
+            if k == most:
+                break
+            if k == found:
+                first[k] = origins[i]
+                found += 1
+            dx, dy, dz = origins[i, 0] - first[k, 0], origins[i, 1] - first[k, 1], origins[i, 2] - first[k, 2]
+            if dx * dx + dy * dy + dz * dz <= radius_m * radius_m:
+                index[i] = k
+                sums[k, :3] += origins[i]
+                sums[k, 3] += 1.0
+                break
+    return sums[:found], index
+
+
 def viewpoints(origins: Array, radius_m: float = 0.5, most: int = 64) -> tuple[Array, NDArray[np.int32]]:
     """The standpoints that beams were sent from: centres (K, 3), and for every origin the index of its standpoint, -1 beyond `most`.
 
     Greedy in the order of the origins; a sweep's own origins lie within centimetres, sweeps metres apart.
     """
-    index = np.full(len(origins), -1, dtype=np.int32)
-    centres = []
-    for k in range(most):
-        free = np.flatnonzero(index < 0)
-        if len(free) == 0:
-            break
-        near = free[np.linalg.norm(origins[free] - origins[free[0]], axis=1) <= radius_m]
-        index[near] = k
-        centres.append(origins[near].mean(axis=0))
-    return np.array(centres).reshape(-1, 3), index
+    sums, index = _standpoints(origins, radius_m, most)
+    return np.asarray(sums[:, :3] / sums[:, 3:]), index
 
 
 def compile_kernels() -> None:
-    """Compiles the kernels of voxel averaging for the types that a sweep passes."""
+    """Compiles the kernels of this module for the types that a sweep passes."""
     one = np.zeros((1, 3))
+    viewpoints(one)
     voxel_downsample(PointCloud(one, one, one), 1.0)

@@ -61,9 +61,16 @@ class RegistrationConfig:
     min_points: int = parameter(200, "-", "fewest points of a cloud after voxelling", low=10)
     overlap_distance_m: float = parameter(0.2, "m", "a reading point with a reference point this near overlaps", low=0.01)
     min_overlap: float = parameter(0.2, "-", "least share of overlapping reading points", low=0.0, high=1.0)
-    max_contradiction: float = parameter(0.003, "-", "largest share of points in space the other cloud saw free", low=0.0, high=1.0)
+    max_contradiction: float = parameter(0.012, "-", "largest share of points in space the other cloud saw free", low=0.0, high=1.0)
     free_space_margin_m: float = parameter(0.15, "m", "a point contradicts when it is nearer than seen by more than this ..", low=0.0)
     free_space_margin_ratio: float = parameter(0.02, "-", ".. plus this share of the range", low=0.0, high=1.0)
+    free_space_least_cos: float = parameter(
+        0.4,
+        "-",
+        "surfaces that a beam meets at a smaller cosine are not compared: the filter of veiled points takes them out",
+        low=0.0,
+        high=0.9,
+    )
     free_space_viewpoints: int = parameter(6, "-", "most standpoints of the reference that are checked, nearest first", low=1, high=100)
 
     chain_min_range_m: float = parameter(0.3, "m", "shorter beams are dropped", low=0.0)
@@ -118,6 +125,9 @@ class MappingConfig:
     gravity_sigma_rad: float = parameter(
         math.radians(0.5), "rad", "sigma of the measured up direction where the caller gives none", low=1e-4
     )
+    gravity_bias_sigma_rad: float = parameter(
+        math.radians(0.3), "rad", "how far it may be off in common, fixed in the body as an accelerometer's bias is; 0: not", low=0.0
+    )
 
     loop_min_dist_m: float = parameter(8.0, "m", "least distance along the graph of a loop candidate (Alg. 2)", low=0.0)
     loop_max_dist_m: float = parameter(5.0, "m", "largest straight distance of a loop candidate (Alg. 2)", low=0.1)
@@ -125,7 +135,12 @@ class MappingConfig:
     loop_group_dist_m: float = parameter(4.0, "m", "neighbours farther apart never share a group", low=0.1)
     loop_min_dist_match: int = parameter(3, "-", "least number of vertices between both ends of a loop (Alg. 2, line 7)", low=1)
     loop_match_success: float = parameter(0.5, "-", "least match ratio of a loop (Alg. 2, line 16)", low=0.0, high=1.0)
-    loop_cauchy_k: float = parameter(1.0, "-", "scale of the robust loss of loop edges, in sigmas", low=0.01)
+    outlier_chi2: float = parameter(
+        30.0,
+        "-",
+        "squared Mahalanobis distance (6 degrees of freedom) beyond which a match or loop contradicts the rest and is left out",
+        low=1.0,
+    )
 
     map_voxel_m: float = parameter(0.04, "m", "voxels of the saved cloud", low=0.01, high=1.0)
 

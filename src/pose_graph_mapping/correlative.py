@@ -174,4 +174,4 @@ def _moved(T_guess: Array, shift: Array, yaw: float) -> Array:
     """The guess turned about the map's vertical through its own origin, and shifted."""
     T = transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw)) @ np.block([[T_guess[:3, :3], np.zeros((3, 1))], [np.zeros((1, 3)), 1.0]])
     T[:3, 3] = T_guess[:3, 3] + shift
-    return T
+    return np.asarray(T)

@@ -117,17 +117,17 @@ class GicpRegistration:
         if min(len(reference), len(reading)) < config.min_points:
             return refused(T_guess, f"{len(reference)} reference and {len(reading)} reading voxels in reach, {config.min_points} wanted")
         source = _surface(reading.points, config.normal_neighbours)
+        reading = dataclasses.replace(reading, normals=source.normals)
         pair = _Pair(reference, reading, source, FreeSpace(reference, reading, T_guess[:3, 3], config), T_guess)
         if window.is_wide(config):
             return self._searched(pair, window, guess_covariance)
-        direct = self._refined(pair, T_guess)
+        direct = self._refined(pair, T_guess, config.coarse_distance_m)
         return direct if direct.usable else self._searched(pair, window, guess_covariance)
 
     def _searched(self, pair: _Pair, window: Window, guess_covariance: Array | None) -> RegistrationResult:
         """The placement in `window` that explains the clouds, where there is one and the guess can tell it from its rivals."""
         config = self._config
-        reading = dataclasses.replace(pair.reading, normals=pair.source.normals)
-        starts = self._roughly(pair, coarse_placements(pair.reference, reading, pair.T_guess, window, config))
+        starts = self._roughly(pair, coarse_placements(pair.reference, pair.reading, pair.T_guess, window, config))
         tried, found = 0, list[RegistrationResult]()
         first = refused(pair.T_guess, "no placement within the search")
         for start in starts:
@@ -135,7 +135,7 @@ class GicpRegistration:
                 continue
             if found and not self._may_rival(start, starts[0]):
                 continue
-            result = self._refined(pair, start.T)
+            result = self._refined(pair, start.T, None)
             tried += 1
             if result.usable and not any(_same(other, result.T_reference_reading, config) for other in found):
                 found.append(result)
@@ -163,8 +163,8 @@ class GicpRegistration:
             rough.contradiction <= self._config.search_max_contradiction and rough.overlap >= self._config.search_rival_share * best.overlap
         )
 
-    def _refined(self, pair: _Pair, T_start: Array) -> RegistrationResult:
-        """Both stages from `T_start`; in directions that nothing holds the guess stands."""
+    def _refined(self, pair: _Pair, T_start: Array, coarse_distance_m: float | None) -> RegistrationResult:
+        """From `T_start`, with a coarse stage where it is given its distance; in directions that nothing holds the guess stands."""
         config = self._config
         sensor = sensor_of(pair.reading)
         visible = facing(pair.reference, None if sensor is None else moved_points(T_start, sensor[None])[0], config.facing_away_cos)
@@ -172,11 +172,14 @@ class GicpRegistration:
         if len(points) < config.min_points:
             return refused(pair.T_guess, f"{len(points)} reference voxels face the sensor, {config.min_points} wanted")
         target = _surface(points, config.normal_neighbours)
-        coarse = self._align(target, pair.source, T_start, config.coarse_distance_m, config.max_iterations)
-        fine = self._align(target, pair.source, coarse.T_target_source, config.fine_distance_m, config.max_iterations)
+        iterations = 0
+        if coarse_distance_m is not None:
+            coarse = self._align(target, pair.source, T_start, coarse_distance_m, config.max_iterations)
+            T_start, iterations = np.asarray(coarse.T_target_source), coarse.iterations
+        fine = self._align(target, pair.source, T_start, config.fine_distance_m, config.max_iterations)
         if fine.num_inliers < config.min_points // 2:
             return refused(pair.T_guess, f"{fine.num_inliers} points within {config.fine_distance_m} m of each other")
-        return self._judged(pair, target, fine, coarse.iterations + fine.iterations)
+        return self._judged(pair, target, fine, iterations + fine.iterations)
 
     def _align(self, target: _Surface, source: _Surface, T_start: Array, distance_m: float, most: int) -> small_gicp.RegistrationResult:
         return small_gicp.align(
@@ -231,7 +234,7 @@ def _decided(found: Sequence[RegistrationResult], T_guess: Array, guess_covarian
         odds = np.array([offset @ information @ offset for offset in offsets])
         nearest, second = np.argsort(odds, kind="stable")[:2]
         if odds[second] - odds[nearest] >= _CHOOSING_ODDS:
-            chosen = found[nearest]
+            chosen = found[int(nearest)]
             return dataclasses.replace(chosen, reason=f"{chosen.reason}; of {len(found)} placements the guess chose this")
     others = offset_between(rivals[0], rivals[1])
     apart = f"{np.linalg.norm(others[3:]):.1f} m and {np.degrees(np.linalg.norm(others[:3])):.0f} deg apart"

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 from scipy.spatial.transform import Rotation
 
-from pose_graph_mapping.cloud import PointCloud, moved_points, viewpoints
+from pose_graph_mapping.cloud import PointCloud, viewpoints
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration import Verdict
 from rigid_geometry import inverse
@@ -46,13 +46,18 @@ def _nearest_by_cell(points: Array, eye: Array) -> Array:
 
 
 @njit(cache=True)
-def _count_in_front(points: Array, eye: Array, image: Array, margin_m: float, margin_ratio: float) -> tuple[int, int]:
+def _count_in_front(
+    points: Array, normals: Array, eye: Array, image: Array, margin_m: float, margin_ratio: float, least_cos: float
+) -> tuple[int, int]:
+    """Points compared with what was seen from `eye`, and how many lie in front of it; surfaces that it sees along are not compared."""
     compared = 0
     in_front = 0
     for i in range(len(points)):
         dx, dy, dz = points[i, 0] - eye[0], points[i, 1] - eye[1], points[i, 2] - eye[2]
         distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-        if distance <= 1e-3:
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        has_normal = nx * nx + ny * ny + nz * nz > 0.25
+        if distance <= 1e-3 or (has_normal and abs(nx * dx + ny * dy + nz * dz) < least_cos * distance):
             continue
         row, column = _cell(dx, dy, dz, distance)
         seen = image[row, column]
@@ -77,7 +82,7 @@ class FreeSpace:
     def __init__(self, reference: PointCloud, reading: PointCloud, near: Array, config: RegistrationConfig) -> None:
         """`near` (3,), in the reference: of many standpoints there, the nearest to it are asked."""
         self._config = config
-        self._reference, self._reading = reference.points, reading.points
+        self._reference, self._reading = _with_normals(reference), _with_normals(reading)
         self._seen_by_reference = _images(reference, near, config.free_space_viewpoints)
         self._seen_by_reading = _images(reading, np.zeros(3), 1)
 
@@ -87,22 +92,29 @@ class FreeSpace:
         Only directions in which the observer saw something count; nothing in common gives NaN too. `most` points of a cloud are enough
         for a rough answer; None asks all.
         """
-        reading = moved_points(T_reference_reading, _thinned(self._reading, most))
-        reference = moved_points(inverse(T_reference_reading), _thinned(self._reference, most))
+        reading = _thinned(self._reading, most).transformed(T_reference_reading)
+        reference = _thinned(self._reference, most).transformed(inverse(T_reference_reading))
         ways = [self._one_way(self._seen_by_reading, reference), self._one_way(self._seen_by_reference, reading)]
         if any(compared == 0 for compared, _ in ways):
             return float("nan")
         return max(in_front / compared for compared, in_front in ways)
 
-    def _one_way(self, images: Sequence[tuple[Array, Array]], others: Array) -> tuple[int, int]:
+    def _one_way(self, images: Sequence[tuple[Array, Array]], others: PointCloud) -> tuple[int, int]:
         """Points compared with, and in front of, what was seen from the standpoints."""
-        margins = self._config.free_space_margin_m, self._config.free_space_margin_ratio
-        counts = [_count_in_front(others, eye, image, *margins) for eye, image in images]
+        config = self._config
+        margins = config.free_space_margin_m, config.free_space_margin_ratio, config.free_space_least_cos
+        counts = [_count_in_front(others.points, others.normals, eye, image, *margins) for eye, image in images]
         return sum(compared for compared, _ in counts), sum(in_front for _, in_front in counts)
 
 
-def _thinned(points: Array, most: int | None) -> Array:
-    return points if most is None else points[:: max(1, len(points) // most)]
+def _with_normals(cloud: PointCloud) -> PointCloud:
+    """The points with their normals, zero where they are not known; the rest is not needed."""
+    return PointCloud(cloud.points, None, np.zeros_like(cloud.points) if cloud.normals is None else cloud.normals)
+
+
+def _thinned(cloud: PointCloud, most: int | None) -> PointCloud:
+    step = 1 if most is None else max(1, len(cloud) // most)
+    return cloud if step == 1 else PointCloud(cloud.points[::step], None, None if cloud.normals is None else cloud.normals[::step])
 
 
 def _images(observer: PointCloud, near: Array, most: int) -> list[tuple[Array, Array]]:
@@ -189,4 +201,4 @@ def judge(ratio: float, overlap: float, contradiction: float, weak: Degeneracy, 
 def compile_kernels() -> None:
     """Compiles the kernels of the free-space check for the types that a match passes."""
     config, ahead = RegistrationConfig(), np.array([[1.0, 0.0, 0.0]])
-    _count_in_front(ahead, np.zeros(3), range_image(ahead, np.zeros(3)), config.free_space_margin_m, config.free_space_margin_ratio)
+    FreeSpace(PointCloud(ahead, np.zeros((1, 3))), PointCloud(ahead, np.zeros((1, 3))), np.zeros(3), config).contradiction(np.eye(4))
