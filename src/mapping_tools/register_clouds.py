@@ -16,6 +16,7 @@ import yaml
 from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem
+from mapping_tools.centred_match import centre_of, match_centred
 from mapping_tools.cloud_files import VIEWPOINT_FIELDS, CloudFile, read_cloud
 from pose_graph_mapping import PointCloud, RegistrationConfig, RegistrationResult, Verdict, create_registration, merged, voxel_downsample
 from pose_graph_mapping.cloud import viewpoints
@@ -206,11 +207,12 @@ def register(options: argparse.Namespace) -> int:
     )
     matcher = create_registration(config)
     start = time.perf_counter()
-    result = matcher.match(reference, reading, T_guess, covariance)
+    result = match_centred(matcher, reference, reading, T_guess, covariance)
     seconds = time.perf_counter() - start
     print(summary(result, seconds))
     if options.out:
-        write_atomically(options.out, (json.dumps(report(result, seconds), indent=1) + "\n").encode("ascii"))
+        found = {**report(result, seconds), "degenerate_directions_about": _plain(centre_of(reading))}
+        write_atomically(options.out, (json.dumps(found, indent=1) + "\n").encode("ascii"))
     return USABLE if result.usable else NOT_USABLE
 
 

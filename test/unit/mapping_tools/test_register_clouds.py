@@ -92,6 +92,19 @@ def test_origins_in_fields_are_used(tmp_path, scans):
     assert_right(found, np.eye(4))
 
 
+def test_clouds_in_coordinates_far_from_their_origin_are_matched(tmp_path, scans):
+    far = np.array([2000.0, -300.0, 40.0])
+    reference, reading = (written(tmp_path / f"{k}.ply", scan(room(), T, seed=k) + far) for k, T in ((1, T_ROOM_A), (2, T_ROOM_B)))
+    code, found = outcome(tmp_path, reference, reading, "--origins", "none")
+    assert found["transform"] is None or code == 0
+    code, found = outcome(tmp_path, reference, reading, "--set", "verdict=match_ratio", "--origins", "none")
+    T_far = transform_from_rpy(far)
+    off = inverse(T_A_B) @ inverse(T_far) @ np.array(found["transform"]) @ T_far
+    assert code == 0 and np.linalg.norm(off[:3, 3]) < 0.05 and np.degrees(rotation_angle(off)) < 0.3
+    sigmas_at_points = np.array(found["covariance"])
+    assert np.linalg.eigvalsh(sigmas_at_points).min() > 0.0 and sigmas_at_points[3:, 3:].max() > 0.1  # metres, 2 km from the points
+
+
 def test_another_room_is_refused_and_leaves_no_transform(tmp_path, scans, capsys):
     other = written(tmp_path / "other.ply", scan(room((3.1, 2.7, 2.2)), transform_from_rpy((0.5, 0.4, 0.9), (0, 0, 2.0))))
     code, found = outcome(tmp_path, scans[0], other)
