@@ -84,6 +84,11 @@ def odometry_covariance(T_last_current: Array, config: MappingConfig) -> Array:
     return np.diag(np.square([tilt, tilt, yaw, shift, shift, shift]))
 
 
+def empty_graph(config: MappingConfig) -> PoseGraph:
+    """A graph that judges edges and gravity as `config` says."""
+    return PoseGraph(config.outlier_chi2, config.gravity_bias_sigma_rad)
+
+
 class PoseGraphMapper:
     """Graph-based mapping (thesis 5.4): owns the graph and a light cloud of every vertex."""
 
@@ -92,7 +97,7 @@ class PoseGraphMapper:
         if problems:
             raise ValueError("; ".join(problems))
         self._config, self._match = config, match
-        self.graph = PoseGraph(config.loop_cauchy_k)
+        self.graph = empty_graph(config)
         self._clouds: list[PointCloud] = []
         self._stamps_s: list[float] = []
         self._T_odom_last = np.eye(4)

@@ -1,76 +1,58 @@
 """The pose graph of Algorithms 1 and 2: vertices are sweeps, edges what is known between them, gtsam finds the likeliest poses.
 
-The thesis uses g2o; its file format stays the exchange format. Below a few hundred vertices a batch optimisation takes milliseconds,
-so nothing is kept between two of them and the same edges always give the same poses.
+While the robot drives the solution grows with the graph (iSAM2). A new loop has the whole graph solved and every match and loop judged
+again: one that contradicts the others is left out, and comes back when later ones agree with it. The thesis uses g2o; its file format stays
+the exchange format. The same calls always give the same poses.
 """
 
 from __future__ import annotations
 
-import enum
+import dataclasses
 import heapq
 import os
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 
-import gtsam
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigid_geometry import as_transform, quat_xyzw_from_transform, transform_from_quat
+from pose_graph_mapping.graph_consistency import consistent_edges, settled, trusted_edges
+from pose_graph_mapping.graph_files import g2o_text, read_graph_file
+from pose_graph_mapping.graph_measurements import Edge, EdgeKind, GraphNotSolvable, Gravity, as_covariance, orthonormal, unit_up
+from pose_graph_mapping.graph_problem import GraphProblem, poses_of, tree_poses
+from pose_graph_mapping.gravity_bias import estimated_bias
+from pose_graph_mapping.incremental_graph import IncrementalGraph
+from rigid_geometry import as_transform
 
 Array = NDArray[np.float64]
 
-_PRIOR_SIGMA = 1e-3
-_FREE_TILT_SIGMA_RAD = 0.2
-_TRANSLATION_FIRST = np.array([3, 4, 5, 0, 1, 2])
-_UPPER = np.triu_indices(6)
+_ODOMETRY_DOUBT = 3.0
+"""A match is judged against odometry of this many times its sigmas: a slip is likelier than a wrong match."""
+_BIAS_ROUNDS = 6
+_BIAS_SETTLED_RAD = 1e-7
 
-
-class EdgeKind(enum.Enum):
-    """Where an edge comes from."""
-
-    ODOMETRY = "odometry"
-    MATCH = "match"
-    LOOP = "loop"
-
-
-@dataclass(frozen=True, eq=False)
-class Edge:
-    """A measured transform between two vertices; covariance (6, 6) rotation first, in the body frame of `j`."""
-
-    i: int
-    j: int
-    T_i_j: Array
-    covariance: Array
-    kind: EdgeKind
-
-
-@dataclass(frozen=True, eq=False)
-class _Gravity:
-    vertex_id: int
-    up_body: Array
-    sigma_rad: float
-
-
-def as_covariance(matrix: ArrayLike) -> Array:
-    """A checked (6, 6) covariance; ValueError when it is not finite, symmetric and positive definite."""
-    covariance = np.asarray(matrix, dtype=np.float64)
-    if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
-        raise ValueError(f"a covariance is a finite 6x6 matrix, not shape {covariance.shape}: {matrix!r}")
-    smallest = float(np.linalg.eigvalsh(covariance)[0])
-    if not np.allclose(covariance, covariance.T, rtol=1e-6, atol=1e-12) or smallest <= 0.0:
-        raise ValueError(f"a covariance is symmetric and positive definite; smallest eigenvalue {smallest:.3g}")
-    return covariance
+__all__ = ["Edge", "EdgeKind", "GraphNotSolvable", "PoseGraph", "as_covariance", "orthonormal", "unit_up"]
 
 
 class PoseGraph:
     """Vertices 0, 1, .. with poses T_map_base, edges of three kinds, and the up direction measured at vertices."""
 
-    def __init__(self, loop_cauchy_k: float = 1.0) -> None:
-        self._cauchy_k = loop_cauchy_k
+    def __init__(self, outlier_chi2: float = 30.0, gravity_bias_sigma_rad: float = 0.0) -> None:
+        """outlier_chi2: squared Mahalanobis distance of six degrees of freedom beyond which a match or loop contradicts the rest.
+
+        gravity_bias_sigma_rad: how far measured up directions may be off in common, fixed in the body; 0: they are not.
+        """
+        if not outlier_chi2 > 0.0 or not gravity_bias_sigma_rad >= 0.0:
+            raise ValueError(f"outlier_chi2 {outlier_chi2} must be positive, gravity_bias_sigma_rad {gravity_bias_sigma_rad} not negative")
+        self._limit = 0.5 * outlier_chi2
+        self._bias_sigma = gravity_bias_sigma_rad
         self._poses: list[Array] = []
         self._edges: list[Edge] = []
-        self._gravity: list[_Gravity] = []
+        self._kept: list[bool] = []
+        self._gravity: list[Gravity] = []
+        self._bias = np.zeros(3)
+        self._running: IncrementalGraph | None = None
+        self._solved_edges = self._solved_gravity = 0
 
     def __len__(self) -> int:
         return len(self._poses)
@@ -85,12 +67,13 @@ class PoseGraph:
         if self._known(i) == self._known(j):
             raise ValueError(f"an edge connects two vertices, not {i} with itself")
         self._edges.append(Edge(i, j, as_transform(T_i_j), as_covariance(covariance), kind))
+        self._kept.append(True)
 
     def add_gravity(self, vertex_id: int, up_body: ArrayLike, sigma_rad: float) -> None:
         """The direction (3,) that was up in the body frame of a vertex; the map's up is its z axis."""
         if not sigma_rad > 0.0:
             raise ValueError(f"sigma_rad must be positive, not {sigma_rad}")
-        self._gravity.append(_Gravity(self._known(vertex_id), unit_up(up_body), sigma_rad))
+        self._gravity.append(Gravity(self._known(vertex_id), unit_up(up_body), sigma_rad))
 
     def pose(self, vertex_id: int) -> Array:
         """(4, 4) current estimate T_map_base of a vertex."""
@@ -101,17 +84,26 @@ class PoseGraph:
         return np.array(self._poses).reshape(-1, 4, 4)
 
     def edges(self) -> list[tuple[int, int, EdgeKind]]:
-        """(i, j, kind) of every edge in the order of their arrival, for drawing."""
-        return [(edge.i, edge.j, edge.kind) for edge in self._edges]
+        """(i, j, kind) of every edge in the order of their arrival, for drawing; without those that were left out."""
+        return [(edge.i, edge.j, edge.kind) for edge in self.measurements()]
 
     def measurements(self) -> list[Edge]:
-        """Every edge with what it measured."""
-        return list(self._edges)
+        """Every edge with what it measured, without those that were left out."""
+        return [edge for edge, kept in zip(self._edges, self._kept, strict=True) if kept]
+
+    def rejected(self) -> list[Edge]:
+        """The edges that contradict the others and have no part in the poses."""
+        return [edge for edge, kept in zip(self._edges, self._kept, strict=True) if not kept]
+
+    @property
+    def gravity_bias(self) -> Array:
+        """(3,) estimated bias of measured up directions, in the body frame."""
+        return self._bias.copy()
 
     def neighbours(self, vertex_id: int) -> list[int]:
         """Ids of the vertices that share an edge with a vertex, in ascending order."""
         self._known(vertex_id)
-        return sorted({e.j if e.i == vertex_id else e.i for e in self._edges if vertex_id in (e.i, e.j)})
+        return sorted({e.j if e.i == vertex_id else e.i for e in self.measurements() if vertex_id in (e.i, e.j)})
 
     def distances_from(self, vertex_id: int) -> Array:
         """(V,) metres from a vertex along edges (Dijkstra); inf where no edge leads."""
@@ -128,62 +120,67 @@ class PoseGraph:
                     heapq.heappush(queue, (there, to))
         return distance
 
-    def optimise(self) -> None:
-        """Move all vertices to the likeliest poses (Levenberg-Marquardt, batch); the first keeps position and heading.
+    def relative_covariance(self, i: int, j: int) -> Array:
+        """(6, 6) covariance of T_i_j, rotation first, in the body frame of j, by the graph as `optimise` left it."""
+        if self._running is None or self._running.vertices <= max(self._known(i), self._known(j)):
+            raise ValueError(f"vertices {i} and {j} are not optimised yet")
+        return self._running.relative_covariance(i, j)
 
-        A loop after much drift starts so far out that a robust loss hardly feels it. So with loops a second start is the solution that
-        trusts them, and the better of both ends stays: a true loop closes, a false one, dearer to follow than to ignore, does not.
+    def optimise(self) -> None:
+        """Move all vertices to the likeliest poses; the first keeps position and heading.
+
+        Without a new loop the last solution grows; with one everything is solved and judged again, as by `solve`.
         """
-        if len(self._poses) < 2 and not self._gravity:
+        new = self._edges[self._solved_edges :]
+        old_vertices = 0 if self._running is None else self._running.vertices
+        if self._running is None or any(e.kind is EdgeKind.LOOP or max(e.i, e.j) < old_vertices for e in new):
+            self.solve()
             return
-        values, factors = self._values(), self._factors(robust=True)
-        ends = [_minimised(factors, values)]
-        if any(edge.kind is EdgeKind.LOOP for edge in self._edges):
-            ends.append(_minimised(factors, _minimised(self._factors(robust=False), values)))
-        best = min(ends, key=factors.error)
-        self._poses = [orthonormal(np.asarray(best.atPose3(k).matrix())) for k in range(len(self._poses))]
+        self._running.grow(self.poses()[old_vertices:], new, self._gravity[self._solved_gravity :])
+        self._mark_solved(self._running.poses())
+        for _ in range(_BIAS_ROUNDS):
+            if not self._bias_moved():
+                break
+            self._running.relevel(self._bias)
+            self._mark_solved(self._running.poses())
+
+    def solve(self) -> tuple[Edge, ...]:
+        """Solve the whole graph from what was measured, judge every match and loop, and return the edges that were left out by it.
+
+        ValueError (GraphNotSolvable) when a part of the graph has no edge to the rest.
+        """
+        if not self._poses:
+            return ()
+        tree_poses(len(self), self._edges, {0: self._poses[0]})  # says what hangs apart
+        before, kept = self._kept, self._consistent()
+        kept = self._levelled(kept)
+        self._kept = kept.tolist()
+        self._running = IncrementalGraph(self._problem(self.measurements()))
+        self._mark_solved(self._running.poses())
+        return tuple(edge for edge, was, now in zip(self._edges, before, self._kept, strict=True) if was and not now)
 
     def g2o_text(self) -> str:
         """VERTEX_SE3:QUAT and EDGE_SE3:QUAT lines; kinds of edges as comments, measured gravity is not part of the format."""
-        lines = [f"VERTEX_SE3:QUAT {k} {_pose_text(T)}" for k, T in enumerate(self._poses)]
-        for edge in self._edges:
-            information = np.linalg.inv(edge.covariance)[np.ix_(_TRANSLATION_FIRST, _TRANSLATION_FIRST)]
-            lines.append(f"EDGE_SE3:QUAT {edge.i} {edge.j} {_pose_text(edge.T_i_j)} {_numbers(information[_UPPER])}")
-        lines += [f"# KIND {edge.i} {edge.j} {edge.kind.value}" for edge in self._edges]
-        return "".join(line + "\n" for line in lines)
+        return g2o_text(dict(enumerate(self._poses)), self.measurements())
 
     def save_g2o(self, path: str | os.PathLike[str]) -> None:
         """Write `g2o_text` to a file."""
         Path(path).write_text(self.g2o_text(), encoding="ascii")
 
     @classmethod
-    def load_g2o(cls, path: str | os.PathLike[str], loop_cauchy_k: float = 1.0) -> PoseGraph:
+    def load_g2o(cls, path: str | os.PathLike[str], outlier_chi2: float = 30.0) -> PoseGraph:
         """A graph from a g2o file with SE3 vertices 0, 1, ..; ValueError names the line that cannot be read.
 
         Without comments that tell kinds, an edge to the next vertex is odometry and any other a loop.
         """
-        graph, kinds = cls(loop_cauchy_k), []
-        for number, line in enumerate(Path(path).read_text(encoding="ascii").splitlines(), 1):
-            try:
-                kinds += graph._read_line(line.split())
-            except (ValueError, IndexError) as error:
-                raise ValueError(f"{path}, line {number}: {error}") from error
-        if len(kinds) == len(graph._edges):
-            graph._edges = [Edge(e.i, e.j, e.T_i_j, e.covariance, kind) for e, kind in zip(graph._edges, kinds, strict=True)]
+        file, graph = read_graph_file(path), cls(outlier_chi2)
+        for number, (vertex_id, T) in enumerate(sorted(file.poses.items())):
+            if vertex_id != number:
+                raise ValueError(f"{path}: vertex {vertex_id} where {number} is next")
+            graph.add_vertex(T)
+        for edge in file.edges:
+            graph.add_edge(edge.i, edge.j, edge.T_i_j, edge.covariance, edge.kind)
         return graph
-
-    def _read_line(self, words: list[str]) -> list[EdgeKind]:
-        if words[:2] == ["#", "KIND"]:
-            return [EdgeKind(words[4])]
-        if words[:1] == ["VERTEX_SE3:QUAT"]:
-            if int(words[1]) != len(self._poses):
-                raise ValueError(f"vertex {words[1]} where {len(self._poses)} is next")
-            self.add_vertex(_pose_of(words[2:9]))
-        elif words[:1] == ["EDGE_SE3:QUAT"]:
-            i, j = int(words[1]), int(words[2])
-            kind = EdgeKind.ODOMETRY if abs(i - j) == 1 else EdgeKind.LOOP
-            self.add_edge(i, j, _pose_of(words[3:10]), _covariance_of(words[10:31]), kind)
-        return []
 
     def _known(self, vertex_id: int) -> int:
         if not 0 <= vertex_id < len(self._poses):
@@ -192,81 +189,40 @@ class PoseGraph:
 
     def _all_neighbours(self) -> list[list[int]]:
         found: list[set[int]] = [set() for _ in self._poses]
-        for edge in self._edges:
+        for edge in self.measurements():
             found[edge.i].add(edge.j)
             found[edge.j].add(edge.i)
         return [sorted(ids) for ids in found]
 
-    def _values(self) -> gtsam.Values:
-        values = gtsam.Values()
-        for k, T in enumerate(self._poses):
-            values.insert(k, gtsam.Pose3(T))
-        return values
+    def _problem(self, edges: Sequence[Edge]) -> GraphProblem:
+        return GraphProblem(self.poses(), edges, self._gravity, self._bias)
 
-    def _factors(self, robust: bool) -> gtsam.NonlinearFactorGraph:
-        factors = gtsam.NonlinearFactorGraph()
-        factors.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(self._poses[0]), self._prior_noise()))
-        for edge in self._edges:
-            factors.add(gtsam.BetweenFactorPose3(edge.i, edge.j, gtsam.Pose3(edge.T_i_j), self._edge_noise(edge, robust)))
-        up_map = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
-        for measured in self._gravity:
-            sigma = gtsam.noiseModel.Isotropic.Sigma(2, measured.sigma_rad)
-            factors.add(gtsam.AttitudeFactorPose3(measured.vertex_id, up_map, sigma, gtsam.Unit3(measured.up_body)))
-        return factors
+    def _consistent(self) -> NDArray[np.bool_]:
+        """Which edges agree, with odometry believed less than it says of itself."""
+        doubted = [
+            dataclasses.replace(e, covariance=e.covariance * _ODOMETRY_DOUBT**2) if e.kind is EdgeKind.ODOMETRY else e for e in self._edges
+        ]
+        problem = self._problem(doubted)
+        kept, values = consistent_edges(problem, trusted_edges(len(self), self._edges), self._limit)
+        self._poses = list(poses_of(values, len(self)))
+        return kept
 
-    def _edge_noise(self, edge: Edge, robust: bool) -> gtsam.noiseModel.Base:
-        """Gaussian; for a loop under Cauchy's loss, which one false edge among true ones cannot bend."""
-        gaussian = gtsam.noiseModel.Gaussian.Covariance(edge.covariance)
-        if edge.kind is not EdgeKind.LOOP or not robust:
-            return gaussian
-        return gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.Cauchy.Create(self._cauchy_k), gaussian)
+    def _levelled(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """The edges that are kept with odometry at its word and the bias of gravity estimated; moves the poses there."""
+        trusted = trusted_edges(len(self), self._edges)
+        for _ in range(_BIAS_ROUNDS):
+            problem = self._problem(self._edges)
+            kept, values = settled(problem, trusted, self._limit, kept, problem.values())
+            self._poses = list(poses_of(values, len(self)))
+            if not self._bias_moved():
+                break
+        return kept
 
-    def _prior_noise(self) -> gtsam.noiseModel.Base:
-        """The first vertex holds position and heading; its tilt is left to the measured gravity, where there is any."""
-        tilt = _FREE_TILT_SIGMA_RAD if self._gravity else _PRIOR_SIGMA
-        return gtsam.noiseModel.Diagonal.Sigmas(np.array([tilt, tilt, _PRIOR_SIGMA, _PRIOR_SIGMA, _PRIOR_SIGMA, _PRIOR_SIGMA]))
+    def _bias_moved(self) -> bool:
+        """Estimates the bias anew, and says whether that matters."""
+        old, self._bias = self._bias, estimated_bias(self.poses(), self._gravity, self._bias_sigma)
+        return bool(np.abs(self._bias - old).max() > _BIAS_SETTLED_RAD)
 
-
-def _minimised(factors: gtsam.NonlinearFactorGraph, start: gtsam.Values) -> gtsam.Values:
-    params = gtsam.LevenbergMarquardtParams()
-    params.setMaxIterations(100)
-    params.setRelativeErrorTol(1e-9)
-    return gtsam.LevenbergMarquardtOptimizer(factors, start, params).optimize()
-
-
-def orthonormal(T: Array) -> Array:
-    """The transform with the nearest rotation (SVD): composing each pose from the last one triples any error of the one before."""
-    U, _, Vt = np.linalg.svd(T[:3, :3])
-    clean = T.copy()
-    clean[:3, :3] = U @ Vt
-    return clean
-
-
-def unit_up(up_body: ArrayLike) -> Array:
-    """(3,) unit vector of a measured up direction; ValueError when it has no direction."""
-    up = np.asarray(up_body, dtype=np.float64)
-    if up.shape != (3,) or not np.isfinite(up).all() or np.linalg.norm(up) < 1e-6:
-        raise ValueError(f"an up direction is a finite vector of three, not zero: {up_body!r}")
-    return np.asarray(up / np.linalg.norm(up))
-
-
-def _numbers(values: ArrayLike) -> str:
-    return " ".join(repr(float(v)) for v in np.ravel(values))
-
-
-def _pose_text(T: Array) -> str:
-    return f"{_numbers(T[:3, 3])} {_numbers(quat_xyzw_from_transform(T))}"
-
-
-def _pose_of(words: list[str]) -> Array:
-    x, y, z, qx, qy, qz, qw = (float(w) for w in words)
-    return transform_from_quat((x, y, z), (qx, qy, qz, qw))
-
-
-def _covariance_of(words: list[str]) -> Array:
-    if len(words) != 21:
-        raise ValueError(f"{len(words)} numbers of an information matrix, 21 wanted")
-    upper = np.zeros((6, 6))
-    upper[_UPPER] = [float(w) for w in words]
-    information = upper + np.triu(upper, 1).T
-    return np.asarray(np.linalg.inv(information[np.ix_(_TRANSLATION_FIRST, _TRANSLATION_FIRST)]))
+    def _mark_solved(self, poses: Array) -> None:
+        self._poses = list(poses)
+        self._solved_edges, self._solved_gravity = len(self._edges), len(self._gravity)

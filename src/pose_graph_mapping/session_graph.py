@@ -43,9 +43,8 @@ class StoredGraph:
         added = tuple(edge for key, edge in now.items() if key not in held)
         return GraphChange(poses, added, tuple(number for key, number in held.items() if key not in now))
 
-    def rebuilt(self, vertices: int, loop_cauchy_k: float) -> PoseGraph:
-        """The graph on disk with `vertices` vertices, not optimised yet; ValueError names a vertex without a pose."""
-        graph = PoseGraph(loop_cauchy_k)
+    def rebuilt(self, vertices: int, graph: PoseGraph) -> PoseGraph:
+        """`graph`, which is empty, with the vertices and edges on disk, not optimised; ValueError names a vertex without a pose."""
         for vertex in range(vertices):
             if vertex not in self._poses:
                 raise ValueError(f"the session has no pose of vertex {vertex}")

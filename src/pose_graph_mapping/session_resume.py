@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pose_graph_mapping.cloud import PointCloud, vertex_cloud
 from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.loop_closure import Match
-from pose_graph_mapping.mapper import PoseGraphMapper
+from pose_graph_mapping.mapper import PoseGraphMapper, empty_graph
 from pose_graph_mapping.registration import RegistrationResult, refused
 from pose_graph_mapping.session_record import Measured
 from pose_graph_mapping.session_store import DamagedSweepError, SessionStore
@@ -38,7 +38,7 @@ def resume(store: SessionStore, config: MappingConfig, match: Match) -> Resumed:
     measured = [_measured(store, k) for k in range(len(store.sweeps))]
     notes = list(store.notes)
     clouds = [_light_cloud(store, k, config, notes) for k in range(len(store.sweeps))]
-    graph = store.graph_on_disk(config.loop_cauchy_k)
+    graph = store.graph_on_disk(empty_graph(config))
     for vertex_id, m in enumerate(measured):
         if config.use_gravity and m.gravity_base is not None:
             graph.add_gravity(vertex_id, m.gravity_base, m.gravity_sigma_rad or config.gravity_sigma_rad)

@@ -115,9 +115,9 @@ class SessionStore:
             raise DamagedSweepError(f"{stored.file} is damaged: {len(data)} bytes of {stored.bytes}, and their checksum is wrong")
         return sweep_cloud(data)
 
-    def graph_on_disk(self, loop_cauchy_k: float = 1.0) -> PoseGraph:
-        """The graph as the session's sweeps left it, not optimised yet; ValueError when it was stored without one."""
-        return self._graph.rebuilt(len(self._index.sweeps) + len(self._waiting), loop_cauchy_k)
+    def graph_on_disk(self, empty: PoseGraph | None = None) -> PoseGraph:
+        """`empty`, or a graph with defaults, as the session left it, not optimised yet; ValueError when it was stored without one."""
+        return self._graph.rebuilt(len(self._index.sweeps) + len(self._waiting), PoseGraph() if empty is None else empty)
 
     def save(self, graph: PoseGraph, map_voxel_m: float = 0.04) -> tuple[str, ...]:
         """Write graph.g2o, trajectory.txt (TUM), cloud.ply and cloud.pcd (map frame, voxel means).

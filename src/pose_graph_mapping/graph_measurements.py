@@ -1,0 +1,70 @@
+"""What a pose graph is made of: edges between vertices and directions of gravity, each checked where it comes in."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+class EdgeKind(enum.Enum):
+    """Where an edge comes from."""
+
+    ODOMETRY = "odometry"
+    MATCH = "match"
+    LOOP = "loop"
+
+
+@dataclass(frozen=True, eq=False)
+class Edge:
+    """A measured transform between two vertices; covariance (6, 6) rotation first, in the body frame of `j`."""
+
+    i: int
+    j: int
+    T_i_j: Array
+    covariance: Array
+    kind: EdgeKind
+
+
+@dataclass(frozen=True, eq=False)
+class Gravity:
+    """The direction that was up in the body frame of a vertex, unit (3,), with the sigma of an axis across it."""
+
+    vertex_id: int
+    up_body: Array
+    sigma_rad: float
+
+
+class GraphNotSolvable(ValueError):
+    """A graph that has no solution, or more than one."""
+
+
+def as_covariance(matrix: ArrayLike) -> Array:
+    """A checked (6, 6) covariance; ValueError when it is not finite, symmetric and positive definite."""
+    covariance = np.asarray(matrix, dtype=np.float64)
+    if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
+        raise ValueError(f"a covariance is a finite 6x6 matrix, not shape {covariance.shape}: {matrix!r}")
+    smallest = float(np.linalg.eigvalsh(covariance)[0])
+    if not np.allclose(covariance, covariance.T, rtol=1e-6, atol=1e-12) or smallest <= 0.0:
+        raise ValueError(f"a covariance is symmetric and positive definite; smallest eigenvalue {smallest:.3g}")
+    return covariance
+
+
+def unit_up(up_body: ArrayLike) -> Array:
+    """(3,) unit vector of a measured up direction; ValueError when it has no direction."""
+    up = np.asarray(up_body, dtype=np.float64)
+    if up.shape != (3,) or not np.isfinite(up).all() or np.linalg.norm(up) < 1e-6:
+        raise ValueError(f"an up direction is a finite vector of three, not zero: {up_body!r}")
+    return np.asarray(up / np.linalg.norm(up))
+
+
+def orthonormal(T: Array) -> Array:
+    """(.., 4, 4) transforms with the nearest rotations (SVD): composing each pose from the last one triples any error of the one before."""
+    U, _, Vt = np.linalg.svd(T[..., :3, :3])
+    clean = T.copy()
+    clean[..., :3, :3] = U @ Vt
+    return clean
