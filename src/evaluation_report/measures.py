@@ -42,6 +42,7 @@ SCORES: tuple[Score, ...] = (
     Score("trajectory_ate_m", "ATE", "cm", 100.0, 1),
     Score("rpe_translation_m", "RPE", "cm", 100.0, 1),
     Score("rpe_rotation_rad", "RPE rotation", "deg", _DEGREES, 2),
+    Score("wrong_edges", "wrong edges of the graph", "", 1.0, 0, "sum"),
     Score("classification.false_safe_m2", "false safe", "m²", 1.0, 1),
     Score("classification.false_unsafe_m2", "false unsafe", "m²", 1.0, 1),
     Score("collisions", "collisions", "", 1.0, 0, "sum"),

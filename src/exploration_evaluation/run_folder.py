@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from exploration_evaluation.activity import ActivityTimes, activity_times
 from exploration_evaluation.config import EvaluationConfig, RobotShape
 from exploration_evaluation.curves import coverage_curve, driven_distances, placed_sweeps, swept_coverage
+from exploration_evaluation.graph_edges import read_edges, wrong_edges
 from exploration_evaluation.mesh import read_cloud
 from exploration_evaluation.relative_error import MatchedPoses, matched_poses, relative_pose_error
 from exploration_evaluation.run_files import (
@@ -53,7 +54,7 @@ _REPORTED = (
     "config",
     "version",
 )
-_OVER_THE_RUN = ("coverage_curve", "rpe_translation_m", "rpe_rotation_rad", "shortest_length_m", "path_ratio")
+_OVER_THE_RUN = ("coverage_curve", "rpe_translation_m", "rpe_rotation_rad", "wrong_edges", "shortest_length_m", "path_ratio")
 
 
 def evaluate_run(
@@ -68,7 +69,7 @@ def evaluate_run(
     The summary has all that run.json and counters.json report (`_REPORTED` at least, None where they do not) and, of the judge:
     success, coverage, map_rmse_m, map_p95_m, trajectory_ate_m, trajectory_origin_error_m, map_tilt_rad, collisions,
     collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m, reachable_area_m2,
-    turning_area_m2, coverage_curve (a CurvePoint a sweep), rpe_translation_m, rpe_rotation_rad, shortest_length_m, path_ratio,
+    turning_area_m2, coverage_curve (a CurvePoint a sweep), rpe_translation_m, rpe_rotation_rad, wrong_edges, shortest_length_m, path_ratio,
     activity_s, compute_s, runtime_s, visible_surface_m2, seen_surface_share, map_completeness_rms_m, map_completeness_p95_m,
     classification (confusion, false-safe and false-unsafe ground), and "missing": what is None and why. ValueError when the folder does
     not exist.
@@ -107,6 +108,7 @@ class _Judgement:
         if estimate is not None and truth is not None and errors is not None:
             poses = matched_poses(*estimate, *truth)
             scores |= self._relative_error(poses)
+            scores["wrong_edges"] = self._try("wrong edges", lambda: self._wrong_edges(estimate[0], poses))
             if ground is not None:
                 scores["coverage_curve"] = self._try("coverage curve", lambda: self._curve(reported, estimate, truth, errors, ground))
                 scores |= self._way(poses, truth, ground)
@@ -141,6 +143,11 @@ class _Judgement:
             "rpe_translation_m": found.translation_rms_m if found else None,
             "rpe_rotation_rad": found.rotation_rms_rad if found else None,
         }
+
+    def _wrong_edges(self, stamps: Floats, poses: MatchedPoses) -> int:
+        truth = np.full((len(stamps), 4, 4), np.nan)
+        truth[np.isin(stamps, poses.stamps)] = poses.truth
+        return len(wrong_edges(read_edges(self._folder / "graph.g2o"), truth))
 
     def _curve(
         self, reported: Mapping[str, Any], estimate: Trajectory, truth: Trajectory, errors: TrajectoryErrors, ground: ReachableGround

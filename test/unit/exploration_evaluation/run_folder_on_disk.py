@@ -53,6 +53,8 @@ def write_run(folder: Path) -> Path:
     for k, (stamp_s, T) in enumerate(zip(stamps[::20], inverse(T_WORLD_MAP) @ poses[::20], strict=True)):
         points = transform_points(inverse(T), floor).astype(np.float32)
         np.savez(folder / "sweeps" / f"{k:06d}.npz", points=points, origins=0 * points, stamp_s=stamp_s)
+    tight = " ".join("10000.0" if row == column else "0.0" for row in range(6) for column in range(row, 6))
+    (folder / "graph.g2o").write_text(f"EDGE_SE3:QUAT 0 1 0.5 0 0 0 0 0 1 {tight}\n# KIND 0 1 match\n")
     (folder / "events.csv").write_text(EVENTS)
     x, y, z = floor.astype(np.float32).T
     np.savez(folder / "terrain.npz", x=x, y=y, z=z, label=(np.arange(len(x)) % 5).astype(np.uint8))

@@ -59,6 +59,7 @@ def test_perfect_run_gets_the_scores_over_its_course_known_beforehand(run):
     assert [point["time_s"] for point in summary["coverage_curve"]] == pytest.approx([0, 1, 2, 3, 4])
     assert [point["distance_m"] for point in summary["coverage_curve"]] == pytest.approx([0, 0.5, 1.0, 1.5, 2.0])
     assert (summary["rpe_translation_m"], summary["rpe_rotation_rad"]) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert summary["wrong_edges"] == 0
     assert 2.0 <= summary["shortest_length_m"] <= 2.03
     assert summary["path_ratio"] == pytest.approx(1.0, abs=0.015)
     assert summary["activity_s"] == {"waiting": 0.0, "sweeping": 1.0, "mapping": 0.0, "driving": 3.0}
