@@ -16,32 +16,26 @@ _MOVED_M, _MOVED_RAD = 0.01, 0.002
 
 
 class StoredGraph:
-    """Poses and edges on disk. Of a sweep only what it changed is written, so that a line stays short however long a session is."""
+    """Poses and edges on disk. Of a sweep only what it changed is written, so that a line stays short however long a session is.
+
+    Edges that the graph left out are kept too: it judges them anew when it is solved.
+    """
 
     def __init__(self) -> None:
         self._poses: dict[int, Array] = {}
-        self._edges: dict[int, Edge] = {}
-        self._numbered = 0
+        self._edges: list[Edge] = []
+        self._held: set[tuple[int, int, str, bytes]] = set()
 
     def apply(self, change: GraphChange) -> None:
-        """Fold in the next change; ValueError when it removes an edge that is not there."""
-        unknown = [number for number in change.removed if number not in self._edges]
-        if unknown:
-            raise ValueError(f"edge {unknown[0]} is removed, but there is none")
+        """Fold in the next change."""
         self._poses.update(change.poses)
-        for number in change.removed:
-            del self._edges[number]
-        for edge in change.added:
-            self._edges[self._numbered] = edge
-            self._numbered += 1
+        self._edges += change.added
+        self._held.update(_key(edge) for edge in change.added)
 
     def change_to(self, graph: PoseGraph) -> GraphChange:
         """What leads from the graph on disk to `graph`, vertices that hardly moved aside."""
-        held = {_key(edge): number for number, edge in self._edges.items()}
-        now = {_key(edge): edge for edge in graph.measurements()}
         poses = {vertex: T for vertex, T in enumerate(graph.poses()) if self._moved(vertex, T)}
-        added = tuple(edge for key, edge in now.items() if key not in held)
-        return GraphChange(poses, added, tuple(number for key, number in held.items() if key not in now))
+        return GraphChange(poses, tuple(e for e in (*graph.measurements(), *graph.rejected()) if _key(e) not in self._held))
 
     def rebuilt(self, vertices: int, graph: PoseGraph) -> PoseGraph:
         """`graph`, which is empty, with the vertices and edges on disk, not optimised; ValueError names a vertex without a pose."""
@@ -49,7 +43,7 @@ class StoredGraph:
             if vertex not in self._poses:
                 raise ValueError(f"the session has no pose of vertex {vertex}")
             graph.add_vertex(self._poses[vertex])
-        for _, edge in sorted(self._edges.items()):
+        for edge in self._edges:
             graph.add_edge(edge.i, edge.j, edge.T_i_j, edge.covariance, edge.kind)
         return graph
 

@@ -25,14 +25,10 @@ _CHECKSUM = ', "crc32": "'
 
 @dataclass(frozen=True, eq=False)
 class GraphChange:
-    """What a sweep did to the graph: T_map_base of its own vertex and of those that moved, edges added, edges removed.
-
-    Edges are numbered in the order in which a session adds them; `removed` holds such numbers.
-    """
+    """What a sweep did to the graph: T_map_base (4, 4) of its own vertex and of those that moved, and the edges that it added."""
 
     poses: Mapping[int, Array] = field(default_factory=dict)
     added: tuple[Edge, ...] = ()
-    removed: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +79,9 @@ def index_line(sweep: StoredSweep) -> str:
 def sweep_of_line(line: str) -> StoredSweep:
     """The sweep that a line tells of; ValueError when a character of it has changed or something is missing."""
     text, found, rest = line.rpartition(_CHECKSUM)
-    if not found or rest != f'{zlib.crc32(text.encode("ascii", "replace")):08x}"}}':
+    if not found:
+        raise ValueError("it has no checksum")
+    if rest != f'{zlib.crc32(text.encode("ascii", "replace")):08x}"}}':
         raise ValueError("its checksum is wrong")
     entry = json.loads(text + "}")
     return sweep_of_payload(entry, entry["file"], entry["bytes"], entry["sha256"])
@@ -129,7 +127,6 @@ def _change_entry(change: GraphChange) -> dict[str, Any]:
             {"i": e.i, "j": e.j, "kind": e.kind.value, "T_i_j": _rows(e.T_i_j), "covariance": e.covariance[_UPPER].tolist()}
             for e in change.added
         ],
-        "removed": list(change.removed),
     }
 
 
@@ -137,7 +134,7 @@ def _change_of(entry: Mapping[str, Any] | None) -> GraphChange | None:
     if entry is None:
         return None
     poses = {int(vertex): as_transform(_transform(rows)) for vertex, rows in entry["poses"].items()}
-    return GraphChange(poses, tuple(_edge(e) for e in entry["added"]), tuple(int(k) for k in entry["removed"]))
+    return GraphChange(poses, tuple(_edge(e) for e in entry["added"]))
 
 
 def _edge(entry: Mapping[str, Any]) -> Edge:

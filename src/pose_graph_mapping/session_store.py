@@ -168,10 +168,9 @@ class SessionStore:
             try:
                 self._write(self._waiting[0])
             except OSError as error:
-                first, count = self._waiting[0].vertex_id, len(self._waiting)
-                raise NotOnDiskError(
-                    error.errno, f"sweep {first} is not on disk, {count} wait in memory: {error.strerror or error}", str(self._directory)
-                ) from error
+                first, last = self._waiting[0].vertex_id, self._waiting[-1].vertex_id
+                which = f"sweep {last} is" if first == last else f"sweeps {first} to {last} are"
+                raise NotOnDiskError(error.errno, f"{which} not on disk: {error.strerror or error}", str(self._directory)) from error
             del self._waiting[0]
 
     def _write(self, sweep: _Waiting) -> None:
