@@ -73,6 +73,7 @@ def map_sweeps(data, folder, odometry_continues):
         say("writing", k)
         store.add_sweep(k, INTERVAL_S * k, *cloud, mapper.graph, T_odom, up)
         say("accepted", k)
+    mapper.graph.solve()
     store.save(mapper.graph)
     say("saved", count)
 

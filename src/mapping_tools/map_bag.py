@@ -56,13 +56,19 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--odom-topic", default=defaults.odometry, metavar="T", help=f"nav_msgs/Odometry; default {defaults.odometry}")
     p.add_argument("--no-odometry", action="store_true", help="a bag without odometry: look for each sweep around the last one")
     p.add_argument(
-        "--mount", nargs=6, type=float, metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"),
+        "--mount",
+        nargs=6,
+        type=float,
+        metavar=("X", "Y", "Z", "ROLL", "PITCH", "YAW"),
         help="pose of the clouds' frame in base_link, m and rad; wanted where their frame is not odometry's child frame",
-    )  # fmt: skip
+    )
     p.add_argument(
-        "--sensor", nargs=3, type=float, metavar=("X", "Y", "Z"),
+        "--sensor",
+        nargs=3,
+        type=float,
+        metavar=("X", "Y", "Z"),
         help="where beams start, in the clouds' frame, m, for clouds without vp_x vp_y vp_z; default its origin, or a PCD's VIEWPOINT",
-    )  # fmt: skip
+    )
     p.add_argument(
         "--min-travel", type=float, default=0.0, metavar="M", help="pass by sweeps nearer to the last one than this, by odometry"
     )
@@ -121,6 +127,7 @@ def map_recording(a: argparse.Namespace) -> int:
         "damaged": [*notes, *(text for text in left_out if not any(text in note for note in notes))],
         "vertices": len(mapper.stamps_s),
         "edges": len(mapper.graph.edges()),
+        "edges_left_out": [[e.i, e.j, e.kind.value] for e in mapper.graph.rejected()],
         "not_on_disk": store.not_on_disk,
         **dataclasses.asdict(run.account),
         "wall_time_s": round(time.monotonic() - begun, 3),
@@ -143,6 +150,8 @@ def _mapped(run: MappingRun, source: SweepSource, a: argparse.Namespace) -> str 
 
 
 def _saved(store: SessionStore, mapper: PoseGraphMapper, config: ToolConfig) -> tuple[tuple[str, ...], str | None]:
+    """Solves the graph a last time and writes it; sweeps that are missing in the cloud, and why nothing was saved, or None."""
+    mapper.graph.solve()
     try:
         return store.save(mapper.graph, config.mapping.map_voxel_m), None
     except OSError as error:
@@ -151,11 +160,6 @@ def _saved(store: SessionStore, mapper: PoseGraphMapper, config: ToolConfig) -> 
 
 def _ended(a: argparse.Namespace, summary: dict[str, object]) -> int:
     """Writes the summary, says how it ended, and returns the exit code."""
-    try:
-        write_atomically(a.out / SUMMARY, (json.dumps(summary, indent=1, allow_nan=False) + "\n").encode("utf-8"))
-    except OSError as error:
-        _say(f"{SUMMARY} could not be written: {error}")
-        return 1
     problems, missing = summary["problems"], summary["not_placed"]
     assert isinstance(problems, list) and isinstance(missing, list)
     for text in problems:
@@ -163,6 +167,11 @@ def _ended(a: argparse.Namespace, summary: dict[str, object]) -> int:
     if missing:
         _say(f"{len(missing)} sweeps could not be placed: {', '.join(str(entry['sweep']) for entry in missing)}")
     _say(f"{a.out}: {summary['vertices']} vertices, {summary['edges']} edges, {summary['loop_closures']} loops closed")
+    try:
+        write_atomically(a.out / SUMMARY, (json.dumps(summary, indent=1, allow_nan=False) + "\n").encode("utf-8"))
+    except OSError as error:
+        _say(f"{SUMMARY} could not be written: {error}")
+        return 1
     return 0 if summary["complete"] else 1
 
 
