@@ -116,7 +116,7 @@ PYBIND11_MODULE(_octree_binding, m) {
       .def("clear", [](Tree& self) { locked(self, [](OccupancyTree& tree) { tree.clear(); }); })
       .def("node_count", [](Tree& self) { return locked(self, [](const OccupancyTree& tree) { return tree.size(); }); })
       .def("leaf_count", [](Tree& self) { return locked(self, [](const OccupancyTree& tree) { return tree.getNumLeafNodes(); }); })
-      .def("memory_bytes", [](Tree& self) { return locked(self, [](const OccupancyTree& tree) { return tree.memoryUsage(); }); })
+      .def("memory_bytes", [](Tree& self) { return locked(self, [](const OccupancyTree& tree) { return tree.memoryUsage() + tree.states_bytes(); }); })
       .def("to_binary",
            [](Tree& self, const Corner& lo, const Corner& hi) {
              return py::bytes(locked(self, [&](const OccupancyTree& tree) { return tree.to_binary(box_of(lo, hi)); }));

@@ -12,7 +12,9 @@ namespace {
 
 constexpr int kTreeSize = 2 * kKeyOffset;
 constexpr Voxel kTreeCorner{-kKeyOffset, -kKeyOffset, -kKeyOffset};
-constexpr unsigned kBlockLevel = 13;  // a node of this depth is a block of 8^3 voxels
+constexpr unsigned kBlockLevel = 13;   // a node of this depth is a block of 8^3 voxels
+constexpr unsigned kRegionLevel = 10;  // and one of this depth a region of states
+static_assert(kTreeSize >> kRegionLevel == kRegionEdge);
 
 Voxel child_corner(const Voxel& corner, int half, unsigned i) {
   return {corner.x + (i & 1 ? half : 0), corner.y + (i & 2 ? half : 0), corner.z + (i & 4 ? half : 0)};
@@ -42,9 +44,16 @@ bool all(const BlockBits& block, unsigned first, unsigned bits) {
   return (block[first >> 6] >> (first & 63) & mask) == mask;
 }
 
+int edge_of(unsigned bits) { return bits == 512 ? 8 : bits == 64 ? 4 : bits == 8 ? 2 : 1; }
+
 }  // namespace
 
 // ---- changing the tree
+
+void OccupancyTree::clear() {
+  OcTree::clear();
+  states_.clear();
+}
 
 void OccupancyTree::create_root() {
   if (root) return;
@@ -56,7 +65,7 @@ void OccupancyTree::apply(const std::vector<VoxelBlock>& blocks) {
   if (blocks.empty()) return;
   const bool fresh = root == nullptr;
   create_root();
-  apply_blocks(root, fresh, 0, blocks.data(), blocks.data() + blocks.size());
+  apply_blocks(root, fresh, kTreeCorner, 0, blocks.data(), blocks.data() + blocks.size());
   size_changed = true;
 }
 
@@ -74,9 +83,15 @@ void OccupancyTree::finish(Node* node) {
   if (!pruneNode(node)) node->updateOccupancyChildren();
 }
 
+// The states of a node of kRegionEdge voxels; made from those of the node, which is new or a leaf, where there are none.
+StateRegion* OccupancyTree::region_of(const Node* node, const Voxel& corner, bool fresh) {
+  return &states_.make(corner, fresh ? kUnknown : isNodeOccupied(node) ? kOccupied : kFree);
+}
+
 // Applies the sorted blocks below an inner node. `fresh`: the node was just made and has no value yet.
-void OccupancyTree::apply_blocks(Node* node, bool fresh, unsigned level, Blocks begin, Blocks end) {
-  if (level == kBlockLevel) return apply_bits(node, fresh, *begin, 0, 512);
+void OccupancyTree::apply_blocks(Node* node, bool fresh, const Voxel& corner, unsigned level, Blocks begin, Blocks end) {
+  if (level == kBlockLevel) return apply_bits(node, fresh, corner, *begin, 0, 512);
+  if (level == kRegionLevel) region_ = region_of(node, corner, fresh);
   if (!fresh && !nodeHasChildren(node)) expandNode(node);
   const unsigned shift = 3 * (kBlockLevel - 1 - level);
   while (begin != end) {
@@ -84,20 +99,21 @@ void OccupancyTree::apply_blocks(Node* node, bool fresh, unsigned level, Blocks 
     const Blocks next = std::find_if(begin, end, [=](const VoxelBlock& block) { return (block.order >> shift & 7) != i; });
     bool child_fresh;
     Node* child = child_for_update(node, i, child_fresh);
-    apply_blocks(child, child_fresh, level + 1, begin, next);
+    apply_blocks(child, child_fresh, child_corner(corner, kTreeSize >> (level + 1), i), level + 1, begin, next);
     begin = next;
   }
   finish(node);
 }
 
 // Applies one block, or an octant of it, to the node that covers just this.
-void OccupancyTree::apply_bits(Node* node, bool fresh, const VoxelBlock& block, unsigned first, unsigned bits) {
+void OccupancyTree::apply_bits(Node* node, bool fresh, const Voxel& corner, const VoxelBlock& block, unsigned first, unsigned bits) {
   const bool any_free = any(block.free, first, bits), any_hit = any(block.hit, first, bits);
   const bool is_leaf = !nodeHasChildren(node);
   if (!any_free && !any_hit) return;
   if (is_leaf && !fresh && is_settled(node, any_free, any_hit)) return;
+  const int size = edge_of(bits);
   if (is_leaf && (all(block.free, first, bits) || all(block.hit, first, bits))) {
-    return updateNodeLogOdds(node, any_hit ? prob_hit_log : prob_miss_log);  // the whole cube at once
+    return update_leaf(node, fresh, corner, size, any_hit ? prob_hit_log : prob_miss_log);  // the whole cube at once
   }
   if (is_leaf && !fresh) expandNode(node);
   for (unsigned i = 0; i < 8; ++i) {
@@ -105,9 +121,15 @@ void OccupancyTree::apply_bits(Node* node, bool fresh, const VoxelBlock& block, 
     if (!any(block.free, part, bits / 8) && !any(block.hit, part, bits / 8)) continue;
     bool child_fresh;
     Node* child = child_for_update(node, i, child_fresh);
-    apply_bits(child, child_fresh, block, part, bits / 8);
+    apply_bits(child, child_fresh, child_corner(corner, size / 2, i), block, part, bits / 8);
   }
   finish(node);
+}
+
+void OccupancyTree::update_leaf(Node* leaf, bool fresh, const Voxel& corner, int size, float log_odds) {
+  const bool was_occupied = isNodeOccupied(leaf);
+  updateNodeLogOdds(leaf, log_odds);
+  if (fresh || isNodeOccupied(leaf) != was_occupied) region_->fill(corner, size, isNodeOccupied(leaf));
 }
 
 std::size_t OccupancyTree::occupy_unknown(const VoxelBox& box) {
@@ -130,12 +152,14 @@ std::size_t OccupancyTree::occupy_unknown(const VoxelBox& box) {
 
 void OccupancyTree::free_known(const VoxelBox& box) {
   if (root) free_known(root, kTreeCorner, kTreeSize, box);
+  states_.free_known(box);
 }
 
 void OccupancyTree::free_known(Node* node, const Voxel& corner, int size, const VoxelBox& box) {
   if (disjoint(corner, size, box)) return;
   if (!nodeHasChildren(node)) {
     if (inside(corner, size, box)) return node->setLogOdds(clamping_thres_min);
+    if (size == kRegionEdge) region_of(node, corner, false);
     expandNode(node);
   }
   for (unsigned i = 0; i < 8; ++i) {
@@ -179,86 +203,21 @@ State OccupancyTree::collect(const Node* node, const Voxel& corner, int size, co
   return states[0];
 }
 
-namespace {
-
-// The part of a leaf that lies in a box.
-VoxelBox part_in(const Leaf& leaf, const VoxelBox& box) {
-  const Voxel corner = leaf.corner();
-  VoxelBox part;
-  for (int axis = 0; axis < 3; ++axis) {
-    part.lo[axis] = std::max(corner[axis], box.lo[axis]);
-    part.hi[axis] = std::min(corner[axis] + leaf.size() - 1, box.hi[axis]);
-  }
-  return part;
-}
-
-VoxelBox extent_of(const std::vector<Leaf>& leaves, const VoxelBox& box) {
-  VoxelBox extent = part_in(leaves.front(), box);
-  for (const Leaf& leaf : leaves) {
-    const VoxelBox part = part_in(leaf, box);
-    for (int axis = 0; axis < 3; ++axis) {
-      extent.lo[axis] = std::min(extent.lo[axis], part.lo[axis]);
-      extent.hi[axis] = std::max(extent.hi[axis], part.hi[axis]);
-    }
-  }
-  return extent;
-}
-
-struct Run {
-  std::uint32_t column;
-  std::int16_t z_lo, z_hi;
-  bool occupied;
-};
-
-// The runs of all columns in the order of the leaves, so that those of one column ascend.
-std::vector<Run> runs_of(const std::vector<Leaf>& leaves, const VoxelBox& extent, std::size_t columns) {
-  const int ny = extent.hi.y - extent.lo.y + 1;
-  std::vector<std::int32_t> top(columns, -1);  // the last run of each column so far
-  std::vector<Run> runs;
-  for (const Leaf& leaf : leaves) {
-    const VoxelBox part = part_in(leaf, extent);
-    for (int x = part.lo.x; x <= part.hi.x; ++x) {
-      for (int y = part.lo.y; y <= part.hi.y; ++y) {
-        const std::uint32_t column = std::uint32_t(x - extent.lo.x) * ny + (y - extent.lo.y);
-        Run* last = top[column] < 0 ? nullptr : &runs[top[column]];
-        if (last && last->z_hi + 1 == part.lo.z && last->occupied == leaf.occupied()) {
-          last->z_hi = static_cast<std::int16_t>(part.hi.z);
-          continue;
-        }
-        top[column] = static_cast<std::int32_t>(runs.size());
-        runs.push_back({column, static_cast<std::int16_t>(part.lo.z), static_cast<std::int16_t>(part.hi.z), leaf.occupied()});
-      }
-    }
-  }
-  return runs;
-}
-
-}  // namespace
-
 ColumnRuns OccupancyTree::column_runs(const VoxelBox& box) const {
-  ColumnRuns out;
-  const std::vector<Leaf> found = leaves(box);
-  if (found.empty()) return out;
-  const VoxelBox extent = extent_of(found, box);
-  out.origin = extent.lo;
-  out.nx = extent.hi.x - extent.lo.x + 1;
-  out.ny = extent.hi.y - extent.lo.y + 1;
-  const std::size_t columns = std::size_t(out.nx) * out.ny;
-  if (columns > std::size_t{1} << 28) {
-    throw std::invalid_argument("the known voxels span " + std::to_string(out.nx) + " x " + std::to_string(out.ny) +
-                                " columns, more than 2^28: ask for a smaller box");
+  std::vector<StateCube> cubes;
+  if (root) add_cubes(root, kTreeCorner, kTreeSize, box, cubes);
+  return scan_columns(cubes, box);
+}
+
+// Appends what is known below a node: its regions, and larger leaves as if they were made of regions.
+void OccupancyTree::add_cubes(const Node* node, const Voxel& corner, int size, const VoxelBox& box, std::vector<StateCube>& out) const {
+  if (disjoint(corner, size, box)) return;
+  const bool is_leaf = !nodeHasChildren(node);
+  if (is_leaf) return out.push_back({corner, size, &StateRegion::uniform(isNodeOccupied(node) ? kOccupied : kFree)});
+  if (size == kRegionEdge) return out.push_back({corner, size, states_.find(corner)});
+  for (unsigned i = 0; i < 8; ++i) {
+    if (nodeChildExists(node, i)) add_cubes(getNodeChild(node, i), child_corner(corner, size / 2, i), size / 2, box, out);
   }
-  const std::vector<Run> runs = runs_of(found, extent, columns);
-  out.start.assign(columns + 1, 0);
-  for (const Run& run : runs) ++out.start[run.column + 1];
-  for (std::size_t c = 0; c < columns; ++c) out.start[c + 1] += out.start[c];
-  out.z_lo.resize(runs.size()), out.z_hi.resize(runs.size()), out.occupied.resize(runs.size());
-  std::vector<std::int64_t> next(out.start.begin(), out.start.end() - 1);
-  for (const Run& run : runs) {
-    const std::size_t i = next[run.column]++;
-    out.z_lo[i] = run.z_lo, out.z_hi[i] = run.z_hi, out.occupied[i] = run.occupied;
-  }
-  return out;
 }
 
 // ---- bytes
@@ -355,12 +314,25 @@ void OccupancyTree::read_binary(const std::string& data) {
   if (binary_nodes(data) < 2) return;  // an empty map may have a root without children
   std::istringstream in(data);
   readBinaryData(in);
+  copy_states(root, kTreeCorner, kTreeSize, nullptr);
 }
 
 void OccupancyTree::read_full(const std::string& data) {
   if (full_nodes(data) == 0) return;
   std::istringstream in(data);
   readData(in);
+  copy_states(root, kTreeCorner, kTreeSize, nullptr);
+}
+
+// Into the region, or where there is none yet into new ones for the nodes of their size that have children.
+void OccupancyTree::copy_states(const Node* node, const Voxel& corner, int size, StateRegion* region) {
+  const bool is_leaf = !nodeHasChildren(node);
+  if (is_leaf && region) region->fill(corner, size, isNodeOccupied(node));
+  if (is_leaf) return;
+  if (size == kRegionEdge) region = region_of(node, corner, true);
+  for (unsigned i = 0; i < 8; ++i) {
+    if (nodeChildExists(node, i)) copy_states(getNodeChild(node, i), child_corner(corner, size / 2, i), size / 2, region);
+  }
 }
 
 }  // namespace octree_binding

@@ -103,7 +103,7 @@ class OctreeMap:
 
     @property
     def memory_bytes(self) -> int:
-        """What octomap reckons that the tree takes. Walks the tree."""
+        """What octomap reckons that the tree takes, which it walks, and 64 KiB for every 64 cubed voxels that are not all alike."""
         return int(self._tree.memory_bytes())
 
     # -- changing it
@@ -161,7 +161,7 @@ class OctreeMap:
         return states
 
     def column_runs(self, lo: ArrayLike | None = None, hi: ArrayLike | None = None) -> ColumnRuns:
-        """The known voxels, of the box if there is one, as sorted vertical runs, in one pass over the leaves.
+        """The known voxels, of the box if there is one, as sorted vertical runs, from bits kept beside the tree.
 
         The block of columns is the smallest that holds them, so it may be smaller than the box; nx = ny = 0 if there are none.
         ValueError for a block of more than 2^28 columns.
