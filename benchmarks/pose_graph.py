@@ -3,8 +3,8 @@
     python benchmarks/pose_graph.py [--data FOLDER] [--seeds 1 2 3] [--share 0.1] [--gnc]
 
 With PYTHONPATH as benchmarks/README.md sets it. FOLDER holds sphere2500.txt and, where there is one, sphere2500_groundtruth.txt. The
-reference is gtsam's Levenberg-Marquardt on the edges that were not replaced, built here without the project's code; errors are
-half of the squared Mahalanobis distances, of these edges only. --gnc times gtsam's own graduated solver on the same graphs, which takes minutes.
+reference is gtsam's Levenberg-Marquardt on the edges that were not replaced, built here without the project's code; errors are half of the
+squared Mahalanobis distances, of these edges only. --gnc times gtsam's own graduated solver on the same graphs, which takes minutes.
 """
 
 import argparse

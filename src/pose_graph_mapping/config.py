@@ -131,6 +131,8 @@ class MappingConfig:
 
     loop_min_dist_m: float = parameter(8.0, "m", "least distance along the graph of a loop candidate (Alg. 2)", low=0.0)
     loop_max_dist_m: float = parameter(5.0, "m", "largest straight distance of a loop candidate (Alg. 2)", low=0.1)
+    loop_sigmas: float = parameter(3.0, "-", "sigmas of drift that are added to that distance, and that a match may correct", low=0.0)
+    loop_grown_dist_m: float = parameter(10.0, "m", "largest straight distance of a loop candidate however uncertain it is", low=0.1)
     loop_group_neighbours: int = parameter(2, "-", "nearest neighbours that candidates are grouped by (Alg. 2, line 4)", low=1, high=20)
     loop_group_dist_m: float = parameter(4.0, "m", "neighbours farther apart never share a group", low=0.1)
     loop_min_dist_match: int = parameter(3, "-", "least number of vertices between both ends of a loop (Alg. 2, line 7)", low=1)

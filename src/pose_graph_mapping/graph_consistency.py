@@ -65,6 +65,8 @@ def consistent_edges(
     if bool(kept.all()):
         return kept, values
     tree = tree_poses(len(problem.poses), problem.edges, {k: problem.poses[k] for k in problem.fixed})
+    if np.allclose(tree, problem.poses, rtol=0.0, atol=1e-6):
+        return kept, values
     start = dataclasses.replace(problem, poses=tree).values()
     again, other = settled(problem, trusted, limit, *_annealed(problem, trusted, limit, start, report))
     if truncated_cost(problem, again, other, limit) < truncated_cost(problem, kept, values, limit):

@@ -14,7 +14,7 @@ from pose_graph_mapping.graph_problem import GraphProblem, edge_factor, gravity_
 Array = NDArray[np.float64]
 
 _RELINEARISED_BEYOND = 1e-3
-_SETTLING_UPDATES = 3
+_MOST_UPDATES = 20
 
 
 class IncrementalGraph:
@@ -71,12 +71,20 @@ class IncrementalGraph:
         covariance = jj - adjoint @ ij - (adjoint @ ij).T + adjoint @ ii @ adjoint.T
         return np.asarray(0.5 * (covariance + covariance.T))
 
+    def disagreement(self, edge: Edge) -> float:
+        """Half of the squared Mahalanobis distance between an edge that is not part of it yet and what it holds of its two vertices."""
+        values = self._isam.calculateEstimate()
+        held = values.atPose3(edge.i).between(values.atPose3(edge.j))
+        residual = gtsam.Pose3.Logmap(gtsam.Pose3(edge.T_i_j).between(held))
+        return 0.5 * float(residual @ np.linalg.solve(edge.covariance + self.relative_covariance(edge.i, edge.j), residual))
+
     def _update(self, factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, replaced: Sequence[int] = ()) -> list[int]:
         """Where the new factors are kept, for whoever replaces them."""
         try:
             places = list(self._isam.update(factors, values, list(replaced)).getNewFactorsIndices())
-            for _ in range(_SETTLING_UPDATES):
-                self._isam.update()
+            for _ in range(_MOST_UPDATES):
+                if self._isam.update().getVariablesRelinearized() == 0:
+                    break
         except RuntimeError as error:
             raise GraphNotSolvable(f"the equations of the graph are singular: {' '.join(str(error).split())[:200]}") from error
         return places

@@ -24,15 +24,41 @@ Array = NDArray[np.float64]
 Match = Callable[[PointCloud, PointCloud, Array, Array | None], RegistrationResult]
 
 
-def find_vertices_in_range(graph: PoseGraph, last_vertex: int, min_dist_m: float, max_dist_m: float) -> list[int]:
-    """Vertices at least `min_dist_m` from the last one along edges, and at most `max_dist_m` in a straight line (line 3)."""
+def candidate_radii(graph: PoseGraph, last_vertex: int, config: MappingConfig) -> Array:
+    """(V,) largest straight distance of a loop candidate: what drift may have added to the true one is allowed on top.
+
+    `loop_max_dist_m`, grown by `loop_sigmas` of the position of the last vertex relative to each that is worth asking, up to
+    `loop_grown_dist_m`.
+    """
+    positions = graph.poses()[:, :3, 3]
+    straight = np.linalg.norm(positions - positions[last_vertex], axis=1)
+    radii = np.full(len(graph), config.loop_max_dist_m)
+    far = (straight > config.loop_max_dist_m) & (straight <= config.loop_grown_dist_m)
+    for k in np.flatnonzero(far & (graph.distances_from(last_vertex) >= config.loop_min_dist_m)):
+        sigma_m, _ = sigmas(graph.relative_covariance(int(k), last_vertex))
+        radii[k] = min(config.loop_max_dist_m + config.loop_sigmas * sigma_m, config.loop_grown_dist_m)
+    return radii
+
+
+def sigmas(covariance: Array) -> tuple[float, float]:
+    """Sigmas in metres and radians of a (6, 6) covariance, rotation first, along the directions in which they are largest."""
+    return float(np.sqrt(np.linalg.eigvalsh(covariance[3:, 3:])[-1])), float(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1]))
+
+
+def find_vertices_in_range(graph: PoseGraph, last_vertex: int, min_dist_m: float, max_dist_m: float | Array) -> list[int]:
+    """Vertices at least `min_dist_m` from the last one along edges, and at most `max_dist_m` in a straight line (line 3).
+
+    `max_dist_m` is one distance, or one for every vertex (V,).
+    """
     along = graph.distances_from(last_vertex)
     positions = graph.poses()[:, :3, 3]
     straight = np.linalg.norm(positions - positions[last_vertex], axis=1)
     return [int(k) for k in np.flatnonzero((along >= min_dist_m) & (straight <= max_dist_m)) if k != last_vertex]
 
 
-def add_neighbours(graph: PoseGraph, vertex_set: Sequence[int], last_vertex: int, min_dist_m: float, max_dist_m: float) -> list[int]:
+def add_neighbours(
+    graph: PoseGraph, vertex_set: Sequence[int], last_vertex: int, min_dist_m: float, max_dist_m: float | Array
+) -> list[int]:
     """The set with the graph neighbours of its members, as long as they too are `min_dist_m` away along edges (line 4).
 
     A neighbour may lie one more `max_dist_m` away: it widens a group, the match itself starts from the closest member.
@@ -65,19 +91,21 @@ def find_closest_vertex(graph: PoseGraph, group: Sequence[int], last_vertex: int
     return min(group, key=lambda k: (float(np.linalg.norm(positions[k] - positions[last_vertex])), k))
 
 
-def beyond_correction(T_guess: Array, T_found: Array, config: MappingConfig) -> str | None:
-    """Why a match moves its guess more than any error of odometry would; None when it does not."""
+def beyond_correction(T_guess: Array, T_found: Array, covariance: Array, config: MappingConfig) -> str | None:
+    """Why a match moves its guess more than the guess's covariance (6, 6) and the usual errors allow; None when it does not."""
     moved = inverse(T_guess) @ T_found
     metres, radians = float(np.linalg.norm(moved[:3, 3])), rotation_angle(moved)
-    if metres > config.max_correction_m or radians > config.max_correction_rad:
-        allowed = f"{config.max_correction_m} m, {config.max_correction_rad} rad"
-        return f"moves the prediction by {metres:.2f} m, {radians:.2f} rad; allowed are {allowed}"
+    sigma_m, sigma_rad = sigmas(covariance)
+    most_m = max(config.max_correction_m, config.loop_sigmas * sigma_m)
+    most_rad = max(config.max_correction_rad, config.loop_sigmas * sigma_rad)
+    if metres > most_m or radians > most_rad:
+        return f"moves the prediction by {metres:.2f} m, {radians:.2f} rad; allowed are {most_m:.2f} m, {most_rad:.2f} rad"
     return None
 
 
 @dataclass(frozen=True)
 class LoopClosure:
-    """What a search found: the vertex at the other end, and the result of the match, whether it became an edge or not."""
+    """What a search found: the vertex at the other end, the result of the match, and whether it became an edge that the graph kept."""
 
     closest_vertex: int
     result: RegistrationResult
@@ -91,8 +119,9 @@ def detect_loop_closures(graph: PoseGraph, clouds: Sequence[PointCloud], match: 
     """
     graph.optimise()  # 2
     last = len(graph) - 1
-    vertex_set = find_vertices_in_range(graph, last, config.loop_min_dist_m, config.loop_max_dist_m)  # 3
-    vertex_set = add_neighbours(graph, vertex_set, last, config.loop_min_dist_m, config.loop_max_dist_m)  # 4
+    radii = candidate_radii(graph, last, config)
+    vertex_set = find_vertices_in_range(graph, last, config.loop_min_dist_m, radii)  # 3
+    vertex_set = add_neighbours(graph, vertex_set, last, config.loop_min_dist_m, radii)  # 4
     found = []
     for group in find_groups(graph, vertex_set, config.loop_group_neighbours, config.loop_group_dist_m):  # 5, 6
         closest = find_closest_vertex(graph, group, last)  # 7
@@ -105,13 +134,14 @@ def _try_to_close(graph: PoseGraph, clouds: Sequence[PointCloud], match: Match, 
     """Lines 9 to 21. Both clouds stay in their own frames: the match itself then returns the edge (lines 17 and 18 in one)."""
     last = len(graph) - 1
     delta_estimate = inverse(graph.pose(closest)) @ graph.pose(last)  # 17
-    result = match(clouds[closest], clouds[last], delta_estimate, None)  # 9 to 15
-    closed = (
+    covariance = graph.relative_covariance(closest, last)
+    result = match(clouds[closest], clouds[last], delta_estimate, covariance)  # 9 to 15
+    believed = (
         result.verdict is Verdict.ACCEPTED
         and result.match_ratio > config.loop_match_success  # 16
-        and beyond_correction(delta_estimate, result.T_reference_reading, config) is None
+        and beyond_correction(delta_estimate, result.T_reference_reading, covariance, config) is None
     )
-    if closed:
+    if believed:
         graph.add_edge(closest, last, result.T_reference_reading, result.covariance, EdgeKind.LOOP)  # 18, 19
         graph.optimise()  # 20
-    return LoopClosure(closest, result, closed)
+    return LoopClosure(closest, result, believed and (closest, last, EdgeKind.LOOP) in graph.edges())

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from pose_graph_mapping.cloud import PointCloud, merged, voxel_downsample, with_normals
 from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.loop_closure import LoopClosure, Match, beyond_correction, detect_loop_closures
-from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph, as_covariance, unit_up
+from pose_graph_mapping.pose_graph import Edge, EdgeKind, PoseGraph, as_covariance, unit_up
 from pose_graph_mapping.registration import RegistrationResult, Verdict
 from rigid_geometry import as_transform, inverse, rotation_angle
 
@@ -35,7 +35,8 @@ class MappingUpdate:
     vertex_poses (V, 4, 4) T_map_base; result of the match, None for the first sweep; match_used: an edge came of it;
     tries: how many matches were called; last_vertex_correction_m: how far the previous vertex had moved since it was placed
     (Algorithm 1, line 11); loop_closures: new loop edges, loop_results: all that were tried; max_vertex_motion_m and .._rad: of the
-    older vertices by this update; points_dropped: points of the sweep that were not finite.
+    older vertices by this update; points_dropped: points of the sweep that were not finite; rejected_edges: older edges that this update
+    found to contradict the rest, and left out.
     """
 
     vertex_id: int
@@ -50,6 +51,7 @@ class MappingUpdate:
     max_vertex_motion_m: float
     max_vertex_motion_rad: float
     points_dropped: int
+    rejected_edges: tuple[Edge, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,7 +134,7 @@ class PoseGraphMapper:
         covariance = None if odom_covariance is None else as_covariance(odom_covariance)
         up = None if gravity_base is None or not self._config.use_gravity else unit_up(gravity_base)
         self._check(stamp_s, sweep, gravity_sigma_rad)
-        before = self.graph.poses()
+        before, edges_before = self.graph.poses(), self.graph.measurements()
         self.finish_cloud()
         cloud = voxel_downsample(sweep, self._config.vertex_voxel_m)
         correction = self._last_vertex_correction()
@@ -149,7 +151,13 @@ class PoseGraphMapper:
         self._old_last_vertex_estimate = self.graph.pose(len(self.graph) - 1)  # 4, 19
         self._T_odom_last = T_odom_base  # 5
         loops = detect_loop_closures(self.graph, self._clouds, self._match, self._config)  # 20
-        return self._update(before, placed, correction, tuple(loops), sweep.dropped)
+        rejected = {id(edge) for edge in self.graph.rejected()}
+        update = self._update(before, placed, correction, tuple(loops), sweep.dropped)
+        return dataclasses.replace(update, rejected_edges=tuple(edge for edge in edges_before if id(edge) in rejected))
+
+    def solve(self) -> tuple[Edge, ...]:
+        """Solve the whole graph again and judge every match and loop; the edges that were left out by it. For the end of a session."""
+        return self.graph.solve()
 
     def restore(self, graph: PoseGraph, clouds: Sequence[PointCloud], stamps_s: Sequence[float], T_odom_last: Array) -> None:
         """Go on with the graph and the light clouds (body frames) of an earlier session; T_odom_last (4, 4): odometry of its last sweep."""
@@ -236,14 +244,14 @@ class PoseGraphMapper:
         attempts = []
         for factor in (1.0, 0.0, 2.0)[: self._config.num_icp_tries]:  # 15
             area = self.area_cloud(factor * self._config.graph_dist_m)  # 9
-            attempts.append(self._plausible(self._match(area, cloud, T_predicted, covariance), T_predicted))  # 16
+            attempts.append(self._plausible(self._match(area, cloud, T_predicted, covariance), T_predicted, covariance))  # 16
             if attempts[-1].usable:
                 return _Placed(as_transform(attempts[-1].T_reference_reading), attempts[-1], True, len(attempts))
         return _Placed(T_predicted, attempts[0], False, len(attempts))
 
-    def _plausible(self, result: RegistrationResult, T_predicted: Array) -> RegistrationResult:
+    def _plausible(self, result: RegistrationResult, T_predicted: Array, covariance: Array) -> RegistrationResult:
         """The result, refused when it moves the prediction too far: only the prior can reject a symmetry."""
-        reason = beyond_correction(T_predicted, result.T_reference_reading, self._config)
+        reason = beyond_correction(T_predicted, result.T_reference_reading, covariance, self._config)
         if not result.usable or reason is None:
             return result
         return dataclasses.replace(result, verdict=Verdict.REFUSED, reason=reason)

@@ -1,8 +1,8 @@
 """The pose graph of Algorithms 1 and 2: vertices are sweeps, edges what is known between them, gtsam finds the likeliest poses.
 
-While the robot drives the solution grows with the graph (iSAM2). A new loop has the whole graph solved and every match and loop judged
-again: one that contradicts the others is left out, and comes back when later ones agree with it. The thesis uses g2o; its file format stays
-the exchange format. The same calls always give the same poses.
+While the robot drives the solution grows with the graph (iSAM2). A loop that disagrees has the whole graph solved and every match and loop
+judged again: what contradicts the rest is left out, and comes back when later edges agree with it. The thesis uses g2o; its file format
+stays the exchange format. The same calls always give the same poses.
 """
 
 from __future__ import annotations
@@ -129,13 +129,13 @@ class PoseGraph:
     def optimise(self) -> None:
         """Move all vertices to the likeliest poses; the first keeps position and heading.
 
-        Without a new loop the last solution grows; with one everything is solved and judged again, as by `solve`.
+        The last solution grows; where a new loop does not agree with it everything is solved and judged again, as by `solve`.
         """
         new = self._edges[self._solved_edges :]
-        old_vertices = 0 if self._running is None else self._running.vertices
-        if self._running is None or any(e.kind is EdgeKind.LOOP or max(e.i, e.j) < old_vertices for e in new):
+        if self._running is None or not all(self._agrees(self._running, edge) for edge in new):
             self.solve()
             return
+        old_vertices = self._running.vertices
         self._running.grow(self.poses()[old_vertices:], new, self._gravity[self._solved_gravity :])
         self._mark_solved(self._running.poses())
         for _ in range(_BIAS_ROUNDS):
@@ -217,6 +217,12 @@ class PoseGraph:
             if not self._bias_moved():
                 break
         return kept
+
+    def _agrees(self, running: IncrementalGraph, edge: Edge) -> bool:
+        """Whether a new edge may join the running solution: it leads to a new vertex, or says what is known already."""
+        if max(edge.i, edge.j) >= running.vertices:
+            return edge.kind is not EdgeKind.LOOP
+        return running.disagreement(edge) <= self._limit
 
     def _bias_moved(self) -> bool:
         """Estimates the bias anew, and says whether that matters."""
