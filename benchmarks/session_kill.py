@@ -64,6 +64,7 @@ def map_sweeps(data, folder, odometry_continues):
     known = len(store.sweeps)
     mapper = resume(store, config, match).mapper if known else PoseGraphMapper(config, match)
     say("ready", known)
+    begun = time.process_time()
     for k in range(known, count):
         cloud, T_odom, up = (sweeps[f"points{k}"], sweeps[f"origins{k}"]), sweeps[f"T{k}"], sweeps[f"up{k}"]
         if known and k == known and not odometry_continues:
@@ -75,7 +76,7 @@ def map_sweeps(data, folder, odometry_continues):
         say("accepted", k)
     mapper.graph.solve()
     store.save(mapper.graph)
-    say("saved", count)
+    say("saved", time.process_time() - begun)
 
 
 def child(data, folder, odometry_continues):
@@ -107,15 +108,14 @@ def killed_run(data, folder, after, seconds, odometry_continues):
 
 
 def whole_run(data, folder, odometry_continues=False):
-    """Runs a child to its end: the sweeps it found there, its final graph or None, seconds from ready to saved, and its last words."""
+    """Runs a child to its end: the sweeps it found there, its final graph or None, its seconds of work, and its last words."""
     process = child(data, folder, odometry_continues)
-    ready = wait_for(process, "ready")
-    begun = time.perf_counter()
+    lines = wait_for(process, "saved")
     _, errors = process.communicate()
-    seconds = time.perf_counter() - begun
-    found = int(ready[-1].split()[1]) if ready else 0
-    graph = PoseGraph.load_g2o(folder / "graph.g2o") if process.returncode == 0 else None
-    return found, graph, seconds, errors.strip().splitlines()[-1:]
+    if process.returncode != 0:
+        return 0, None, float("nan"), errors.strip().splitlines()[-1:]
+    found = next(int(line.split()[1]) for line in lines if line.startswith("ready"))
+    return found, PoseGraph.load_g2o(folder / "graph.g2o"), float(lines[-1].split()[1]), []
 
 
 def difference(graph, other):
