@@ -1,7 +1,8 @@
 """Cases for the benchmarks of registration: full sweeps of the tilting laser along seeded drives, each against the map of those before.
 
 A drive is made once (a few seconds) and kept as a file in a cache folder. Sweeps go through the simulator's laser, the scan filter and
-the sweep assembler, so that noise, veiled points and beam origins are those of a run; the robot stands where the ground puts it.
+the sweep assembler, with the odometry that the filter makes of an IMU and wheels at rest, so that noise, veiled points, distortion and
+beam origins are those of a run; the robot stands where the ground puts it.
 """
 
 from __future__ import annotations
@@ -18,8 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from registration_worlds import MOVED, drive_poses, with_moved_furniture, world_of
 
+from odometry_fusion import OdometryConfig, OdometryFilter
 from pose_graph_mapping import MappingConfig, PointCloud, merged, vertex_cloud
 from pybullet_simulation.config import SimulationConfig
+from pybullet_simulation.imu import Imu
 from pybullet_simulation.laser import Laser, Motion
 from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.sweep_profile import sweep_profile
@@ -29,10 +32,12 @@ from sweep_assembly import ScanFilter, ScanFilterConfig, ScanGeometry, SweepAsse
 
 Array = NDArray[np.float64]
 
-LAYOUT = 1  # of the cached files; to be raised when what is in them changes
+LAYOUT = 2  # of the cached files; to be raised when what is in them changes
 REFERENCE_M = 8.0
 SWEEPS_A_DRIVE = 11
 STEP_S, SCAN_S, START_S = 0.005, 0.025, 0.25
+IMU_HZ, WHEELS_EVERY = 100, 5
+DRIVE_S, SPEED_MPS, ARRIVED_S = (2.0, 7.0), 0.5, 8.0  # from rest, before a sweep: what the odometry gathers its errors on
 DEFAULT_CACHE = Path(tempfile.gettempdir()) / "registration_cases"
 
 
@@ -65,6 +70,7 @@ class SweepingLaser:
     def __init__(self, world: World, mount: Mount, rng: np.random.Generator) -> None:
         self._config, self._mount, self._rng = SimulationConfig(), mount, rng
         robot = read_robot_model()
+        self._imu, self._R_base_imu = Imu(self._config, rng), robot.T_base_imu[:3, :3]
         self._laser, self._profile = Laser(self._config, robot, world, rng), sweep_profile(self._config)
         layout = self._laser.geometry
         self._geometry = ScanGeometry(layout.angle_min, layout.angle_increment, layout.time_increment, layout.beams)
@@ -76,19 +82,39 @@ class SweepingLaser:
     def sweep(self, T_map_base: Array) -> PointCloud:
         """Points and beam origins in base_link, as the robot believes them to be."""
         ticks = math.ceil((self._profile.duration_s + 2 * START_S) / SCAN_S)
-        stamps = np.arange(ticks + 1) * SCAN_S
-        ranges = self._laser.scans(self._motion(T_map_base, ticks), stamps[:-1])
-        measured = self._profile.tilt_at(stamps - START_S) + self._config.tilt_encoder_sigma_rad * self._rng.standard_normal(ticks + 1)
+        stamps = np.arange(ticks + 1) * SCAN_S + ARRIVED_S
+        ranges = self._laser.scans(self._motion(T_map_base, ticks), stamps[:-1] - ARRIVED_S)
+        measured = self._profile.tilt_at(stamps - ARRIVED_S - START_S) + self._config.tilt_encoder_sigma_rad * self._rng.standard_normal(
+            ticks + 1
+        )
         assembler = SweepAssembler(SweepAssemblyConfig(), self._geometry, self._tilt_geometry)
+        odometry = self._odometry(T_map_base[:3, :3], stamps)
         for k, scan in enumerate(ranges):
             tilts = np.interp(stamps[k] + self._geometry.beam_times, stamps, measured)
-            assembler.add_odometry(float(stamps[k]), np.eye(4))
+            if k % 2 == 0:  # 20 Hz
+                assembler.add_odometry(float(stamps[k]), odometry[k])
             assembler.add_joint(float(stamps[k]), float(measured[k]))
             assembler.add_scan(float(stamps[k]), self._filter.filter(scan, tilts))
         found = assembler.poll()
         if found is None:
             raise RuntimeError(f"no sweep came out of {ticks} scans: {assembler.dropped}")
         return PointCloud.of_finite(found.points, found.origins)
+
+    def _odometry(self, R_map_base: Array, stamps: Array) -> list[Array]:
+        """T_odom_base at each stamp as the filter estimates it while the robot stands, after a drive at the same attitude."""
+        fusion = OdometryFilter(OdometryConfig())
+        for k in range(round(stamps[-1] * IMU_HZ) + 2 * WHEELS_EVERY):
+            stamp_s = k / IMU_HZ
+            before, now = (
+                SPEED_MPS * math.sin(math.pi * np.clip((t - DRIVE_S[0]) / np.ptp(DRIVE_S), 0, 1)) for t in (stamp_s - 1 / IMU_HZ, stamp_s)
+            )
+            ahead = R_map_base[:, 0] * (now - before) * IMU_HZ
+            sample = self._imu.sample(stamp_s, R_map_base @ self._R_base_imu, np.zeros(3), ahead)
+            fusion.add_imu(stamp_s, self._R_base_imu @ sample.gyro, self._R_base_imu @ sample.accel)
+            if k % WHEELS_EVERY == 0:
+                fusion.add_wheels(stamp_s, now, 0.0)
+        found = [fusion.estimate(float(stamp)) for stamp in stamps]
+        return [estimate.T_odom_base for estimate in found if estimate is not None]
 
     def _motion(self, T_map_base: Array, ticks: int) -> Motion:
         """Standing still while the laser tilts, as it truly is mounted."""
