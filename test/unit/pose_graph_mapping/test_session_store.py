@@ -239,6 +239,60 @@ def test_crash_before_the_index_loses_nothing(tmp_path, monkeypatch):
     assert len(SessionStore(tmp_path).sweeps) == 4
 
 
+def steps_of_writing(monkeypatch, step):
+    """Has `step(name)` called before whatever changes the disk; a call of it that returns True does half of a write instead."""
+    replace, pwrite, fsync = os.replace, os.pwrite, os.fsync
+    monkeypatch.setattr(os, "replace", lambda a, b: (step("replace"), replace(a, b)))
+    monkeypatch.setattr(os, "fsync", lambda descriptor: (step("fsync"), fsync(descriptor)))
+    monkeypatch.setattr(os, "pwrite", lambda d, data, at: pwrite(d, data[: len(data) // 2] if step("pwrite") else data, at))
+
+
+def test_kill_before_any_step_and_amid_any_write_leaves_every_accepted_sweep(tmp_path, monkeypatch):
+    taken = []
+    steps_of_writing(monkeypatch, lambda name: taken.append(name))
+    filled(tmp_path / "whole")
+    monkeypatch.undo()
+    assert {"replace", "pwrite", "fsync"} <= set(taken) and len(taken) > 12
+    for last, torn in [(k, False) for k in range(len(taken))] + [(k, True) for k, name in enumerate(taken) if name == "pwrite"]:
+        folder, accepted = tmp_path / f"{last}{torn}", tmp_path / f"{last}{torn}.accepted"
+        child = os.fork()
+        if not child:
+            _write_and_die(folder, accepted, last, torn)
+        os.waitpid(child, 0)
+        store = SessionStore(folder)
+        said = len(accepted.read_text()) if accepted.exists() else 0
+        assert said <= len(store.sweeps) <= said + 1, (last, torn)
+        for k in range(len(store.sweeps)):
+            np.testing.assert_array_equal(store.load_sweep(k).points, sweep_of(k)[0])
+        graph = graph_of(len(store.sweeps))
+        assert store.graph_on_disk().edges() == graph.edges()
+        add(store, graph)
+        assert SessionStore(folder).notes == ()
+
+
+def _write_and_die(folder, accepted, last, torn):
+    """In a process of its own: writes three sweeps, notes each that is accepted, and ends before step number `last`, or half way in it."""
+    count = 0
+
+    def step(name):
+        nonlocal count
+        number, count = count, count + 1
+        if number == last + torn:
+            os._exit(9)
+        return number == last
+
+    patch = pytest.MonkeyPatch()
+    try:
+        steps_of_writing(patch, step)
+        store, graph = SessionStore(folder), PoseGraph()
+        for _ in range(3):
+            add(store, graph)
+            with open(accepted, "a") as file:
+                file.write("x")
+    finally:
+        os._exit(0)
+
+
 def test_crash_while_replacing_leaves_the_old_file(tmp_path, monkeypatch):
     path = tmp_path / "graph.g2o"
     write_atomically(path, b"old")
