@@ -42,25 +42,27 @@ def write_atomically(path: Path, data: bytes) -> None:
     sync_folder(path.parent)
 
 
-def sweep_bytes(cloud: PointCloud, stamp_s: float, record: str) -> bytes:
-    """The file (npz) of a sweep: points and origins (N, 3) float32, stamp_s, and the text that its line in the index repeats."""
-    assert cloud.origins is not None
+def sweep_bytes(cloud: PointCloud, stamp_s: float, record: str, free: PointCloud | None = None) -> bytes:
+    """The file (npz) of a sweep: points and origins (N, 3) float32, stamp_s, and the text that its line in the index repeats.
+
+    With `free`, too, the beams that met nothing: free_points (M, 3), where they were followed to, and free_origins.
+    """
+    arrays = {"stamp_s": np.float64(stamp_s), "record": np.frombuffer(record.encode("ascii"), dtype=np.uint8)}
+    for prefix, beams in (("", cloud), ("free_", free)):
+        if beams is not None:
+            assert beams.origins is not None
+            arrays[f"{prefix}points"], arrays[f"{prefix}origins"] = beams.points.astype(np.float32), beams.origins.astype(np.float32)
     packed = io.BytesIO()
-    np.savez(
-        packed,
-        points=cloud.points.astype(np.float32),
-        origins=cloud.origins.astype(np.float32),
-        stamp_s=np.float64(stamp_s),
-        record=np.frombuffer(record.encode("ascii"), dtype=np.uint8),
-    )
+    np.savez(packed, **arrays)
     return packed.getvalue()
 
 
-def sweep_cloud(data: bytes) -> PointCloud:
-    """Points and origins of `sweep_bytes`; ValueError when they cannot be read."""
+def sweep_clouds(data: bytes) -> tuple[PointCloud, PointCloud | None]:
+    """The cloud of `sweep_bytes`, and its beams that met nothing, where it has them; ValueError when they cannot be read."""
     try:
         with np.load(io.BytesIO(data)) as arrays:
-            return PointCloud(arrays["points"], arrays["origins"])
+            free = PointCloud(arrays["free_points"], arrays["free_origins"]) if "free_points" in arrays else None
+            return PointCloud(arrays["points"], arrays["origins"]), free
     except (KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise ValueError(f"it cannot be read: {error}") from error
 

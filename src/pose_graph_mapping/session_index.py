@@ -51,10 +51,16 @@ class SessionIndex:
     def append(self, sweep: StoredSweep) -> None:
         """Returns when the sweep's line is on disk; OSError leaves the index as it was, ValueError says that another program writes it."""
         if self._end is None:
-            self._rewrite([*self.sweeps, sweep])
+            self.rewrite([*self.sweeps, sweep])
         else:
             self._write_at_end(self._end, f"{_NEXT}{index_line(sweep)}\n{_CLOSE}".encode("ascii"))
         self.sweeps.append(sweep)
+
+    def rewrite(self, sweeps: Sequence[StoredSweep]) -> None:
+        """Replaces the file by an index of `sweeps`, in one step."""
+        text = _OPEN + f"\n{_NEXT}".join(index_line(s) for s in sweeps) + "\n" + _CLOSE
+        write_atomically(self._path, text.encode("ascii"))
+        self._end = len(text) - len(_CLOSE)
 
     def _next(self, lines: _Lines) -> StoredSweep | None:
         """The sweep after those that are known: of its line, or else of its own file, when that is whole."""
@@ -73,11 +79,6 @@ class SessionIndex:
             wrong = "; ".join(lines.problems) or f"{INDEX} has no line of sweep {vertex}"
             raise ValueError(f"{self._directory}: {wrong}, and {sweep_file(vertex)} cannot stand in: {problem}")
         return recovered
-
-    def _rewrite(self, sweeps: Sequence[StoredSweep]) -> None:
-        text = _OPEN + f"\n{_NEXT}".join(index_line(s) for s in sweeps) + "\n" + _CLOSE
-        write_atomically(self._path, text.encode("ascii"))
-        self._end = len(text) - len(_CLOSE)
 
     def _write_at_end(self, end: int, data: bytes) -> None:
         descriptor = os.open(self._path, os.O_WRONLY)

@@ -6,6 +6,7 @@ that is full or read-only, sweeps wait in memory until it takes them.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 from collections.abc import Iterator
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pose_graph_mapping.cloud import PointCloud, voxel_downsample
 from pose_graph_mapping.pose_graph import PoseGraph
-from pose_graph_mapping.session_files import pcd_bytes, ply_bytes, sweep_bytes, sweep_cloud, tum_text, write_atomically
+from pose_graph_mapping.session_files import pcd_bytes, ply_bytes, sweep_bytes, sweep_clouds, sync_folder, tum_text, write_atomically
 from pose_graph_mapping.session_graph import StoredGraph
 from pose_graph_mapping.session_index import SessionIndex, sweep_file
 from pose_graph_mapping.session_record import GraphChange, Measured, StoredSweep, payload_text
@@ -40,6 +41,7 @@ class _Waiting:
     vertex_id: int
     stamp_s: float
     cloud: PointCloud
+    free: PointCloud | None
     measured: Measured | None
     change: GraphChange | None
 
@@ -83,29 +85,41 @@ class SessionStore:
         T_odom_base: ArrayLike | None = None,
         gravity_base: ArrayLike | None = None,
         gravity_sigma_rad: float | None = None,
+        free: PointCloud | None = None,
     ) -> StoredSweep:
         """Write the (N, 3) finite points and origins of a vertex, what measured it, and what `graph` has become by it.
 
-        Without `graph` and `T_odom_base` (4, 4) the session cannot be gone on with. ValueError for a vertex out of turn.
-        NotOnDiskError when the disk does not take it: the session is as it was, and the next call, or `save`, tries again.
+        free: ends and origins of its beams that met nothing, which a map of free space is made of again. Without `graph` and
+        `T_odom_base` (4, 4) the session cannot be gone on with. ValueError for a vertex out of turn. NotOnDiskError when the disk does not
+        take it: the session is as it was, and the next call, or `save`, tries again.
         """
         self._check_turn(vertex_id, graph, T_odom_base)
         measured = None if T_odom_base is None else Measured.checked(T_odom_base, gravity_base, gravity_sigma_rad)
         cloud = PointCloud.of_finite(points_base, origins_base)
+        if free is not None and free.origins is None:
+            raise ValueError("beams that met nothing need their origins")
         change = None if graph is None else self._graph.change_to(graph)
         if change is not None:
             self._graph.apply(change)
-        self._waiting.append(_Waiting(vertex_id, float(stamp_s), cloud, measured, change))
+        self._waiting.append(_Waiting(vertex_id, float(stamp_s), cloud, free, measured, change))
         self._write_waiting()
         return self._index.sweeps[vertex_id]
 
     def load_sweep(self, vertex_id: int) -> PointCloud:
         """Points and origins of a vertex, base_link at its stamp; ValueError when it is not stored, DamagedSweepError when not whole."""
+        return self._loaded(vertex_id)[0]
+
+    def load_free(self, vertex_id: int) -> PointCloud | None:
+        """Ends and origins of the beams of a vertex that met nothing; None where they were not stored. Errors as of `load_sweep`."""
+        return self._loaded(vertex_id)[1]
+
+    def _loaded(self, vertex_id: int) -> tuple[PointCloud, PointCloud | None]:
         known = len(self._index.sweeps)
         if not 0 <= vertex_id < known + len(self._waiting):
             raise ValueError(f"no sweep of vertex {vertex_id}; there are {known}")
         if vertex_id >= known:
-            return self._waiting[vertex_id - known].cloud
+            waiting = self._waiting[vertex_id - known]
+            return waiting.cloud, waiting.free
         stored = self._index.sweeps[vertex_id]
         try:
             data = (self._directory / stored.file).read_bytes()
@@ -113,7 +127,7 @@ class SessionStore:
             raise DamagedSweepError(f"{stored.file} cannot be read: {error.strerror}") from error
         if hashlib.sha256(data).hexdigest() != stored.sha256:
             raise DamagedSweepError(f"{stored.file} is damaged: {len(data)} bytes of {stored.bytes}, and their checksum is wrong")
-        return sweep_cloud(data)
+        return sweep_clouds(data)
 
     def graph_on_disk(self, empty: PoseGraph | None = None) -> PoseGraph:
         """`empty`, or a graph with defaults, as the session left it, not optimised yet; ValueError when it was stored without one."""
@@ -177,10 +191,46 @@ class SessionStore:
         """Data first, then the index."""
         file, count = sweep_file(sweep.vertex_id), len(sweep.cloud)
         stored = StoredSweep(sweep.vertex_id, sweep.stamp_s, file, count, 0, "", sweep.measured, sweep.change)
-        data = sweep_bytes(sweep.cloud, sweep.stamp_s, payload_text(stored))
+        data = sweep_bytes(sweep.cloud, sweep.stamp_s, payload_text(stored), sweep.free)
         write_atomically(self._directory / file, data)
         digest = hashlib.sha256(data).hexdigest()
         self._index.append(StoredSweep(sweep.vertex_id, sweep.stamp_s, file, count, len(data), digest, sweep.measured, sweep.change))
 
 
-__all__ = ["DamagedSweepError", "NotOnDiskError", "SessionStore", "StoredSweep", "ply_bytes", "tum_text", "write_atomically"]
+def copy_session(source: str | os.PathLike[str], target: str | os.PathLike[str]) -> SessionStore:
+    """A new session in `target` with the sweeps of `source`, which stays as it is; ValueError when `target` holds one already.
+
+    Files are shared where the file system can: a sweep's file is never changed, only replaced.
+    """
+    origin, store = SessionStore(source), SessionStore(target)
+    if store.sweeps:
+        raise ValueError(f"{target} holds a session of {len(store.sweeps)} sweeps already")
+    for stored in origin.sweeps:
+        path, copy = Path(source) / stored.file, Path(target) / stored.file
+        copy.unlink(missing_ok=True)
+        with contextlib.suppress(FileNotFoundError):  # a sweep that is gone stays one in the copy
+            _link_or_copy(path, copy)
+    sync_folder(Path(target) / "sweeps")
+    store._index.rewrite(origin.sweeps)
+    return SessionStore(target)
+
+
+def _link_or_copy(path: Path, copy: Path) -> None:
+    try:
+        os.link(path, copy)
+    except FileNotFoundError:
+        raise
+    except OSError:
+        write_atomically(copy, path.read_bytes())
+
+
+__all__ = [
+    "DamagedSweepError",
+    "NotOnDiskError",
+    "SessionStore",
+    "StoredSweep",
+    "copy_session",
+    "ply_bytes",
+    "tum_text",
+    "write_atomically",
+]

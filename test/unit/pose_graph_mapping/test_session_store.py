@@ -13,9 +13,18 @@ import open3d as o3d
 import pytest
 
 from pose_graph_mapping import session_index, session_store
+from pose_graph_mapping.cloud import PointCloud
 from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph
 from pose_graph_mapping.session_files import pcd_bytes
-from pose_graph_mapping.session_store import DamagedSweepError, NotOnDiskError, SessionStore, ply_bytes, tum_text, write_atomically
+from pose_graph_mapping.session_store import (
+    DamagedSweepError,
+    NotOnDiskError,
+    SessionStore,
+    copy_session,
+    ply_bytes,
+    tum_text,
+    write_atomically,
+)
 from rigid_geometry import inverse, quat_xyzw_from_transform, transform_from_rpy
 
 INDEX = Path("sweeps/index.json")
@@ -121,6 +130,32 @@ def test_edge_that_was_left_out_comes_back_and_is_judged_again(tmp_path):
     assert len(again.measurements()) == 5
     again.optimise()
     assert [(e.i, e.j) for e in again.rejected()] == [(0, 4)] and again.edges() == graph.edges()
+
+
+def test_beams_that_met_nothing_come_back_where_they_were_stored(tmp_path):
+    store, free = SessionStore(tmp_path), PointCloud(*sweep_of(9, 20))
+    store.add_sweep(0, 0.0, *sweep_of(0), free=free)
+    store.add_sweep(1, 1.0, *sweep_of(1))
+    again = SessionStore(tmp_path)
+    np.testing.assert_array_equal(again.load_free(0).points, free.points)
+    np.testing.assert_array_equal(again.load_free(0).origins, free.origins)
+    assert again.load_free(1) is None and len(again.load_sweep(0)) == 500
+    with pytest.raises(ValueError, match="need their origins"):
+        store.add_sweep(2, 2.0, *sweep_of(2), free=PointCloud(np.zeros((3, 3))))
+
+
+def test_copied_session_goes_on_without_changing_the_first(tmp_path):
+    filled(tmp_path / "a", 3)
+    (tmp_path / "a/sweeps/000001.npz").unlink()
+    before = (tmp_path / "a" / INDEX).read_bytes()
+    copy = copy_session(tmp_path / "a", tmp_path / "b")
+    add(copy, graph_of(3))
+    again = SessionStore(tmp_path / "b")
+    assert len(again.sweeps) == 4 and again.graph_on_disk().edges() == graph_of(4).edges()
+    np.testing.assert_array_equal(again.load_sweep(2).points, sweep_of(2)[0])
+    assert (tmp_path / "a" / INDEX).read_bytes() == before and len(SessionStore(tmp_path / "a").sweeps) == 3
+    with pytest.raises(ValueError, match="holds a session of 4 sweeps"):
+        copy_session(tmp_path / "a", tmp_path / "b")
 
 
 def test_index_is_json_and_a_line_costs_the_same_however_many_there_are(tmp_path):
