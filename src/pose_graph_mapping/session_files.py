@@ -47,7 +47,7 @@ def sweep_bytes(cloud: PointCloud, stamp_s: float, record: str, free: PointCloud
 
     With `free`, too, the beams that met nothing: free_points (M, 3), where they were followed to, and free_origins.
     """
-    arrays = {"stamp_s": np.float64(stamp_s), "record": np.frombuffer(record.encode("ascii"), dtype=np.uint8)}
+    arrays: dict[str, Any] = {"stamp_s": np.float64(stamp_s), "record": np.frombuffer(record.encode("ascii"), dtype=np.uint8)}
     for prefix, beams in (("", cloud), ("free_", free)):
         if beams is not None:
             assert beams.origins is not None
