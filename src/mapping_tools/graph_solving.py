@@ -10,12 +10,18 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from pose_graph_mapping.graph_consistency import consistent_edges, trusted_edges
+from pose_graph_mapping.graph_consistency import consistent_edges, settled, trusted_edges
 from pose_graph_mapping.graph_files import GraphFile
 from pose_graph_mapping.graph_measurements import Edge, GraphNotSolvable
 from pose_graph_mapping.graph_problem import GraphProblem, minimised, poses_of, tree_poses
 
 Array = NDArray[np.float64]
+
+_ENOUGH_EDGES = 50
+_MEDIAN_ERROR = 2.674
+"""Half of the median of chi-square with six degrees of freedom."""
+_NOISE_MARGIN = 4.0
+"""Part of an edge's noise goes into the poses, a quarter of its variance may be left: with this an honest file keeps its limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +83,20 @@ def solve_plain(problem: GraphProblem) -> SolvedGraph:
 def solve_robust(problem: GraphProblem, outlier_chi2: float, report: Callable[[str], None]) -> SolvedGraph:
     """Edges but odometry are left out where they contradict the rest by more than `outlier_chi2`; `report` hears of progress."""
     trusted = trusted_edges(len(problem.poses), problem.edges)
-    kept, values = consistent_edges(problem, trusted, 0.5 * outlier_chi2, report)
+    limit = 0.5 * outlier_chi2
+    kept, values = consistent_edges(problem, trusted, limit, report)
+    shown = _noise_shown(problem.edge_errors(values)[kept & ~trusted])
+    if shown < 1.0:
+        report(f"its edges show less noise than they claim: the limit is chi2 {outlier_chi2 * shown:.3g} instead of {outlier_chi2:g}")
+        kept, values = settled(problem, trusted, limit * shown, kept, values)
     return _solved(problem, kept, poses_of(values, len(problem.poses)))
+
+
+def _noise_shown(errors: Array) -> float:
+    """The share of the claimed variance that edges of six degrees of freedom show, with a margin; one where they are too few to tell."""
+    if len(errors) < _ENOUGH_EDGES:
+        return 1.0
+    return min(1.0, _NOISE_MARGIN * float(np.median(errors)) / _MEDIAN_ERROR)
 
 
 def _from_tree(problem: GraphProblem) -> GraphProblem:

@@ -52,26 +52,25 @@ def _unheard(_: str) -> None:
 
 
 def consistent_edges(
-    problem: GraphProblem, trusted: Mask, limit: float, report: Callable[[str], None] = _unheard
+    problem: GraphProblem, trusted: Mask, limit: float, report: Callable[[str], None] = _unheard, believed: Mask | None = None
 ) -> tuple[Mask, gtsam.Values]:
     """(E,) which edges are kept, and the values that the kept ones give.
 
     Edges in `trusted` are never left out; `limit`: half of the squared Mahalanobis distance beyond which any other edge is; `report`
     hears of progress.
-    problem.poses are the start, and where they lead to edges left out, what the trusted edges alone give is a second one: poses that a
-    false edge has bent before may not find back. The cheaper end counts.
+    problem.poses are the start. Where they lead to edges left out, two more are tried, for poses that a false edge has bent may not find
+    back: what a spanning tree of the trusted edges gives, and just the edges `believed` until now. The cheapest end counts.
     """
-    kept, values = settled(problem, trusted, limit, *_annealed(problem, trusted, limit, problem.values(), report))
-    if bool(kept.all()):
-        return kept, values
+    ends = [settled(problem, trusted, limit, *_annealed(problem, trusted, limit, problem.values(), report))]
+    if bool(ends[0][0].all()):
+        return ends[0]
+    if believed is not None:
+        ends.append(settled(problem, trusted, limit, believed | trusted, problem.values()))
     tree = tree_poses(len(problem.poses), problem.edges, {k: problem.poses[k] for k in problem.fixed})
-    if np.allclose(tree, problem.poses, rtol=0.0, atol=1e-6):
-        return kept, values
-    start = dataclasses.replace(problem, poses=tree).values()
-    again, other = settled(problem, trusted, limit, *_annealed(problem, trusted, limit, start, report))
-    if truncated_cost(problem, again, other, limit) < truncated_cost(problem, kept, values, limit):
-        return again, other
-    return kept, values
+    if not np.allclose(tree, problem.poses, rtol=0.0, atol=1e-6):
+        start = dataclasses.replace(problem, poses=tree).values()
+        ends.append(settled(problem, trusted, limit, *_annealed(problem, trusted, limit, start, report)))
+    return min(ends, key=lambda end: truncated_cost(problem, *end, limit))
 
 
 def settled(problem: GraphProblem, trusted: Mask, limit: float, kept: Mask, values: gtsam.Values) -> tuple[Mask, gtsam.Values]:

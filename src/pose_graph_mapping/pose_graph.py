@@ -26,7 +26,7 @@ from rigid_geometry import as_transform
 
 Array = NDArray[np.float64]
 
-_ODOMETRY_DOUBT = 3.0
+_ODOMETRY_DOUBT = 2.0
 """A match is judged against odometry of this many times its sigmas: a slip is likelier than a wrong match."""
 _BIAS_ROUNDS = 6
 _BIAS_SETTLED_RAD = 1e-7
@@ -132,7 +132,7 @@ class PoseGraph:
         The last solution grows; where a new loop does not agree with it everything is solved and judged again, as by `solve`.
         """
         new = self._edges[self._solved_edges :]
-        if self._running is None or not all(self._agrees(self._running, edge) for edge in new):
+        if self._running is None or not self._all_agree(self._running, new):
             self.solve()
             return
         old_vertices = self._running.vertices
@@ -203,7 +203,8 @@ class PoseGraph:
             dataclasses.replace(e, covariance=e.covariance * _ODOMETRY_DOUBT**2) if e.kind is EdgeKind.ODOMETRY else e for e in self._edges
         ]
         problem = self._problem(doubted)
-        kept, values = consistent_edges(problem, trusted_edges(len(self), self._edges), self._limit)
+        trusted, believed = trusted_edges(len(self), self._edges), np.array(self._kept, dtype=bool)
+        kept, values = consistent_edges(problem, trusted, self._limit, believed=believed)
         self._poses = list(poses_of(values, len(self)))
         return kept
 
@@ -218,11 +219,14 @@ class PoseGraph:
                 break
         return kept
 
-    def _agrees(self, running: IncrementalGraph, edge: Edge) -> bool:
-        """Whether a new edge may join the running solution: it leads to a new vertex, or says what is known already."""
-        if max(edge.i, edge.j) >= running.vertices:
-            return edge.kind is not EdgeKind.LOOP
-        return running.disagreement(edge) <= self._limit
+    def _all_agree(self, running: IncrementalGraph, new: Sequence[Edge]) -> bool:
+        """Whether new edges may join the running solution: they lead to every new vertex, or say what is known already."""
+        joined = {k for edge in new for k in (edge.i, edge.j)}
+        reached = all(k in joined for k in range(running.vertices, len(self)))
+        for number, edge in enumerate(new, self._solved_edges):
+            leads_on = max(edge.i, edge.j) >= running.vertices
+            self._kept[number] = edge.kind is not EdgeKind.LOOP if leads_on else running.disagreement(edge) <= self._limit
+        return reached and all(self._kept[self._solved_edges :])
 
     def _bias_moved(self) -> bool:
         """Estimates the bias anew, and says whether that matters."""
