@@ -148,4 +148,7 @@ class MappingConfig:
 
     def validate(self) -> list[str]:
         """Every violation, as sentences; empty when the values can be used."""
-        return check_ranges(self)
+        found = check_ranges(self)
+        if self.loop_grown_dist_m < self.loop_max_dist_m:
+            found.append(f"loop_grown_dist_m = {self.loop_grown_dist_m} is below loop_max_dist_m = {self.loop_max_dist_m}")
+        return found

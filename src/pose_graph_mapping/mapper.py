@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from pose_graph_mapping.cloud import PointCloud, merged, voxel_downsample, with_normals
 from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.dead_reckoning import levelled, odometry_covariance
 from pose_graph_mapping.loop_closure import LoopClosure, Match, beyond_correction, detect_loop_closures
+from pose_graph_mapping.mapping_update import MappingUpdate
 from pose_graph_mapping.pose_graph import Edge, EdgeKind, PoseGraph, as_covariance, unit_up
 from pose_graph_mapping.registration import RegistrationResult, Verdict
 from rigid_geometry import as_transform, inverse, rotation_angle
@@ -27,31 +28,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True, eq=False)
-class MappingUpdate:
-    """What a sweep changed.
-
-    vertex_poses (V, 4, 4) T_map_base; result of the match, None for the first sweep; match_used: an edge came of it;
-    tries: how many matches were called; last_vertex_correction_m: how far the previous vertex had moved since it was placed
-    (Algorithm 1, line 11); loop_closures: new loop edges, loop_results: all that were tried; max_vertex_motion_m and .._rad: of the
-    older vertices by this update; points_dropped: points of the sweep that were not finite; rejected_edges: older edges that this update
-    found to contradict the rest, and left out.
-    """
-
-    vertex_id: int
-    vertex_poses: Array
-    T_map_odom: Array
-    result: RegistrationResult | None
-    match_used: bool
-    tries: int
-    last_vertex_correction_m: float
-    loop_closures: int
-    loop_results: tuple[LoopClosure, ...]
-    max_vertex_motion_m: float
-    max_vertex_motion_rad: float
-    points_dropped: int
-    rejected_edges: tuple[Edge, ...] = ()
+__all__ = ["MappingUpdate", "PoseGraphMapper", "empty_graph", "levelled", "odometry_covariance"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,28 +39,6 @@ class _Placed:
     result: RegistrationResult
     used: bool
     tries: int
-
-
-def levelled(T_odom_base: Array, up_base: Array) -> Array:
-    """`T_odom_base` turned by the least rotation about its own origin that makes the measured up direction the map's z axis."""
-    up = T_odom_base[:3, :3] @ unit_up(up_base)
-    if up[2] < 0.0:
-        raise ValueError(f"the robot would stand on its head: up in the odometry frame is {up}")
-    T = T_odom_base.copy()
-    axis = np.cross(up, [0.0, 0.0, 1.0])
-    sine = float(np.linalg.norm(axis))
-    if sine > 1e-12:
-        T[:3, :3] = Rotation.from_rotvec(axis / sine * np.arctan2(sine, up[2])).as_matrix() @ T_odom_base[:3, :3]
-    return T
-
-
-def odometry_covariance(T_last_current: Array, config: MappingConfig) -> Array:
-    """(6, 6) covariance of an odometry edge, grown with the distance driven and the angle turned."""
-    metres, radians = float(np.linalg.norm(T_last_current[:3, 3])), rotation_angle(T_last_current)
-    shift = config.odometry_sigma_m + config.odometry_sigma_per_m * metres + config.odometry_sigma_per_rad * radians
-    yaw = config.odometry_yaw_sigma_rad + config.odometry_yaw_per_rad * radians + config.odometry_yaw_per_m * metres
-    tilt = config.odometry_tilt_sigma_rad
-    return np.diag(np.square([tilt, tilt, yaw, shift, shift, shift]))
 
 
 def empty_graph(config: MappingConfig) -> PoseGraph:

@@ -7,6 +7,8 @@ from pose_graph_mapping.cloud import PointCloud
 from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.loop_closure import (
     add_neighbours,
+    beyond_correction,
+    candidate_radii,
     detect_loop_closures,
     find_closest_vertex,
     find_groups,
@@ -26,12 +28,12 @@ COVARIANCE = np.diag([1e-4] * 3 + [1e-3] * 3)
 CONFIG = MappingConfig(loop_min_dist_m=8.0, loop_max_dist_m=5.0)
 
 
-def graph_of(positions):
+def graph_of(positions, covariance=COVARIANCE):
     graph = PoseGraph()
     for k, (x, y) in enumerate(positions):
         graph.add_vertex(transform_from_rpy((x, y, 0.0)))
         if k:
-            graph.add_edge(k - 1, k, inverse(graph.pose(k - 1)) @ graph.pose(k), COVARIANCE, EdgeKind.ODOMETRY)
+            graph.add_edge(k - 1, k, inverse(graph.pose(k - 1)) @ graph.pose(k), covariance, EdgeKind.ODOMETRY)
     return graph
 
 
@@ -39,7 +41,7 @@ def matcher(verdict=Verdict.ACCEPTED, ratio=0.9, correction=None):
     calls = []
 
     def match(reference, reading, T_guess, covariance):
-        calls.append((reference, reading, T_guess))
+        calls.append((reference, reading, T_guess, covariance))
         T = T_guess if correction is None else T_guess @ correction
         return RegistrationResult(T, COVARIANCE, ratio, 0.9, 0.0, 5, np.zeros((0, 6)), verdict, "fake")
 
@@ -89,9 +91,10 @@ def test_hairpin_is_closed_once_with_the_closest_vertex():
     found = detect_loop_closures(graph, clouds_of(graph), match, CONFIG)
     assert [(loop.closest_vertex, loop.closed) for loop in found] == [(0, True)]
     assert graph.edges()[-1] == (0, 9, EdgeKind.LOOP)
-    reference, reading, T_guess = calls[0]
+    reference, reading, T_guess, covariance = calls[0]
     assert (reference.points[0, 0], reading.points[0, 0]) == (0.0, 9.0)
     np.testing.assert_allclose(T_guess, transform_from_rpy((0.0, 4.0, 0.0)), atol=1e-6)
+    assert covariance[3, 3] > 9 * COVARIANCE[3, 3]  # of nine edges, and turned by the way between
 
 
 def test_loop_pulls_the_last_vertex_to_where_the_match_puts_it():
@@ -115,6 +118,42 @@ def test_doubtful_match_gives_no_edge(verdict, ratio, correction):
     found = detect_loop_closures(graph, clouds_of(graph), match, CONFIG)
     assert len(calls) == 1 and not found[0].closed
     assert EdgeKind.LOOP not in [kind for *_, kind in graph.edges()]
+
+
+#   Out and back again, 10 m apart at the ends: too far for a loop, unless drift is known to be large.
+OUT_AND_BACK = [(0, 0), (5, 0), (10, 0), (15, 0), (15, 5), (15, 9), (10, 9), (5, 9), (0, 7)]
+
+
+def test_place_beyond_the_usual_distance_is_a_candidate_when_drift_may_have_led_there():
+    sure, unsure = graph_of(OUT_AND_BACK), graph_of(OUT_AND_BACK, np.diag([1e-4] * 3 + [0.3**2] * 3))
+    for graph in (sure, unsure):
+        graph.optimise()
+    assert candidate_radii(sure, 8, CONFIG)[0] < 7.0 <= candidate_radii(unsure, 8, CONFIG)[0]
+    assert detect_loop_closures(sure, clouds_of(sure), matcher()[0], CONFIG) == []
+    assert detect_loop_closures(unsure, clouds_of(unsure), matcher()[0], CONFIG)[0].closest_vertex == 0
+
+
+def test_candidates_are_never_farther_than_the_largest_distance():
+    graph = graph_of(OUT_AND_BACK, np.diag([1e-2] * 3 + [4.0] * 3))
+    graph.optimise()
+    radii = candidate_radii(graph, 8, MappingConfig(loop_grown_dist_m=7.5))
+    assert radii[0] == 7.5 and radii.max() == 7.5
+
+
+def test_match_may_correct_what_drift_allows():
+    sure, unsure = np.diag([1e-6] * 3 + [1e-4] * 3), np.diag([0.4**2] * 3 + [1.0] * 3)
+    moved, turned = transform_from_rpy((2.5, 0, 0)), transform_from_rpy((0, 0, 0), (0, 0, 1.1))
+    for T in (moved, turned):
+        assert "moves the prediction" in beyond_correction(np.eye(4), T, sure, CONFIG)
+        assert beyond_correction(np.eye(4), T, unsure, CONFIG) is None
+    assert "allowed are 3.00 m" in beyond_correction(np.eye(4), transform_from_rpy((3.5, 0, 0)), unsure, CONFIG)
+
+
+def test_loop_that_contradicts_the_graph_is_not_closed():
+    graph, (match, _) = graph_of(HAIRPIN), matcher(correction=transform_from_rpy((1.2, 0.5, 0.0), (0, 0, 0.5)))
+    found = detect_loop_closures(graph, clouds_of(graph), match, CONFIG)
+    assert not found[0].closed and EdgeKind.LOOP not in [kind for *_, kind in graph.edges()]
+    assert [(e.i, e.j) for e in graph.rejected()] == [(0, 9)]
 
 
 def test_vertex_too_few_sweeps_ago_is_not_even_matched():

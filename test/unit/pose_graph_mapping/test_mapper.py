@@ -193,6 +193,17 @@ def test_loop_closure_moves_the_drift_out_and_the_next_sweep_starts_from_there()
     assert last.last_vertex_correction_m > 0.05
 
 
+def test_edge_that_contradicts_the_rest_is_left_out_and_named():
+    truth = line_of(7)
+    mapper = PoseGraphMapper(MappingConfig(), Oracle(truth))
+    assert [u.rejected_edges for u in drive(mapper, truth[:6])] == [()] * 6
+    mapper.graph.add_edge(0, 4, transform_from_rpy((1.0, 3.0, 0.0)), COVARIANCE, EdgeKind.LOOP)
+    update = mapper.add_sweep(60.0, *any_sweep(6), truth[6])
+    assert [(e.i, e.j, e.kind) for e in update.rejected_edges] == [(0, 4, EdgeKind.LOOP)]
+    np.testing.assert_allclose(update.vertex_poses, truth, atol=1e-6)
+    assert mapper.solve() == () and len(mapper.graph.rejected()) == 1
+
+
 def test_odometry_covariance_grows_with_distance_and_turning():
     config = MappingConfig()
     still, far = odometry_covariance(np.eye(4), config), odometry_covariance(transform_from_rpy((5, 0, 0)), config)
