@@ -26,6 +26,7 @@ PROGRAMS = {
     "explore_command",
     "evaluation_campaign",
     "evaluation_report",
+    "mapping_tools",
     "roslaunch_process",
     "run_replay",
 }  # they use stages, and no stage uses them
