@@ -70,7 +70,7 @@ def consistent_edges(
     if not np.allclose(tree, problem.poses, rtol=0.0, atol=1e-6):
         start = dataclasses.replace(problem, poses=tree).values()
         ends.append(settled(problem, trusted, limit, *_annealed(problem, trusted, limit, start, report)))
-    return min(ends, key=lambda end: truncated_cost(problem, *end, limit))
+    return min(ends, key=lambda end: truncated_cost(problem, end[0], end[1], limit))
 
 
 def settled(problem: GraphProblem, trusted: Mask, limit: float, kept: Mask, values: gtsam.Values) -> tuple[Mask, gtsam.Values]:
