@@ -4,7 +4,18 @@
 """
 
 from pybullet_simulation.config import SimulationConfig
-from pybullet_simulation.records import Contact, ImuSample, JointSample, Scan, ScanGeometry, TickData, Truth, WheelOdometry
+from pybullet_simulation.lidar_config import SpinningLidarConfig
+from pybullet_simulation.records import (
+    Contact,
+    ImuSample,
+    JointSample,
+    Revolution,
+    Scan,
+    ScanGeometry,
+    TickData,
+    Truth,
+    WheelOdometry,
+)
 from pybullet_simulation.simulation import TICK_S, Simulation
 from pybullet_simulation.world import HeightField, World
 from pybullet_simulation.worlds import WORLDS, load_world
@@ -16,10 +27,12 @@ __all__ = [
     "HeightField",
     "ImuSample",
     "JointSample",
+    "Revolution",
     "Scan",
     "ScanGeometry",
     "Simulation",
     "SimulationConfig",
+    "SpinningLidarConfig",
     "TickData",
     "Truth",
     "WheelOdometry",

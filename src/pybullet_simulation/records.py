@@ -40,6 +40,47 @@ class Scan:
 
 
 @dataclass(frozen=True)
+class LidarGeometry:
+    """Beams of the spinning lidar, a Velodyne VLP-16: ring 0 looks down the most; column c is fired c * column_s after the stamp."""
+
+    columns: int
+    rings: int = 16
+    lowest_rad: float = math.radians(-15.0)
+    highest_rad: float = math.radians(15.0)
+    duration_s: float = 0.1
+
+    @property
+    def column_s(self) -> float:
+        """Seconds from column to column."""
+        return self.duration_s / self.columns
+
+    @property
+    def elevations(self) -> Array:
+        """(rings,) angles above the plane of rotation in rad."""
+        return np.linspace(self.lowest_rad, self.highest_rad, self.rings)
+
+    def directions(self, columns: NDArray[np.int_]) -> Array:
+        """(rings, C, 3) unit vectors of C columns in `laser`: clockwise seen from above, from straight behind."""
+        azimuths = math.pi - 2.0 * math.pi * columns / self.columns
+        flat, up = np.cos(self.elevations)[:, None], np.sin(self.elevations)[:, None]
+        return np.stack(np.broadcast_arrays(flat * np.cos(azimuths), flat * np.sin(azimuths), up), axis=-1)
+
+
+@dataclass(frozen=True)
+class Revolution:
+    """One turn of the spinning lidar, beam by beam: `stamp_s` is the time of the first, `times_s` (N,) float32 are seconds after it.
+
+    `points` (N, 3) float32 in m in `laser`, NaN where the beam met nothing in range; beams whose echo came from too near are left
+    out. `rings` (N,) uint16.
+    """
+
+    stamp_s: float
+    points: NDArray[np.float32]
+    rings: NDArray[np.uint16]
+    times_s: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
 class JointSample:
     """Measured joint positions (rad) and velocities (rad/s), tilt joint first, then the four wheels."""
 
@@ -88,7 +129,10 @@ class Contact:
 
 @dataclass(frozen=True)
 class TickData:
-    """All that the sensors measured during one tick of 0.05 s that ends at `stamp_s`, and the truth about it."""
+    """All that the sensors measured during one tick of 0.05 s that ends at `stamp_s`, and the truth about it.
+
+    With the spinning lidar there are no `scans`; `revolution` is the one that ended with this tick, None in every other tick.
+    """
 
     stamp_s: float
     scans: tuple[Scan, ...]
@@ -98,3 +142,4 @@ class TickData:
     truth: Truth
     contacts: tuple[Contact, ...]
     sweeping: bool
+    revolution: Revolution | None = None

@@ -15,10 +15,12 @@ from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.drive import Drive, SlipModel
 from pybullet_simulation.imu import Imu
 from pybullet_simulation.laser import Laser, Motion
+from pybullet_simulation.lidar_config import SpinningLidarConfig
 from pybullet_simulation.physics import BodyState, Physics
 from pybullet_simulation.records import Contact, ImuSample, JointSample, Scan, ScanGeometry, TickData, Truth, WheelOdometry
 from pybullet_simulation.robot_model import DEFAULT_URDF, TILT_JOINT, WHEELS, read_robot_model
-from pybullet_simulation.sweep_profile import sweep_profile
+from pybullet_simulation.spinning_lidar import SpinningLidar
+from pybullet_simulation.sweep_profile import spinning_sweep_profile, sweep_profile
 from pybullet_simulation.world import World
 
 Array = NDArray[np.float64]
@@ -43,17 +45,29 @@ class _Trace:
 class Simulation:
     """A Husky in a world, in ticks of 0.05 s; the first one ends at 1.0 s."""
 
-    def __init__(self, config: SimulationConfig, world: World, seed: int, urdf_path: Path = DEFAULT_URDF) -> None:
-        """The robot stands at the world's start, settled, laser level. ValueError lists what is wrong with the config or the robot."""
-        problems = config.validate()
+    def __init__(
+        self,
+        config: SimulationConfig,
+        world: World,
+        seed: int,
+        urdf_path: Path = DEFAULT_URDF,
+        lidar: SpinningLidarConfig | None = None,
+    ) -> None:
+        """The robot stands at the world's start, settled, laser level; with a `lidar` that one sits in the laser's place.
+
+        ValueError lists what is wrong with the configs or the robot.
+        """
+        problems = config.validate() + (lidar.validate() if lidar else [])
         if problems:
             raise ValueError("; ".join(problems))
         laser_rng, imu_rng, slip_rng, self._joint_rng = (np.random.default_rng([seed, stream]) for stream in (11, 12, 13, 14))
         self._config, self._robot = config, read_robot_model(urdf_path)
         self._physics = Physics(config, self._robot, world)
         self._drive, self._slip = Drive(config, self._robot), SlipModel(config, slip_rng)
-        self._imu, self._laser = Imu(config, imu_rng), Laser(config, self._robot, world, laser_rng)
-        self._profile = sweep_profile(config)
+        self._imu = Imu(config, imu_rng)
+        self._laser = None if lidar else Laser(config, self._robot, world, laser_rng)
+        self._lidar = SpinningLidar(config, lidar, self._robot, world, laser_rng) if lidar else None
+        self._profile = spinning_sweep_profile(config, lidar) if lidar else sweep_profile(config)
         self._tick, self._sweep_start_s = FIRST_TICK - 1, math.nan
         self._steps, self._dt_s = config.physics_rate_hz // TICKS_PER_S, 1.0 / config.physics_rate_hz
         self._settle()
@@ -96,9 +110,14 @@ class Simulation:
         return self._profile.duration_s
 
     @property
+    def spinning(self) -> bool:
+        """Whether a spinning lidar is in the laser's place."""
+        return self._lidar is not None
+
+    @property
     def scan_geometry(self) -> ScanGeometry:
         """Angles, times and limits of the laser."""
-        return self._laser.geometry
+        return ScanGeometry(range_min=self._config.range_min_m, range_max=self._config.range_max_m)
 
     def start_sweep(self) -> None:
         """Begin a sweep with the next tick. ValueError when one is running."""
@@ -115,15 +134,17 @@ class Simulation:
         trace = self._advance(self._drive.step(v, w, TICK_S)[SIDE_OF_WHEEL] / slip, float(tilts[-1]))
         self._tick += 1
         turns = trace.wheel_turns * slip
+        motion = self._motion(trace.states, tilts)
         return TickData(
             stamp_s=self.stamp_s,
-            scans=self._scans(begin_s, trace.states, tilts),
+            scans=self._scans(begin_s, motion),
             joints=self._joint_samples(begin_s, turns, tilts, rates),
             imu=self._imu_samples(begin_s, trace.states),
             wheel_odometry=self._wheel_odometry(turns),
             truth=_truth(self.stamp_s, trace.states[-1]),
             contacts=trace.contacts,
             sweeping=self._still_sweeping(),
+            revolution=self._lidar.half_turn(motion, begin_s) if self._lidar else None,
         )
 
     def _tilts(self, times_s: Array) -> tuple[Array, Array]:
@@ -152,10 +173,14 @@ class Simulation:
         self._state = states[-1]
         return _Trace(states, np.array(turns), _strongest(contacts))
 
-    def _scans(self, begin_s: float, states: list[BodyState], tilts: Array) -> tuple[Scan, ...]:
+    def _motion(self, states: list[BodyState], tilts: Array) -> Motion:
+        return Motion(np.array([s.R_world_base for s in states]), np.array([s.position for s in states]), tilts, self._dt_s)
+
+    def _scans(self, begin_s: float, motion: Motion) -> tuple[Scan, ...]:
+        if self._laser is None:
+            return ()
         starts = np.arange(SCANS_PER_TICK, dtype=np.float64) * (TICK_S / SCANS_PER_TICK)
-        rotations, positions = np.array([s.R_world_base for s in states]), np.array([s.position for s in states])
-        ranges = self._laser.scans(Motion(rotations, positions, tilts, self._dt_s), starts)
+        ranges = self._laser.scans(motion, starts)
         return tuple(Scan(begin_s + float(start), one) for start, one in zip(starts, ranges, strict=True))
 
     def _joint_samples(self, begin_s: float, turns: Array, tilts: Array, rates: Array) -> tuple[JointSample, ...]:

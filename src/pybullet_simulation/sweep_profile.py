@@ -8,8 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pybullet_simulation.config import SimulationConfig
+from pybullet_simulation.lidar_config import SpinningLidarConfig
+from pybullet_simulation.records import LidarGeometry
 
 Array = NDArray[np.float64]
+RateLaw = Callable[[float], float]
 
 STEP_S = 0.001
 
@@ -39,19 +42,40 @@ class SweepProfile:
 def sweep_profile(config: SimulationConfig) -> SweepProfile:
     """The profile of a config; its slow part goes with sin^2(tilt), for a ground line lies h / tan(tilt) ahead and lines shall be even."""
 
-    def slow(tilt: float) -> float:
+    return _sweep(config, config.sweep_start_rad, config.sweep_end_rad, _even_lines(config))
+
+
+def spinning_sweep_profile(config: SimulationConfig, lidar: SpinningLidarConfig) -> SweepProfile:
+    """The profile with a spinning lidar: the same law, as many times faster or slower as `revolutions` ask for."""
+    law = _even_lines(config)
+    tilts = np.linspace(lidar.sweep_end_rad, lidar.sweep_start_rad, 2000)
+    nominal_s = float(np.trapezoid([1.0 / law(tilt) for tilt in tilts], tilts))
+    factor = nominal_s / (lidar.revolutions * LidarGeometry.duration_s)
+    return _sweep(config, lidar.sweep_start_rad, lidar.sweep_end_rad, lambda tilt: min(factor * law(tilt), config.slew_rate_rps))
+
+
+def _even_lines(config: SimulationConfig) -> RateLaw:
+    """Tilt rate by tilt: slow where the scan plane is level."""
+
+    def law(tilt: float) -> float:
         return config.sweep_min_rate_rps + (config.sweep_max_rate_rps - config.sweep_min_rate_rps) * math.sin(tilt) ** 2
+
+    return law
+
+
+def _sweep(config: SimulationConfig, start_rad: float, end_rad: float, slow: RateLaw) -> SweepProfile:
+    """From level fast to the start, by the slow law to the end, and fast back to level."""
 
     def slew(tilt: float) -> float:
         return config.slew_rate_rps
 
     tilts, rates = [0.0], [0.0]
-    for goal, law in ((config.sweep_start_rad, slew), (config.sweep_end_rad, slow), (0.0, slew)):
+    for goal, law in ((start_rad, slew), (end_rad, slow), (0.0, slew)):
         _append_move(tilts, rates, goal, law, config.tilt_acceleration_rps2)
     return SweepProfile(np.arange(len(tilts), dtype=np.float64) * STEP_S, np.array(tilts), np.array(rates))
 
 
-def _append_move(tilts: list[float], rates: list[float], goal: float, law: Callable[[float], float], acceleration: float) -> None:
+def _append_move(tilts: list[float], rates: list[float], goal: float, law: RateLaw, acceleration: float) -> None:
     """Extend the samples by a move from rest to rest that follows the rate law as far as the acceleration allows."""
     sign = 1.0 if goal > tilts[-1] else -1.0
     tilt, speed = tilts[-1], 0.0
