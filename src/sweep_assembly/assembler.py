@@ -1,4 +1,6 @@
-"""Scans of one sweep, with joint samples and odometry, become one de-skewed cloud in base_link (thesis 5.3, figure 5.6).
+"""Scans, or a lidar's revolutions, of one sweep, with joint samples and odometry, become one de-skewed cloud in base_link.
+
+Thesis 5.3, figure 5.6.
 
 Inputs come a message at a time, in order within a topic and in any order between topics. The sweep depends on the stamps
 only: it is given out when everything up to its end is there.
@@ -15,10 +17,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigid_geometry import Arrival, StampedBuffer, as_transform, interpolate_transforms, inverse
 from stage_config import check_ranges, parameter
+from sweep_assembly.beams import STAMP_TOLERANCE_S, FreeBeams, LaserScans, Sensor
 from sweep_assembly.geometry import FloatArray, ScanGeometry, TiltGeometry
 from sweep_assembly.sweep_window import SweepWindow, SweepWindowDetector
 
-STAMP_TOLERANCE_S = 1e-6
 NODE_SPACING_S = 0.002  # the laser's pose is exact at nodes and linear between them: 3 rad/s bends a 30 m beam by 0.1 mm
 
 
@@ -54,7 +56,7 @@ class Sweep:
     `stamp_s`: the first joint sample at which the laser is horizontal again; `start_stamp_s`: the last one before it left.
     `points`: (N, 3) float32 metres, in the order in which they were measured. `origins`: (N, 3) float32, where the laser was
     for each of them. `free_ends`, `free_origins`: (M, 3) float32, the same for a thinned part of the beams that met nothing, cut at
-    `free_range_m`: what lies along them was seen to be free. `scans`: how many scans gave points.
+    `free_range_m`: what lies along them was seen to be free. `scans`: how many scans or revolutions gave points.
     """
 
     stamp_s: float
@@ -69,13 +71,13 @@ class Sweep:
 class SweepAssembler:
     """Collects joints, odometry and scans, and gives out each sweep once."""
 
-    def __init__(self, config: SweepAssemblyConfig, geometry: ScanGeometry, tilt_geometry: TiltGeometry) -> None:
-        """ValueError when the configuration is wrong."""
+    def __init__(self, config: SweepAssemblyConfig, sensor: ScanGeometry | Sensor, tilt_geometry: TiltGeometry) -> None:
+        """For a laser of this geometry or another sensor; ValueError when the configuration is wrong."""
         problems = config.validate()
         if problems:
             raise ValueError("; ".join(problems))
         self._config = config
-        self._geometry = geometry
+        self._sensor: Sensor = LaserScans(sensor) if isinstance(sensor, ScanGeometry) else sensor
         self._tilt_geometry = tilt_geometry
         self._dropped: Counter[str] = Counter()
         self._reset()
@@ -113,18 +115,16 @@ class SweepAssembler:
         elif self._arrives(self._odometry, stamp_s):
             self._odometry.append(stamp_s, pose)
 
-    def add_scan(self, stamp_s: float, ranges_filtered: ArrayLike) -> None:
-        """Takes (n,) filtered ranges with the stamp of the first beam; only finite ranges become points.
+    def add_scan(self, stamp_s: float, filtered: Any) -> None:
+        """Takes a filtered reading, of a laser (n,) ranges, with the stamp of the first beam; only what was hit becomes points.
 
-        ValueError on another number of beams. What is late or repeated is dropped and counted.
+        ValueError for one of another sensor. What is late or repeated is dropped and counted.
         """
-        ranges = np.array(ranges_filtered, dtype=np.float32)
-        if ranges.shape != (self._geometry.count,):
-            raise ValueError(f"a scan of this laser has shape ({self._geometry.count},), not {ranges.shape}")
+        reading = self._sensor.checked(filtered)
         if not np.isfinite(stamp_s):
             self._dropped["scan_not_finite"] += 1
         elif self._arrives(self._scans, stamp_s):
-            self._scans.append(stamp_s, ranges)
+            self._scans.append(stamp_s, reading)
 
     def poll(self) -> Sweep | None:
         """The oldest sweep that is complete and was not given out yet. Call until it returns None."""
@@ -141,7 +141,7 @@ class SweepAssembler:
         config = self._config
         self._joints: StampedBuffer[float] = StampedBuffer("joint", config.jump_back_s, config.buffer_s, self._dropped)
         self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", config.jump_back_s, config.buffer_s, self._dropped)
-        self._scans: StampedBuffer[NDArray[np.float32]] = StampedBuffer("scan", config.jump_back_s, config.buffer_s, self._dropped)
+        self._scans: StampedBuffer[Any] = StampedBuffer("scan", config.jump_back_s, config.buffer_s, self._dropped)
         self._detector = SweepWindowDetector(config.horizontal_tolerance_rad, config.still_rate_rad_s, config.max_duration_s, self._dropped)
         self._pending: list[SweepWindow] = []
 
@@ -153,9 +153,10 @@ class SweepAssembler:
         return arrival is not Arrival.LATE
 
     def _complete(self, window: SweepWindow) -> bool:
-        """A scan that starts at or after the end proves that none of the sweep's is missing."""
+        """Whether nothing of the sweep can be missing any more."""
         end = window.end_stamp_s - STAMP_TOLERANCE_S
-        return all(buffer.last_stamp_s is not None and buffer.last_stamp_s >= end for buffer in (self._odometry, self._scans))
+        odometry, scan = self._odometry.last_stamp_s, self._scans.last_stamp_s
+        return odometry is not None and odometry >= end and scan is not None and self._sensor.known_until(scan) >= end
 
     def _trim(self) -> None:
         needed_from = self._pending[0].start_stamp_s if self._pending else self._detector.needed_from_s
@@ -163,42 +164,24 @@ class SweepAssembler:
             return
         self._joints.forget_before(needed_from)
         self._odometry.forget_before(needed_from)
-        self._scans.forget_before(needed_from - self._geometry.duration_s)
+        self._scans.forget_before(needed_from - self._sensor.duration_s)
 
     def _assemble(self, window: SweepWindow) -> Sweep | None:
         stamps, scans = self._usable_scans(window)
         if stamps.size == 0:
             return None
-        times = stamps[:, None] + self._geometry.beam_times
-        ranges = np.stack(scans)
-        inside = (times >= window.start_stamp_s) & (times <= window.end_stamp_s + STAMP_TOLERANCE_S)
-        hits = np.nonzero(inside & np.isfinite(ranges))
-        if hits[0].size == 0:
+        free = FreeBeams(self._config.free_range_m, self._config.free_beam_stride)
+        beams = self._sensor.beams(stamps, scans, (window.start_stamp_s, window.end_stamp_s), free)
+        if beams.times_s.size == 0:
             return None
         trajectory = self._laser_poses(window)
-        points, origins = self._in_base(trajectory, times, hits, ranges[hits])
-        empty = inside & np.isposinf(ranges)
-        empty[:, np.arange(self._geometry.count) % self._config.free_beam_stride != 0] = False
-        free = np.nonzero(empty)
-        free_ends, free_origins = self._in_base(trajectory, times, free, np.full(free[0].size, self._config.free_range_m))
-        scan_count = int(np.unique(hits[0]).size)
-        return Sweep(window.end_stamp_s, window.start_stamp_s, points, origins, free_ends, free_origins, scan_count)
+        points, origins = _along_nodes(*trajectory, beams.times_s, beams.hits)
+        free_ends, free_origins = _along_nodes(*trajectory, beams.free_times_s, beams.free_ends)
+        return Sweep(window.end_stamp_s, window.start_stamp_s, points, origins, free_ends, free_origins, beams.scans)
 
-    def _in_base(
-        self,
-        trajectory: tuple[FloatArray, FloatArray],
-        times: FloatArray,
-        beams: tuple[NDArray[np.intp], ...],
-        ranges: NDArray[np.floating],
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """(N, 3) ends and origins of the chosen (scan, beam) pairs, in base_link at the sweep's end."""
-        laser_points = ranges[:, None] * self._geometry.directions[beams[1], :2]
-        points, origins = _along_nodes(*trajectory, times[beams], laser_points)
-        return points, origins
-
-    def _usable_scans(self, window: SweepWindow) -> tuple[FloatArray, list[NDArray[np.float32]]]:
+    def _usable_scans(self, window: SweepWindow) -> tuple[FloatArray, list[Any]]:
         """Scans that overlap the window, less those with too long a pause of joints or odometry around them."""
-        duration = self._geometry.duration_s
+        duration = self._sensor.duration_s
         stamps, scans = self._scans.between(window.start_stamp_s - duration, window.end_stamp_s)
         blind = _overlaps_gap(stamps, stamps + duration, self._joints.stamps, self._config.max_joint_gap_s, window)
         lost = _overlaps_gap(stamps, stamps + duration, self._odometry.stamps, self._config.max_odometry_gap_s, window) & ~blind
@@ -239,7 +222,7 @@ def _overlaps_gap(starts: FloatArray, ends: FloatArray, stamps: FloatArray, max_
 
 @njit(cache=True)
 def _along_nodes(nodes: Any, T_base_laser: Any, times: Any, laser_points: Any) -> Any:
-    """(N, 3) float32 points and origins of (N, 2) points of the scan plane, with the laser's pose linear in time between the nodes."""
+    """(N, 3) float32 points and origins of (N, 3) points in `laser`, with the laser's pose linear in time between the nodes."""
     points, origins = np.empty((times.size, 3), np.float32), np.empty((times.size, 3), np.float32)
     last = nodes.size - 1
     for n in range(times.size):
@@ -249,12 +232,12 @@ def _along_nodes(nodes: Any, T_base_laser: Any, times: Any, laser_points: Any) -
         for axis in range(3):
             a, b = T_base_laser[i, axis], T_base_laser[j, axis]
             origin = a[3] + f * (b[3] - a[3])
-            x, y = a[0] + f * (b[0] - a[0]), a[1] + f * (b[1] - a[1])
-            points[n, axis] = laser_points[n, 0] * x + laser_points[n, 1] * y + origin
+            x, y, z = a[0] + f * (b[0] - a[0]), a[1] + f * (b[1] - a[1]), a[2] + f * (b[2] - a[2])
+            points[n, axis] = laser_points[n, 0] * x + laser_points[n, 1] * y + laser_points[n, 2] * z + origin
             origins[n, axis] = origin
     return points, origins
 
 
 def compile_kernels() -> None:
     """Compiles the kernel for the types that a sweep passes."""
-    _along_nodes(np.arange(2.0), np.tile(np.eye(4), (2, 1, 1)), np.zeros(1), np.zeros((1, 2)))
+    _along_nodes(np.arange(2.0), np.tile(np.eye(4), (2, 1, 1)), np.zeros(1), np.zeros((1, 3)))

@@ -72,3 +72,10 @@ class TiltGeometry:
         turn[:, 0, 2] = np.sin(tilt)
         turn[:, 2, 0] = -turn[:, 0, 2]
         return np.asarray(self.T_base_mount @ turn @ self.T_tilt_laser)
+
+    def points_in_base(self, points_laser: FloatArray, tilts_rad: FloatArray) -> FloatArray:
+        """(N, 3) points of `laser` in base_link, each at its own of (N,) tilts; NaN where the tilt is not known."""
+        x, y, z = (points_laser @ self.T_tilt_laser[:3, :3].T + self.T_tilt_laser[:3, 3]).T
+        cosine, sine = np.cos(tilts_rad), np.sin(tilts_rad)
+        turned = np.column_stack([cosine * x + sine * z, y, cosine * z - sine * x])
+        return np.asarray(turned @ self.T_base_mount[:3, :3].T + self.T_base_mount[:3, 3])

@@ -63,10 +63,9 @@ class ScanFilter:
         T = tilt_geometry.T_tilt_laser
         self._directions_tilt = geometry.directions @ T[:3, :3].T
         self._laser_in_tilt = T[:3, 3]
-        self._body_reach_m = self._farthest_body_point()
+        self._body_reach_m = body_reach(config, tilt_geometry)
         increment = abs(geometry.angle_increment)
         self._sine, self._cosine = np.float32(math.sin(increment)), np.float32(math.cos(increment))
-        self._steepness = np.float32(math.tan(config.veiling_angle_rad))
 
     def filter(self, ranges: ArrayLike, tilt_at_beam: ArrayLike) -> Ranges:
         """(n,) float32 ranges in metres with NaN where the reading is no surface, +inf where nothing is in range (REP 117).
@@ -110,28 +109,7 @@ class ScanFilter:
         return ranges
 
     def _veiled(self, ranges: Ranges) -> Mask:
-        """Points that hang between a near edge and the background.
-
-        The angle at the farther point between its beam and the line to its neighbour is laser_filters' test for shadows. Taken alone
-        it also removes every wall and floor seen at a low angle; those give long rows of suspect pairs, veiling short ones.
-        """
-        steps = self._suspect_steps(ranges)
-        inner = (steps[1:] == steps[:-1]) & (steps[1:] != 0)
-        veiled = np.zeros(ranges.shape, dtype=np.bool_)
-        if inner.any():
-            rows = np.concatenate([[0], np.cumsum(steps[1:] != steps[:-1])])
-            row_lengths = np.bincount(rows)[rows[1:]]
-            veiled[1:-1] = inner & (row_lengths <= self._config.veiling_max_points + 1)
-        return veiled
-
-    def _suspect_steps(self, ranges: Ranges) -> NDArray[np.int8]:
-        """(n - 1,) for every pair of neighbours: 0, or +1 / -1 when it steps away / nearer nearly along the beam."""
-        finite = np.minimum(ranges, np.float32(NOTHING_IN_RANGE_M))
-        first, second = finite[:-1], finite[1:]
-        near, far = np.minimum(first, second), np.maximum(first, second)
-        along_beam = near * self._sine < self._steepness * (far - near * self._cosine)
-        suspect = along_beam & (far - near > np.float32(self._config.veiling_min_jump_m))
-        return np.where(suspect, np.where(second > first, np.int8(1), np.int8(-1)), np.int8(0))
+        return veiled_points(ranges, self._sine, self._cosine, self._config)
 
     def _on_body(self, ranges: Ranges, tilts: FloatArray) -> NDArray[np.intp]:
         """Indices of readings inside the body's box; only those in reach of the box are moved to base_link."""
@@ -140,8 +118,7 @@ class ScanFilter:
             return near
         tilt = tilts[near] if tilts.ndim else np.broadcast_to(tilts, near.shape)
         points = self._points_in_base(near, ranges, tilt)
-        outside = (points < self._config.body_min_m) | (points > self._config.body_max_m)
-        return near[~outside.any(axis=1)]  # NaN is on no side, hence not outside
+        return near[in_body(points, self._config)]
 
     def _points_in_base(self, beams: NDArray[np.intp], ranges: Ranges, tilt: FloatArray) -> FloatArray:
         x, y, z = (self._laser_in_tilt + ranges[beams, None] * self._directions_tilt[beams]).T
@@ -149,7 +126,42 @@ class ScanFilter:
         turned = np.column_stack([cosine * x + sine * z, y, cosine * z - sine * x])
         return np.asarray(turned @ self._mount[:3, :3].T + self._mount[:3, 3])
 
-    def _farthest_body_point(self) -> np.float32:
-        corners = np.array(list(itertools.product(*zip(self._config.body_min_m, self._config.body_max_m, strict=True))))
-        from_mount = np.linalg.norm(corners - self._mount[:3, 3], axis=1).max()
-        return np.float32(from_mount + np.linalg.norm(self._laser_in_tilt))
+
+def in_body(points_base: FloatArray, config: ScanFilterConfig) -> Mask:
+    """(N,) whether (N, 3) points lie in the own body's box, or it is not known where they lie."""
+    outside = (points_base < config.body_min_m) | (points_base > config.body_max_m)
+    return np.asarray(~outside.any(axis=1))  # NaN is on no side, hence not outside
+
+
+def body_reach(config: ScanFilterConfig, tilt_geometry: TiltGeometry) -> np.float32:
+    """Range in metres beyond which no reading is of the own body, whatever the tilt."""
+    corners = np.array(list(itertools.product(*zip(config.body_min_m, config.body_max_m, strict=True))))
+    from_mount = np.linalg.norm(corners - tilt_geometry.T_base_mount[:3, 3], axis=1).max()
+    return np.float32(from_mount + np.linalg.norm(tilt_geometry.T_tilt_laser[:3, 3]))
+
+
+def veiled_points(ranges: Ranges, sine: Ranges | np.float32, cosine: Ranges | np.float32, config: ScanFilterConfig) -> Mask:
+    """(n,) points that hang between a near edge and the background; `sine`, `cosine` of the angles between neighbours, (n - 1,) or one.
+
+    The angle at the farther point between its beam and the line to its neighbour is laser_filters' test for shadows. Taken alone
+    it also removes every wall and floor seen at a low angle; those give long rows of suspect pairs, veiling short ones.
+    """
+    steps = _suspect_steps(ranges, sine, cosine, config)
+    inner = (steps[1:] == steps[:-1]) & (steps[1:] != 0)
+    veiled = np.zeros(ranges.shape, dtype=np.bool_)
+    if inner.any():
+        rows = np.concatenate([[0], np.cumsum(steps[1:] != steps[:-1])])
+        row_lengths = np.bincount(rows)[rows[1:]]
+        veiled[1:-1] = inner & (row_lengths <= config.veiling_max_points + 1)
+    return veiled
+
+
+def _suspect_steps(ranges: Ranges, sine: Ranges | np.float32, cosine: Ranges | np.float32, config: ScanFilterConfig) -> NDArray[np.int8]:
+    """(n - 1,) for every pair of neighbours: 0, or +1 / -1 when it steps away / nearer nearly along the beam."""
+    steepness = np.float32(math.tan(config.veiling_angle_rad))
+    finite = np.minimum(ranges, np.float32(NOTHING_IN_RANGE_M))
+    first, second = finite[:-1], finite[1:]
+    near, far = np.minimum(first, second), np.maximum(first, second)
+    along_beam = near * sine < steepness * (far - near * cosine)
+    suspect = along_beam & (far - near > np.float32(config.veiling_min_jump_m))
+    return np.where(suspect, np.where(second > first, np.int8(1), np.int8(-1)), np.int8(0))

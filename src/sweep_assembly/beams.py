@@ -1,0 +1,125 @@
+"""What a sweep is made of, whichever sensor measured it: ends of beams in `laser`, each with its time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sweep_assembly.geometry import FloatArray, ScanGeometry
+from sweep_assembly.revolution import LidarConfig, Revolution, free_directions
+
+STAMP_TOLERANCE_S = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Beams:
+    """(N, 3) hits and (M, 3) ends of free beams in `laser`, metres, with their (N,) and (M,) times, in the order of measurement.
+
+    `scans`: how many scans or revolutions gave hits.
+    """
+
+    times_s: FloatArray
+    hits: FloatArray
+    free_times_s: FloatArray
+    free_ends: FloatArray
+    scans: int
+
+
+@dataclass(frozen=True)
+class FreeBeams:
+    """How beams that met nothing are used: cut at `range_m`, one in `stride` of them."""
+
+    range_m: float
+    stride: int
+
+
+class Sensor(Protocol):
+    """Readings of one kind, a scan or a revolution each."""
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds from the first beam of a reading to the last one."""
+
+    def checked(self, reading: Any) -> Any:
+        """The reading as it is kept; ValueError when it is not one of this sensor."""
+
+    def known_until(self, stamp_s: float) -> float:
+        """With a reading of this stamp, all beams up to here have come."""
+
+    def beams(self, stamps_s: FloatArray, readings: Sequence[Any], span_s: tuple[float, float], free: FreeBeams) -> Beams:
+        """The beams of readings that were fired within a span of time."""
+
+
+@dataclass(frozen=True)
+class LaserScans:
+    """A 2-D laser's: (n,) ranges, finite where something was hit and +inf where nothing is in range."""
+
+    geometry: ScanGeometry
+
+    @property
+    def duration_s(self) -> float:
+        return self.geometry.duration_s
+
+    def checked(self, reading: Any) -> NDArray[np.float32]:
+        ranges = np.array(reading, dtype=np.float32)
+        if ranges.shape != (self.geometry.count,):
+            raise ValueError(f"a scan of this laser has shape ({self.geometry.count},), not {ranges.shape}")
+        return ranges
+
+    def known_until(self, stamp_s: float) -> float:
+        return stamp_s  # the laser looks away for a part of its turn: the scan's last beam does not tell when the next begins
+
+    def beams(self, stamps_s: FloatArray, readings: Sequence[NDArray[np.float32]], span_s: tuple[float, float], free: FreeBeams) -> Beams:
+        times, ranges = stamps_s[:, None] + self.geometry.beam_times, np.stack(readings)
+        inside = _inside(times, span_s)
+        hits = np.nonzero(inside & np.isfinite(ranges))
+        empty = inside & np.isposinf(ranges)
+        empty[:, np.arange(self.geometry.count) % free.stride != 0] = False
+        nothing = np.nonzero(empty)
+        directions = self.geometry.directions
+        ends, free_ends = ranges[hits][:, None] * directions[hits[1]], free.range_m * directions[nothing[1]]
+        return Beams(times[hits], ends, times[nothing], free_ends, int(np.unique(hits[0]).size))
+
+
+@dataclass(frozen=True)
+class LidarRevolutions:
+    """A spinning lidar's: one `Revolution` after the other, without a pause."""
+
+    config: LidarConfig
+
+    @property
+    def duration_s(self) -> float:
+        return self.config.duration_s
+
+    def checked(self, reading: Any) -> Revolution:
+        if not isinstance(reading, Revolution):
+            raise ValueError(f"a reading of a spinning lidar is a Revolution, not {type(reading).__name__}")
+        return reading
+
+    def known_until(self, stamp_s: float) -> float:
+        return stamp_s + self.duration_s
+
+    def beams(self, stamps_s: FloatArray, readings: Sequence[Revolution], span_s: tuple[float, float], free: FreeBeams) -> Beams:
+        parts = [self._beams(stamp, one, span_s, free) for stamp, one in zip(stamps_s, readings, strict=True)]
+        return Beams(
+            np.concatenate([part.times_s for part in parts]),
+            np.concatenate([part.hits for part in parts]),
+            np.concatenate([part.free_times_s for part in parts]),
+            np.concatenate([part.free_ends for part in parts]),
+            sum(part.scans for part in parts),
+        )
+
+    def _beams(self, stamp_s: float, whole: Revolution, span_s: tuple[float, float], free: FreeBeams) -> Beams:
+        inside, nothing = _inside(stamp_s + whole.times_s, span_s), whole.met_nothing
+        thinned = inside[nothing] & (np.arange(len(nothing))[nothing] % free.stride == 0)
+        directions = free_directions(whole, self.config)
+        thinned &= np.isfinite(directions[:, 0])
+        hit, free_times = inside & ~nothing, stamp_s + whole.times_s[nothing][thinned]
+        hits = whole.points[hit].astype(np.float64)
+        return Beams(stamp_s + whole.times_s[hit], hits, free_times, free.range_m * directions[thinned], int(hit.any()))
+
+
+def _inside(times_s: FloatArray, span_s: tuple[float, float]) -> NDArray[np.bool_]:
+    return np.asarray((times_s >= span_s[0]) & (times_s <= span_s[1] + STAMP_TOLERANCE_S))

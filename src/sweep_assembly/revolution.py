@@ -1,0 +1,89 @@
+"""One turn of a spinning lidar, and where its beams point: what a driver of such a lidar gives in place of a laser's scan."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stage_config import check_ranges, parameter
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LidarConfig:
+    """What a spinning lidar is like, a Velodyne VLP-16 by default."""
+
+    rings: int = parameter(16, "-", "beams that turn together", low=2, high=256)
+    lowest_rad: float = parameter(math.radians(-15.0), "rad", "angle of ring 0 above the plane of rotation", low=-1.5, high=1.5)
+    highest_rad: float = parameter(math.radians(15.0), "rad", "angle of the last ring; those between are evenly spaced", low=-1.5, high=1.5)
+    rate_hz: float = parameter(10.0, "Hz", "revolutions a second", low=1.0, high=50.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        found = check_ranges(self)
+        if self.lowest_rad >= self.highest_rad:
+            found.append(f"lowest_rad = {self.lowest_rad} is not below highest_rad = {self.highest_rad}")
+        return found
+
+    @property
+    def duration_s(self) -> float:
+        """Seconds that a revolution takes."""
+        return 1.0 / self.rate_hz
+
+    @property
+    def elevations(self) -> FloatArray:
+        """(rings,) angles above the plane of rotation in rad."""
+        return np.linspace(self.lowest_rad, self.highest_rad, self.rings)
+
+
+@dataclass(frozen=True, eq=False)
+class Revolution:
+    """Beams of one turn in the order in which they were fired; ValueError for shapes that do not agree.
+
+    `points` (N, 3) float32 metres in `laser`, a row of NaN where the beam met nothing in range; `rings` (N,), 0 looks down the most;
+    `times_s` (N,) seconds after the revolution's stamp. Beams of which nothing is known have no row.
+    """
+
+    points: NDArray[np.float32]
+    rings: NDArray[np.integer]
+    times_s: FloatArray
+
+    def __post_init__(self) -> None:
+        count = len(self.points)
+        if self.points.shape != (count, 3) or self.rings.shape != (count,) or self.times_s.shape != (count,):
+            shapes = self.points.shape, self.rings.shape, self.times_s.shape
+            raise ValueError(f"a revolution has (N, 3) points, (N,) rings and (N,) times, not {shapes}")
+        object.__setattr__(self, "times_s", self.times_s.astype(np.float64))  # stamps are added to them
+
+    @property
+    def met_nothing(self) -> NDArray[np.bool_]:
+        """(N,) whether nothing was in the beam's range."""
+        return np.asarray(np.isnan(self.points[:, 0]))
+
+    def kept(self, rows: NDArray[np.bool_]) -> "Revolution":
+        """The beams where `rows` (N,) is true."""
+        return Revolution(self.points[rows], self.rings[rows], self.times_s[rows])
+
+
+def free_directions(revolution: Revolution, config: LidarConfig) -> FloatArray:
+    """(M, 3) unit directions of the beams that met nothing, from their rings and from how the others turn.
+
+    Where no beam met anything it is not known where the revolution began: x and y are NaN then.
+    """
+    nothing = revolution.met_nothing
+    elevations = config.elevations[np.minimum(revolution.rings[nothing], config.rings - 1)]
+    azimuths = _azimuths(revolution.kept(~nothing), revolution.times_s[nothing], config.rate_hz)
+    flat = np.cos(elevations)
+    return np.stack([flat * np.cos(azimuths), flat * np.sin(azimuths), np.sin(elevations)], axis=1)
+
+
+def _azimuths(seen: Revolution, times_s: FloatArray, rate_hz: float) -> FloatArray:
+    """Azimuths at other times: the one that fits best to those seen, for a lidar that turns evenly to either side."""
+    if not len(seen.points):
+        return np.full(times_s.shape, np.nan)
+    measured, turned = np.arctan2(seen.points[:, 1], seen.points[:, 0]), 2.0 * math.pi * rate_hz * seen.times_s
+    sides = {sign: np.exp(1j * (measured - sign * turned)).mean() for sign in (1.0, -1.0)}
+    sign = max(sides, key=lambda side: abs(sides[side]))
+    return np.asarray(sign * 2.0 * math.pi * rate_hz * times_s + np.angle(sides[sign]))

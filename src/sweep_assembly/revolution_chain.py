@@ -1,0 +1,142 @@
+"""Revolutions of a spinning lidar, with joint samples and odometry, become filtered ones and the level scans of the obstacle layer.
+
+Inputs come a message at a time, in order within a topic and in any order between topics; the outcome depends on the stamps only.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer, as_transform, interpolate_transforms, inverse
+from sweep_assembly.geometry import FloatArray, TiltGeometry
+from sweep_assembly.revolution import LidarConfig, Revolution, free_directions
+from sweep_assembly.revolution_filter import RevolutionFilter
+from sweep_assembly.scan_filter import ScanFilterConfig
+from sweep_assembly.tilt_history import TiltHistory
+
+JUMP_BACK_S = 0.5
+BUFFER_S = 5.0
+MOST_TICKS = 100
+TURN_SLACK_S = 0.002  # by which a turn may begin before its stamp
+LONGEST_TURNS = 1.05  # a motor's speed is not exact
+FAR_M = 1000.0  # stands for beams that met nothing where their ends are moved
+LEVEL_BEAMS = 450  # of the level scan: fewer than a ring's, so that none stays empty when the robot turns
+
+
+@dataclass(frozen=True, eq=False)
+class FilteredRevolution:
+    """What became of a revolution: the one with all that is left of it (None for a stamp at which none ended) and its level scan.
+
+    `end_stamp_s` is the time of both; `level_ranges` (450,) float32 metres around `laser` as it stood then, from azimuth -pi on: inf
+    beyond the short range, NaN where nothing is known, and everywhere while the mount was not level.
+    """
+
+    end_stamp_s: float
+    revolution: Revolution | None
+    level_ranges: NDArray[np.float32]
+
+
+class RevolutionChain:
+    """Waits for what belongs together, filters, and gives out in order."""
+
+    def __init__(self, config: ScanFilterConfig, lidar: LidarConfig, mount: TiltGeometry) -> None:
+        """ValueError when a configuration is wrong."""
+        self._filter = RevolutionFilter(config, lidar, mount)
+        self._config, self._lidar, self._mount = config, lidar, mount
+        self._T_base_laser = mount.base_from_laser(0.0)[0]
+        self._ring = int(np.argmin(np.abs(lidar.elevations)))  # of two that are as near to level the lower one
+        self.dropped: Counter[str] = Counter()
+        self._reset()
+
+    def _reset(self) -> None:
+        self._tilts = TiltHistory()
+        self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", JUMP_BACK_S, BUFFER_S, self.dropped)
+        self._waiting: StampedBuffer[Revolution] = StampedBuffer("revolution", JUMP_BACK_S, BUFFER_S, self.dropped)
+        self._ticks: list[float] = []
+        self._last_end_s: float | None = None
+
+    def add_joint(self, stamp_s: float, tilt_rad: float) -> None:
+        """Takes the tilt at a time; ValueError when it is not finite."""
+        self._tilts.add(stamp_s, tilt_rad)
+
+    def add_odometry(self, stamp_s: float, T_odom_base: ArrayLike) -> None:
+        """Takes the (4, 4) pose of base_link at a time; ValueError when it is none. What is late is dropped and counted."""
+        pose = as_transform(T_odom_base)
+        if self._arrives(self._odometry, stamp_s):
+            self._odometry.append(stamp_s, pose)
+            self._ticks = [*self._ticks[-MOST_TICKS:], stamp_s]
+
+    def add_revolution(self, stamp_s: float, revolution: Revolution) -> None:
+        """Takes a revolution with the stamp of its first beam; ValueError when its beams' times are not of the turn after it.
+
+        What is late is dropped and counted.
+        """
+        times_s, longest_s = revolution.times_s, LONGEST_TURNS * self._lidar.duration_s
+        if times_s.size and not (times_s.min() > -TURN_SLACK_S and times_s.max() < longest_s):
+            said = f"{times_s.min():.4f} to {times_s.max():.4f} s"
+            raise ValueError(f"beams of a revolution are 0 to {self._lidar.duration_s:.3f} s after its stamp, not {said}")
+        if self._arrives(self._waiting, stamp_s):
+            self._waiting.append(stamp_s, revolution)
+
+    def _arrives(self, buffer: StampedBuffer[FloatArray] | StampedBuffer[Revolution], stamp_s: float) -> bool:
+        arrival = buffer.judge(stamp_s)
+        if arrival is Arrival.TIME_JUMP:
+            self._reset()
+        return arrival is not Arrival.LATE
+
+    def poll(self) -> Iterator[FilteredRevolution]:
+        """What is complete by now, oldest first; for each stamp of the odometry at which no revolution ended, that none did."""
+        while True:
+            yield from self._blanks()
+            first = self._waiting.first()
+            if first is None or not self._reaches(first[0] + self._lidar.duration_s):
+                return
+            self._waiting.drop_first()
+            yield self._filtered(*first)
+
+    def _blanks(self) -> Iterator[FilteredRevolution]:
+        """Stamps that the next revolution cannot end at: it takes a whole turn."""
+        while self._ticks and (self._last_end_s is None or self._ticks[0] < self._last_end_s + self._lidar.duration_s - 1e-3):
+            stamp_s = self._ticks.pop(0)
+            if self._last_end_s is None or stamp_s > self._last_end_s + 1e-3:
+                yield FilteredRevolution(stamp_s, None, np.full(LEVEL_BEAMS, np.nan, np.float32))
+
+    def _reaches(self, stamp_s: float) -> bool:
+        odometry_s = self._odometry.last_stamp_s
+        return self._tilts.reaches(stamp_s) and odometry_s is not None and odometry_s >= stamp_s - STAMP_TOLERANCE_S
+
+    def _filtered(self, stamp_s: float, whole: Revolution) -> FilteredRevolution:
+        self._last_end_s = stamp_s + self._lidar.duration_s
+        tilts = self._tilts.at(stamp_s + whole.times_s)
+        filtered = self._filter.filter(whole, tilts)
+        level = bool(np.all(np.abs(tilts) <= self._config.horizontal_tolerance_rad))  # False where a tilt is not known
+        ranges = self._level_ranges(stamp_s, filtered) if level else np.full(LEVEL_BEAMS, np.nan, np.float32)
+        self._odometry.forget_before(stamp_s)
+        return FilteredRevolution(self._last_end_s, filtered, ranges)
+
+    def _level_ranges(self, stamp_s: float, filtered: Revolution) -> NDArray[np.float32]:
+        """The nearest return of the most level ring in each direction, as seen from where `laser` is at the revolution's end."""
+        rows = filtered.rings == self._ring
+        points = filtered.points.astype(np.float64)
+        points[filtered.met_nothing] = FAR_M * free_directions(filtered, self._lidar)
+        points, times = points[rows], filtered.times_s[rows]
+        known = np.isfinite(points[:, 0])
+        points = self._deskewed(stamp_s, points[known], times[known])
+        distances = np.hypot(points[:, 0], points[:, 1]).astype(np.float32)
+        distances[distances > self._config.horizontal_max_range_m] = np.inf
+        bins = np.floor((np.arctan2(points[:, 1], points[:, 0]) / (2.0 * math.pi) + 0.5) * LEVEL_BEAMS).astype(np.intp) % LEVEL_BEAMS
+        ranges = np.full(LEVEL_BEAMS, np.nan, np.float32)
+        np.fmin.at(ranges, bins, distances)
+        return ranges
+
+    def _deskewed(self, stamp_s: float, points_laser: FloatArray, times_s: FloatArray) -> FloatArray:
+        """(N, 3) points, each measured at its own time, in `laser` as it stands at the revolution's end."""
+        stamps, poses = self._odometry.stamps, np.stack(self._odometry.values)
+        at = np.append(stamp_s + times_s, stamp_s + self._lidar.duration_s)
+        T_odom_laser = interpolate_transforms(stamps, poses, np.clip(at, stamps[0], stamps[-1])) @ self._T_base_laser
+        T_end_laser = inverse(T_odom_laser[-1]) @ T_odom_laser[:-1]
+        return np.asarray(np.einsum("nij,nj->ni", T_end_laser[:, :3, :3], points_laser) + T_end_laser[:, :3, 3])

@@ -1,0 +1,76 @@
+"""First stage behind a spinning lidar: beams that tell nothing of the world are taken out, as `ScanFilter` does it for a laser.
+
+Range limits, veiled points along each ring, and the robot's own body.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sweep_assembly.geometry import FloatArray, TiltGeometry
+from sweep_assembly.revolution import LidarConfig, Revolution, free_directions
+from sweep_assembly.scan_filter import Mask, ScanFilterConfig, body_reach, in_body, veiled_points
+
+NEIGHBOURS_RAD = 0.05  # beams of a ring farther apart, because those between are missing, are no neighbours
+
+
+class RevolutionFilter:
+    """Filters of one lidar on one tilting mount; holds no state between revolutions."""
+
+    def __init__(self, config: ScanFilterConfig, lidar: LidarConfig, mount: TiltGeometry) -> None:
+        """ValueError when a configuration is wrong."""
+        problems = config.validate() + lidar.validate()
+        if problems:
+            raise ValueError("; ".join(problems))
+        self._config, self._lidar, self._mount = config, lidar, mount
+        self._body_reach_m = body_reach(config, mount)
+
+    def filter(self, revolution: Revolution, tilts_rad: FloatArray) -> Revolution:
+        """The beams that ended on a surface, or met nothing; `tilts_rad` is (N,), NaN where the tilt is not known.
+
+        Farther than `max_range_m` nothing was met. Beams that met nothing and point through the robot are left out: what swallowed
+        them was its body, too near for an echo.
+        """
+        limited = self._limited(revolution)
+        ranges = _ranges(limited)
+        dropped = (ranges < self._config.min_range_m) | self._veiled(limited, ranges) | self._on_body(limited, ranges, tilts_rad)
+        dropped[limited.met_nothing] |= self._through_body(limited, tilts_rad)
+        return limited.kept(~dropped)
+
+    def _limited(self, revolution: Revolution) -> Revolution:
+        points = revolution.points.copy()
+        points[_ranges(revolution) > self._config.max_range_m] = np.nan
+        return Revolution(points, revolution.rings, revolution.times_s)
+
+    def _veiled(self, revolution: Revolution, ranges: NDArray[np.float32]) -> Mask:
+        order = np.lexsort((revolution.times_s, revolution.rings))
+        turned = 2.0 * math.pi * self._lidar.rate_hz * np.diff(revolution.times_s[order])
+        apart = (np.diff(revolution.rings[order].astype(np.int64)) != 0) | (turned > NEIGHBOURS_RAD)
+        sine = np.where(apart, np.inf, np.sin(turned)).astype(np.float32)  # then nothing is suspect
+        veiled = np.zeros(len(ranges), dtype=np.bool_)
+        veiled[order] = veiled_points(ranges[order], sine, np.cos(turned).astype(np.float32), self._config)
+        return veiled
+
+    def _on_body(self, revolution: Revolution, ranges: NDArray[np.float32], tilts_rad: FloatArray) -> Mask:
+        near = ranges < self._body_reach_m
+        near[near] = in_body(self._mount.points_in_base(revolution.points[near].astype(np.float64), tilts_rad[near]), self._config)
+        return near
+
+    def _through_body(self, revolution: Revolution, tilts_rad: FloatArray) -> Mask:
+        """(M,) of the beams that met nothing: whether they leave the body's box through its bottom, or it is not known."""
+        tilts = tilts_rad[revolution.met_nothing]
+        ends = self._mount.points_in_base(free_directions(revolution, self._lidar), tilts)
+        start = self._mount.points_in_base(np.zeros((tilts.size, 3)), tilts)
+        low, high = np.array(self._config.body_min_m), np.array(self._config.body_max_m)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            at = start + (ends - start) * ((low[2] - start[:, 2]) / (ends - start)[:, 2])[:, None]
+        within = (at[:, :2] >= low[:2]).all(axis=1) & (at[:, :2] <= high[:2]).all(axis=1)
+        return np.asarray((within & (ends[:, 2] < start[:, 2])) | ~np.isfinite(ends).all(axis=1))
+
+
+def _ranges(revolution: Revolution) -> NDArray[np.float32]:
+    """(N,) distances in metres; inf where nothing was met."""
+    ranges: NDArray[np.float32] = np.linalg.norm(revolution.points, axis=1).astype(np.float32)
+    ranges[revolution.met_nothing] = np.inf
+    return ranges
