@@ -5,6 +5,7 @@
 With PYTHONPATH as benchmarks/README.md sets it. FOLDER holds sphere2500.txt and, where there is one, sphere2500_groundtruth.txt. The
 reference is gtsam's Levenberg-Marquardt on the edges that were not replaced, built here without the project's code; errors are half of the
 squared Mahalanobis distances, of these edges only. --gnc times gtsam's own graduated solver on the same graphs, which takes minutes.
+(gtsam.readG2o takes the information of EDGE3 lines rotation first, which is not what the file means: its optimum is another one.)
 """
 
 import argparse

@@ -26,6 +26,7 @@ _SHARPENED_BY = 1.4
 _MOST_STEPS = 120
 _ITERATIONS_A_STEP = 3
 _MOST_ROUNDS = 10
+_TIE = 0.5
 
 
 def trusted_edges(vertices: int, edges: Sequence[Edge]) -> Mask:
@@ -59,7 +60,8 @@ def consistent_edges(
     Edges in `trusted` are never left out; `limit`: half of the squared Mahalanobis distance beyond which any other edge is; `report`
     hears of progress.
     problem.poses are the start. Where they lead to edges left out, two more are tried, for poses that a false edge has bent may not find
-    back: what a spanning tree of the trusted edges gives, and just the edges `believed` until now. The cheapest end counts.
+    back: what a spanning tree of the trusted edges gives, and just the edges `believed` until now. The cheapest end counts,
+    and of those that cost nearly the same the one that leaves out least.
     """
     ends = [settled(problem, trusted, limit, *_annealed(problem, trusted, limit, problem.values(), report))]
     if bool(ends[0][0].all()):
@@ -70,7 +72,9 @@ def consistent_edges(
     if not np.allclose(tree, problem.poses, rtol=0.0, atol=1e-6):
         start = dataclasses.replace(problem, poses=tree).values()
         ends.append(settled(problem, trusted, limit, *_annealed(problem, trusted, limit, start, report)))
-    return min(ends, key=lambda end: truncated_cost(problem, end[0], end[1], limit))
+    costs = [truncated_cost(problem, *end, limit) for end in ends]
+    nearly_best = [end for end, cost in zip(ends, costs, strict=True) if cost <= min(costs) + _TIE * limit]
+    return min(nearly_best, key=lambda end: int(np.count_nonzero(~end[0])))
 
 
 def settled(problem: GraphProblem, trusted: Mask, limit: float, kept: Mask, values: gtsam.Values) -> tuple[Mask, gtsam.Values]:

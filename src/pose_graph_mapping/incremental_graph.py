@@ -60,21 +60,19 @@ class IncrementalGraph:
 
     def poses(self) -> Array:
         """(V, 4, 4) present estimates."""
-        return poses_of(self._isam.calculateEstimate(), self._vertices)
+        return poses_of(self._estimate, self._vertices)
 
     def relative_covariance(self, i: int, j: int) -> Array:
         """(6, 6) covariance of T_i_j, rotation first, in the body frame of j, of everything measured."""
         joint = self._isam.jointMarginalCovariance([i, j])
-        values = self._isam.calculateEstimate()
-        adjoint = values.atPose3(j).between(values.atPose3(i)).AdjointMap()
+        adjoint = self._estimate.atPose3(j).between(self._estimate.atPose3(i)).AdjointMap()
         ii, ij, jj = joint.at(i, i), joint.at(i, j), joint.at(j, j)
         covariance = jj - adjoint @ ij - (adjoint @ ij).T + adjoint @ ii @ adjoint.T
         return np.asarray(0.5 * (covariance + covariance.T))
 
     def disagreement(self, edge: Edge) -> float:
         """Half of the squared Mahalanobis distance between an edge that is not part of it yet and what it holds of its two vertices."""
-        values = self._isam.calculateEstimate()
-        held = values.atPose3(edge.i).between(values.atPose3(edge.j))
+        held = self._estimate.atPose3(edge.i).between(self._estimate.atPose3(edge.j))
         residual = gtsam.Pose3.Logmap(gtsam.Pose3(edge.T_i_j).between(held))
         return 0.5 * float(residual @ np.linalg.solve(edge.covariance + self.relative_covariance(edge.i, edge.j), residual))
 
@@ -85,6 +83,7 @@ class IncrementalGraph:
             for _ in range(_MOST_UPDATES):
                 if self._isam.update().getVariablesRelinearized() == 0:
                     break
+            self._estimate = self._isam.calculateEstimate()
         except RuntimeError as error:
             raise GraphNotSolvable(f"the equations of the graph are singular: {' '.join(str(error).split())[:200]}") from error
         return places

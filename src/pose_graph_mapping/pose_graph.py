@@ -198,9 +198,13 @@ class PoseGraph:
         return GraphProblem(self.poses(), edges, self._gravity, self._bias)
 
     def _consistent(self) -> NDArray[np.bool_]:
-        """Which edges agree, with odometry believed less than it says of itself."""
+        """Which edges agree, with odometry beside a match believed less than it says of itself."""
+        matched = {(e.i, e.j) for e in self._edges if e.kind is EdgeKind.MATCH}
         doubted = [
-            dataclasses.replace(e, covariance=e.covariance * _ODOMETRY_DOUBT**2) if e.kind is EdgeKind.ODOMETRY else e for e in self._edges
+            dataclasses.replace(e, covariance=e.covariance * _ODOMETRY_DOUBT**2)
+            if e.kind is EdgeKind.ODOMETRY and (e.i, e.j) in matched
+            else e
+            for e in self._edges
         ]
         problem = self._problem(doubted)
         trusted, believed = trusted_edges(len(self), self._edges), np.array(self._kept, dtype=bool)
