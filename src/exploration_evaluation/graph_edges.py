@@ -62,7 +62,7 @@ def wrong_edges(edges: GraphEdges, T_truth: ArrayLike) -> list[tuple[int, int, s
     if len(edges.vertices) and edges.vertices.max() >= len(truth):
         raise ValueError(f"an edge names vertex {edges.vertices.max()}, and there are {len(truth)}")
     judged = [k for k, kind in enumerate(edges.kinds) if kind != "odometry" and np.isfinite(truth[edges.vertices[k]]).all()]
-    return [(*map(int, edges.vertices[k]), edges.kinds[k]) for k in judged if _is_wrong(edges, k, truth)]
+    return [(int(edges.vertices[k, 0]), int(edges.vertices[k, 1]), edges.kinds[k]) for k in judged if _is_wrong(edges, k, truth)]
 
 
 def _is_wrong(edges: GraphEdges, k: int, truth: Floats) -> bool:

@@ -2,24 +2,43 @@
 
 import sys
 
-from explore_command.arguments import ArgumentProblem, parse, prepare_out
+from explore_command.arguments import ArgumentProblem, ExploreArguments, parse, prepare_out
 from explore_command.launching import parameter_problem, run_launch, world_problem
+from explore_command.sessions import clock_after
 
 
-def main() -> int:
+def main(argv: list[str] | None = None) -> int:
     try:
-        arguments = parse()
+        arguments = parse(argv)
         if arguments.check_only:
             print("set up; for a ROS shell: source .ws/devel/setup.bash")
             return 0
         problem = parameter_problem(arguments) or world_problem(arguments)
         if problem:
             raise ArgumentProblem(problem)
-        prepare_out(arguments.out, arguments.force)
+        clock_start_s = _prepare(arguments)
     except ArgumentProblem as error:
         print(f"./explore: {error}", file=sys.stderr)
         return 2
-    return run_launch(arguments)
+    return run_launch(arguments, clock_start_s)
+
+
+def _prepare(arguments: ExploreArguments) -> float:
+    """Makes the folder of the run, with the session that it goes on with, if there is one; what the clock starts at, in seconds."""
+    try:
+        if arguments.resume:
+            clock_start_s = clock_after(arguments.out, "--resume")
+            prepare_out(arguments.out, force=True, keep_sweeps=True)
+            return clock_start_s
+        clock_start_s = clock_after(arguments.map, "--map") if arguments.map else 0.0
+        prepare_out(arguments.out, arguments.force)
+        if arguments.map:
+            from pose_graph_mapping.session_store import copy_session  # loads gtsam: only when it is asked for
+
+            copy_session(arguments.map, arguments.out)
+        return clock_start_s
+    except (ValueError, OSError) as error:
+        raise ArgumentProblem(str(error)) from error
 
 
 if __name__ == "__main__":

@@ -6,7 +6,10 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
+from explore_command.sessions import EarlierRun, earlier_run
+
 NAMED_WORLDS = ("rooms", "ramp", "moon")
+SENSORS = ("tilting", "spinning")
 _RUN_FILES: tuple[str, ...] = (
     "run.json",
     "summary.json",
@@ -22,6 +25,7 @@ _RUN_FILES: tuple[str, ...] = (
 )
 _RUN_FILES += (
     "cloud.ply",
+    "cloud.pcd",
     "graph.g2o",
     "occupied.npz",
     "terrain.npz",
@@ -46,11 +50,14 @@ class ExploreArguments:
     """What a run was asked to do; lengths in metres, angles in radians."""
 
     world: str
+    sensor: str
     seed: int
     start: tuple[float, float, float] | None
     size: tuple[float, float, float] | None
     area: tuple[float, float] | None
     out: Path
+    resume: bool
+    map: Path | None
     force: bool
     headless: bool
     rate: float
@@ -72,7 +79,6 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument(
         "--world",
-        default="ramp",
         metavar="W",
         help="rooms, ramp, moon, or a FILE: mesh (.dae .obj .stl .ply) or height map (.png); default ramp",
     )
@@ -81,8 +87,19 @@ def parser() -> argparse.ArgumentParser:
         "--area", nargs=2, type=float, metavar=("X", "Y"), help="explore only X by Y metres of a FILE, around the start, behind walls"
     )
     p.add_argument("--start", nargs=3, type=float, metavar=("X", "Y", "YAW"), help="where the robot starts; default: chosen by the seed")
-    p.add_argument("--seed", type=int, default=1, help="sets start, noise, slip and clutter; default 1")
+    p.add_argument(
+        "--sensor",
+        default="tilting",
+        choices=SENSORS,
+        help="tilting: a 2-D laser on a tilting mount; spinning: a lidar of 16 beams on the same mount; default tilting",
+    )
+    p.add_argument("--seed", type=int, help="sets start, noise, slip and clutter; default 1")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for the results; default runs/WORLD-SEED")
+    go_on = p.add_mutually_exclusive_group()
+    go_on.add_argument(
+        "--resume", type=Path, metavar="DIR", help="go on with the run in DIR, however it ended; the robot may have been moved"
+    )
+    go_on.add_argument("--map", type=Path, metavar="DIR", help="start somewhere in the finished map of DIR, and explore what it lacks")
     p.add_argument("--force", action="store_true", help="overwrite an earlier run in --out")
     view = p.add_mutually_exclusive_group()
     view.add_argument("--headless", action="store_true", help="no rviz, also where there is a display")
@@ -101,18 +118,28 @@ def parser() -> argparse.ArgumentParser:
 
 
 def parse(argv: list[str] | None = None) -> ExploreArguments:
-    """Checked arguments; ArgumentProblem for what argparse cannot know, SystemExit(2) for what it can."""
+    """Checked arguments; ArgumentProblem for what argparse cannot know, SystemExit(2) for what it can.
+
+    A run that goes on is in the world, and by default with the seed, of the earlier one.
+    """
     a = parser().parse_args(argv)
+    earlier = earlier_run(a.resume or a.map) if a.resume or a.map else EarlierRun(None, None)
+    a.world, a.seed = a.world or earlier.world or "ramp", earlier.seed or 1 if a.seed is None else a.seed
+    if a.resume and a.out:
+        raise ArgumentProblem("--resume goes on in the folder of the earlier run: --out cannot be another")
     _check_world(a.world, a.size)
     _check_numbers(a)
-    out = (a.out or Path("runs") / f"{Path(a.world).stem}-{a.seed}").absolute()
+    out = (a.resume or a.out or Path("runs") / f"{Path(a.world).stem}-{a.seed}").absolute()
     return ExploreArguments(
         world=a.world if a.world in NAMED_WORLDS else str(Path(a.world).absolute()),
+        sensor=a.sensor,
         seed=a.seed,
         start=tuple(a.start) if a.start else None,
         size=tuple(a.size) if a.size else None,
         area=tuple(a.area) if a.area else None,
         out=out,
+        resume=a.resume is not None,
+        map=a.map.absolute() if a.map else None,
         force=a.force or a.out is None,
         headless=a.headless or not (a.rviz or os.environ.get("DISPLAY")),
         rate=a.rate,
@@ -150,17 +177,17 @@ def _check_numbers(a: argparse.Namespace) -> None:
             raise ArgumentProblem(f"--set {text}: expected NODE/PARAMETER=VALUE, for example octomap_server_3dnav_node/local_radius_m=8")
 
 
-def prepare_out(out: Path, force: bool) -> None:
+def prepare_out(out: Path, force: bool, keep_sweeps: bool = False) -> None:
     """Makes an empty results folder; ArgumentProblem when it cannot be written, or holds something and `force` is not set.
 
-    With `force` only the files of an earlier run are removed: whatever else lies there stays.
+    With `force` only the files of an earlier run are removed: whatever else lies there stays, with `keep_sweeps` also its sweeps.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
             if not force:
                 raise ArgumentProblem(f"--out {out}: not empty; --force overwrites the run in it")
-            _remove_run(out)
+            _remove_run(out, keep_sweeps)
         probe = out / ".writable"
         probe.touch()
         probe.unlink()
@@ -168,8 +195,8 @@ def prepare_out(out: Path, force: bool) -> None:
         raise ArgumentProblem(f"--out {out}: cannot be written: {error.strerror}") from error
 
 
-def _remove_run(out: Path) -> None:
+def _remove_run(out: Path, keep_sweeps: bool) -> None:
     for name in _RUN_FILES:
         (out / name).unlink(missing_ok=True)
-    for name in _RUN_FOLDERS:
+    for name in set(_RUN_FOLDERS) - ({"sweeps"} if keep_sweeps else set()):
         shutil.rmtree(out / name, ignore_errors=True)

@@ -40,15 +40,18 @@ def _joined(values: tuple[float, ...] | None) -> str:
     return " ".join(f"{v:g}" for v in values) if values else ""
 
 
-def launch_arguments(arguments: ExploreArguments, overrides: str) -> dict[str, object]:
+def launch_arguments(arguments: ExploreArguments, overrides: str, clock_start_s: float = 0.0) -> dict[str, object]:
     """The launch file's arguments by name."""
     return {
         "world": arguments.world,
+        "sensor": arguments.sensor,
         "seed": arguments.seed,
         "start": _joined(arguments.start),
         "size": _joined(arguments.size),
         "area": _joined(arguments.area),
         "out": arguments.out,
+        "resume": str(arguments.resume or arguments.map is not None).lower(),
+        "clock_start": clock_start_s,
         "rate": arguments.rate,
         "lockstep": str(arguments.lockstep).lower(),
         "record": str(arguments.record).lower(),
@@ -67,14 +70,14 @@ def _write_overrides(arguments: ExploreArguments) -> str:
     return str(path)
 
 
-def run_launch(arguments: ExploreArguments) -> int:
+def run_launch(arguments: ExploreArguments, clock_start_s: float = 0.0) -> int:
     """Runs the launch file to its end; 0 when the run succeeded, 2 for a wrong parameter, else 1."""
     port = arguments.port or free_port()
     print(
         f"exploring {arguments.world}, seed {arguments.seed}; results in {arguments.out}; ROS_MASTER_URI=http://localhost:{port}",
         flush=True,
     )
-    values = launch_arguments(arguments, _write_overrides(arguments))
+    values = launch_arguments(arguments, _write_overrides(arguments), clock_start_s)
     with (arguments.out / "roslaunch.log").open("w", buffering=1) as log:
         launch = start_launch("explore.launch", values, port, arguments.out / "log", _SHUTDOWN_S)
         hand_on_signals(launch)

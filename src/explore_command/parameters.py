@@ -15,12 +15,15 @@ PROFILES = Path(__file__).resolve().parents[2] / "config" / "profiles"
 Overrides = dict[str, dict[str, Any]]
 
 NODE_CONFIGS: dict[str, dict[str, str]] = {
-    "pybullet_sim_node": {"": "pybullet_simulation.SimulationConfig"},
-    "scan_filter_node": {"": "sweep_assembly.ScanFilterConfig"},
+    "pybullet_sim_node": {"": "pybullet_simulation.SimulationConfig", "spinning": "pybullet_simulation.SpinningLidarConfig"},
+    "scan_filter_node": {"": "sweep_assembly.ScanFilterConfig", "lidar": "sweep_assembly.LidarConfig"},
     "odometry_fusion_node": {"": "odometry_fusion.OdometryConfig"},
-    "sweep_assembler_node": {"": "sweep_assembly.SweepAssemblyConfig"},
+    "sweep_assembler_node": {"": "sweep_assembly.SweepAssemblyConfig", "lidar": "sweep_assembly.LidarConfig"},
     "icp_matcher_node": {"": "pose_graph_mapping.registration.RegistrationConfig"},
-    "pose_graph_mapping_node": {"": "pose_graph_mapping.config.MappingConfig"},
+    "pose_graph_mapping_node": {
+        "": "pose_graph_mapping.config.MappingConfig",
+        "localisation": "pose_graph_mapping.localisation.LocalisationConfig",
+    },
     "octomap_server_3dnav_node": {
         "": "octomap_server_3dnav.map_builder.MapConfig",
         "sensor_model": "octomap_server_3dnav.octree.SensorModel",

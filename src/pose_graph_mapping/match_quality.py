@@ -103,6 +103,7 @@ class FreeSpace:
         """Points compared with, and in front of, what was seen from the standpoints."""
         config = self._config
         margins = config.free_space_margin_m, config.free_space_margin_ratio, config.free_space_least_cos
+        assert others.normals is not None
         counts = [_count_in_front(others.points, others.normals, eye, image, *margins) for eye, image in images]
         return sum(compared for compared, _ in counts), sum(in_front for _, in_front in counts)
 

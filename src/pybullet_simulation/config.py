@@ -12,6 +12,7 @@ class SimulationConfig:
     physics_rate_hz: int = parameter(
         200, "Hz", "steps of the physics; a multiple of 200, so that the 100 Hz of the IMU fall on steps", low=200, high=1000
     )
+    clock_start_s: float = parameter(0.0, "s", "what the clock says at the start: a session that goes on is later than its sweeps", low=0.0)
     settle_time_s: float = parameter(
         1.0, "s", "time the robot gets to come to rest on its wheels before the first tick", low=0.0, high=10.0
     )

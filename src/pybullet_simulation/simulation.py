@@ -68,7 +68,7 @@ class Simulation:
         self._laser = None if lidar else Laser(config, self._robot, world, laser_rng)
         self._lidar = SpinningLidar(config, lidar, self._robot, world, laser_rng) if lidar else None
         self._profile = spinning_sweep_profile(config, lidar) if lidar else sweep_profile(config)
-        self._tick, self._sweep_start_s = FIRST_TICK - 1, math.nan
+        self._tick, self._sweep_start_s = FIRST_TICK - 1 + round(config.clock_start_s * TICKS_PER_S), math.nan
         self._steps, self._dt_s = config.physics_rate_hz // TICKS_PER_S, 1.0 / config.physics_rate_hz
         self._settle()
         self._encoders, self._angles = np.zeros(4), self._physics.wheel_angles()

@@ -1,0 +1,39 @@
+"""Sessions that go on: what ./explore --resume and --map need to know of the folder of an earlier run."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+_PAUSE_S = 10.0
+
+
+@dataclass(frozen=True)
+class EarlierRun:
+    """The world (name or file) and seed of a run, None where it did not write them down."""
+
+    world: str | None
+    seed: int | None
+
+
+def earlier_run(folder: Path) -> EarlierRun:
+    """What run.json in the folder says."""
+    try:
+        run = json.loads((folder / "run.json").read_text())
+        return EarlierRun(str(run["world"]), int(run["seed"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return EarlierRun(None, None)
+
+
+def clock_after(folder: Path, option: str) -> float:
+    """Seconds at which the clock goes on after the last sweep of the session in a folder; ValueError when there is none."""
+    from pose_graph_mapping.session_store import SessionStore  # loads gtsam: only when it is asked for
+
+    if not (folder / "sweeps").is_dir():
+        raise ValueError(f"{option} {folder}: no session there, sweeps/ is missing")
+    try:
+        sweeps = SessionStore(folder).sweeps
+    except (ValueError, OSError) as error:
+        raise ValueError(f"{option} {folder}: {error}") from error
+    if not sweeps:
+        raise ValueError(f"{option} {folder}: the session there holds no sweep")
+    return float(round(sweeps[-1].stamp_s + _PAUSE_S))

@@ -1,0 +1,123 @@
+"""The session folder of the mapping node: sweeps go to disk as they come, and a session that ended, however it ended, goes on."""
+
+from pathlib import Path
+
+import numpy as np
+import rospy
+from explore_3dnav.msg import MappedSweep
+from explore_3dnav.srv import RestoreSweep
+from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2
+
+from pose_graph_mapping.cloud import PointCloud
+from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.localisation import LocalisationConfig, Placement, localise
+from pose_graph_mapping.loop_closure import Match
+from pose_graph_mapping.mapper import PoseGraphMapper
+from pose_graph_mapping.pose_graph import PoseGraph
+from pose_graph_mapping.session_resume import resume
+from pose_graph_mapping.session_store import DamagedSweepError, NotOnDiskError, SessionStore
+from ros_adapters.conversions import Singles, cloud_message, free_arrays, header, pose_message
+from ros_adapters.node import Diagnostics
+
+_SERVICE, _WAIT_S = "octomap_server_3dnav_node/restore_sweep", 30.0
+
+
+class SessionKeeper:
+    """What the node does with its run's folder; without a folder nothing is kept."""
+
+    def __init__(self, folder: Path | None, diagnostics: Diagnostics) -> None:
+        self._store = SessionStore(folder) if folder else None
+        self._diagnostics = diagnostics
+        self._saved_vertices = 0
+
+    def resumed(self, config: MappingConfig, match: Match) -> PoseGraphMapper | None:
+        """The mapper of the session on disk, whose map the terrain node then has too; None where there are no sweeps."""
+        if not self._store or not self._store.sweeps:
+            return None
+        found = resume(self._store, config, match)
+        for note in (*found.notes, *_hand_over_map(self._store, found.mapper.graph)):
+            rospy.logwarn("session: %s", note)
+            self._diagnostics.dropped("session", note)
+        rospy.loginfo("session of %d sweeps goes on", len(self._store.sweeps))
+        return found.mapper
+
+    def keep(
+        self,
+        graph: PoseGraph,
+        stamp_s: float,
+        cloud: tuple[Singles, Singles],
+        free: PointCloud2,
+        T_odom_base: NDArray[np.float64],
+        gravity: tuple[NDArray[np.float64], float],
+    ) -> None:
+        """Puts the newest vertex's sweep on disk; a disk that takes nothing stops nobody, and is named."""
+        if not self._store:
+            return
+        try:
+            beams = PointCloud.of_finite(*free_arrays(free))
+            self._store.add_sweep(len(graph) - 1, stamp_s, *cloud, graph, T_odom_base, *gravity, free=beams)
+        except NotOnDiskError as error:
+            self._diagnostics.dropped("sweep not on disk", str(error))
+        self._diagnostics.values["sweeps not on disk"] = self._store.not_on_disk
+
+    def save(self, mapper: PoseGraphMapper) -> tuple[bool, str]:
+        """Writes graph, trajectory and cloud when there are vertices that the last save did not have."""
+        vertices = len(mapper.stamps_s)
+        if not self._store or vertices == self._saved_vertices:
+            return True, "nothing new to save"
+        try:
+            left_out = self._store.save(mapper.graph)
+        except OSError as error:
+            self._diagnostics.dropped("save", str(error))
+            return False, str(error)
+        self._saved_vertices = vertices
+        return True, "; ".join((f"{vertices} vertices saved", *left_out))
+
+
+def found_in_map(
+    mapper: PoseGraphMapper, cloud: tuple[Singles, Singles], up: NDArray[np.float64], match: Match, config: LocalisationConfig
+) -> Placement:
+    """Where in the map of a session a sweep was made; ValueError when it does not tell."""
+    placement = localise(mapper.graph, mapper.vertex_clouds(), PointCloud.of_finite(*cloud), match, config, up)
+    if not placement.accepted:
+        raise ValueError(f"the robot was not found in the session's map: {placement.reason}")
+    rospy.loginfo("session: %s", placement.reason)
+    return placement
+
+
+def _hand_over_map(store: SessionStore, graph: PoseGraph) -> list[str]:
+    """Gives all sweeps of a session to the terrain node; what could not be given, a sentence each.
+
+    By a service, so that none is lost however many there are. Damaged sweeps are left out.
+    """
+    problems: list[str] = []
+    try:
+        rospy.wait_for_service(_SERVICE, _WAIT_S)
+        restore = rospy.ServiceProxy(_SERVICE, RestoreSweep, persistent=True)
+        for stored in store.sweeps:
+            try:
+                answer = restore(_message(store, graph, stored.vertex_id, stored.stamp_s))
+            except DamagedSweepError as error:
+                problems.append(str(error))
+                continue
+            if not answer.accepted:
+                problems.append(f"sweep {stored.vertex_id} is not in the octomap: {answer.message}")
+    except (rospy.ROSException, rospy.ServiceException) as error:
+        problems.append(f"the octomap lacks the session's sweeps: {error}")
+    return problems
+
+
+def _message(store: SessionStore, graph: PoseGraph, vertex_id: int, stamp_s: float) -> MappedSweep:
+    message = MappedSweep(header=header(stamp_s, "map"), vertex_id=vertex_id)
+    message.cloud = _cloud(stamp_s, store.load_sweep(vertex_id))
+    free = store.load_free(vertex_id)
+    if free is not None and len(free):
+        message.free = _cloud(stamp_s, free)
+    message.vertex_poses = [pose_message(T) for T in graph.poses()[: vertex_id + 1]]
+    return message
+
+
+def _cloud(stamp_s: float, cloud: PointCloud) -> PointCloud2:
+    assert cloud.origins is not None
+    return cloud_message(stamp_s, "base_link", cloud.points.astype(np.float32), cloud.origins.astype(np.float32))

@@ -1,0 +1,66 @@
+"""--resume and --map: which run goes on, and what is said where there is none."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from explore_command.__main__ import main
+from explore_command.arguments import ArgumentProblem, parse, prepare_out
+from explore_command.sessions import clock_after, earlier_run
+from pose_graph_mapping.pose_graph import PoseGraph
+from pose_graph_mapping.session_store import SessionStore
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Path:
+    """A run of rooms 7 with one sweep of stamp 42.5."""
+    folder = tmp_path / "earlier"
+    graph = PoseGraph()
+    graph.add_vertex(np.eye(4))
+    points = np.ones((300, 3))
+    SessionStore(folder).add_sweep(0, 42.5, points, 0.0 * points, graph, np.eye(4))
+    (folder / "run.json").write_text(json.dumps({"world": "rooms", "seed": 7}))
+    (folder / "summary.json").write_text("{}")
+    return folder
+
+
+def test_run_goes_on_in_its_folder_world_and_seed(session: Path) -> None:
+    a = parse(["--resume", str(session)])
+    assert (a.out, a.resume, a.map, a.world, a.seed) == (session, True, None, "rooms", 7)
+
+
+def test_map_is_explored_in_another_folder(session: Path) -> None:
+    a = parse(["--map", str(session), "--seed", "3"])
+    assert (a.resume, a.map, a.world, a.seed) == (False, session, "rooms", 3)
+    assert a.out.name == "rooms-3"
+
+
+@pytest.mark.parametrize("more", [["--out", "elsewhere"], ["--map", "elsewhere"]])
+def test_resuming_has_one_folder(session: Path, more: list[str]) -> None:
+    with pytest.raises((ArgumentProblem, SystemExit)):
+        parse(["--resume", str(session), *more])
+
+
+def test_clock_goes_on_after_the_last_sweep(session: Path) -> None:
+    assert clock_after(session, "--resume") > 50.0
+    assert earlier_run(session).seed == 7
+
+
+def test_folder_without_a_session_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(ValueError, match="--map .*no session there"):
+        clock_after(tmp_path, "--map")
+    (tmp_path / "sweeps").mkdir()
+    with pytest.raises(ValueError, match="holds no sweep"):
+        clock_after(tmp_path, "--map")
+    assert main(["--resume", str(tmp_path / "absent"), "--world", "rooms"]) == 2
+    assert "no session there" in capsys.readouterr().err
+    assert earlier_run(tmp_path).world is None
+
+
+def test_sweeps_of_a_run_that_goes_on_stay(session: Path) -> None:
+    prepare_out(session, force=True, keep_sweeps=True)
+    assert (session / "sweeps" / "000000.npz").exists() and not (session / "summary.json").exists()
+    prepare_out(session, force=True)
+    assert not (session / "sweeps").exists()
