@@ -8,9 +8,10 @@ from explore_3dnav.msg import Contact
 from geometry_msgs.msg import Vector3
 from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import Imu, JointState, LaserScan
+from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2
 
 from ros_adapters.conversions import header, pose_message, ros_time
+from ros_adapters.revolution_messages import revolution_message
 
 if TYPE_CHECKING:
     from pybullet_simulation import ImuSample, JointSample, Scan, ScanGeometry, TickData, Truth, WheelOdometry
@@ -21,14 +22,16 @@ _UNKNOWN_ORIENTATION = [-1.0] + [0.0] * 8  # sensor_msgs/Imu: no orientation est
 class TickPublisher:
     """Publishes /clock first, then what the robot's longest chain of nodes waits for, and the judge's truth at the end."""
 
-    def __init__(self, scan_geometry: "ScanGeometry") -> None:
+    def __init__(self, scan_geometry: "ScanGeometry", *, spinning: bool = False) -> None:
+        """/scan of a laser of this geometry, or /points of a spinning lidar."""
         self._geometry = scan_geometry
 
         def small(topic: str, message_type: type) -> rospy.Publisher:
             return rospy.Publisher(topic, message_type, queue_size=None, tcp_nodelay=True)
 
         self._clock = small("/clock", Clock)
-        self._scan = small("/scan", LaserScan)
+        self._scan = None if spinning else small("/scan", LaserScan)
+        self._points = small("/points", PointCloud2) if spinning else None
         self._joints = small("/joint_states", JointState)
         self._imu = small("/imu/data", Imu)
         self._wheels = small("/wheel_odom", Odometry)
@@ -42,8 +45,12 @@ class TickPublisher:
         self._wheels.publish(_wheel_message(data.wheel_odometry))
         for joints in data.joints:
             self._joints.publish(_joint_message(joints))
-        for scan in data.scans:
-            self._scan.publish(_scan_message(scan, self._geometry))
+        if self._scan:
+            for scan in data.scans:
+                self._scan.publish(_scan_message(scan, self._geometry))
+        turn = data.revolution
+        if self._points and turn is not None:
+            self._points.publish(revolution_message(turn.stamp_s, turn.points, turn.rings, turn.times_s))
         self._truth.publish(_truth_message(data.truth))
         for contact in data.contacts:
             self._contacts.publish(Contact(header(data.stamp_s, "world"), contact.link, contact.speed_mps, contact.force_n))

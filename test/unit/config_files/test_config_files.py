@@ -55,6 +55,10 @@ def test_both_octomap_nodes_set_the_same_terrain() -> None:
     assert _values("octomap_server_3dnav_node")["terrain"] == _values("octomap_server_3dnav_local_node")["terrain"]
 
 
+def test_both_nodes_behind_a_spinning_lidar_know_the_same_one() -> None:
+    assert _values("scan_filter_node")["lidar"] == _values("sweep_assembler_node")["lidar"]
+
+
 def test_every_file_belongs_to_a_node() -> None:
     assert {path.name for path in (ROOT / "config").glob("*.yaml")} == {path.name for path in CONFIG_FILE.values()}
 

@@ -16,6 +16,17 @@ def test_launch_file_gets_every_argument() -> None:
     assert (values["start"], values["size"], values["area"], values["overrides"]) == ("", "", "", "")
 
 
+def test_launch_file_is_told_the_sensor() -> None:
+    assert launch_arguments(parse([]), "")["sensor"] == "tilting"
+    assert launch_arguments(parse(["--sensor", "spinning"]), "")["sensor"] == "spinning"
+
+
+def test_unknown_sensor_is_refused() -> None:
+    with pytest.raises(SystemExit) as ended:
+        parse(["--sensor", "radar"])
+    assert ended.value.code == 2
+
+
 def test_start_is_joined_by_spaces() -> None:
     assert launch_arguments(parse(["--start", "1", "-2.5", "0.3"]), "")["start"] == "1 -2.5 0.3"
 
