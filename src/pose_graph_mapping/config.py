@@ -42,6 +42,7 @@ class RegistrationConfig:
     search_max_contradiction: float = parameter(
         0.015, "-", "points in free space above which a rough placement comes last", low=0.0, high=1.0
     )
+    search_hopeless_contradiction: float = parameter(0.08, "-", "and above which none but the first is refined in full", low=0.0, high=1.0)
     search_rival_share: float = parameter(0.8, "-", "share of the best overlap that makes a rival", low=0.0, high=1.0)
 
     degenerate_eigenvalue: float = parameter(

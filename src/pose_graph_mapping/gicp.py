@@ -131,9 +131,7 @@ class GicpRegistration:
         tried, found = 0, list[RegistrationResult]()
         first = refused(pair.T_guess, "no placement within the search")
         for start in starts:
-            if tried == config.search_refined or any(_same(other, start.T, config) for other in found):
-                continue
-            if found and not self._may_rival(start, starts[0]):
+            if not self._is_worth_refining(start, starts[0], tried, found):
                 continue
             result = self._refined(pair, start.T, None)
             tried += 1
@@ -158,10 +156,17 @@ class GicpRegistration:
             places.append(_Rough(T, overlap, pair.free_space.contradiction(T, _ROUGH_POINTS)))
         return sorted(places, key=lambda rough: (not rough.contradiction <= config.search_max_contradiction, -rough.overlap))
 
-    def _may_rival(self, rough: _Rough, best: _Rough) -> bool:
-        return (
-            rough.contradiction <= self._config.search_max_contradiction and rough.overlap >= self._config.search_rival_share * best.overlap
-        )
+    def _is_worth_refining(self, rough: _Rough, best: _Rough, tried: int, found: Sequence[RegistrationResult]) -> bool:
+        """The first always; then what is not hopeless, nor found already, and, once there is one, only what may rival it."""
+        config = self._config
+        if tried == 0:
+            return True
+        if tried == config.search_refined or not rough.contradiction <= config.search_hopeless_contradiction:
+            return False
+        if any(_same(other, rough.T, config) for other in found):
+            return False
+        may_rival = rough.contradiction <= config.search_max_contradiction and rough.overlap >= config.search_rival_share * best.overlap
+        return may_rival or not found
 
     def _refined(self, pair: _Pair, T_start: Array, coarse_distance_m: float | None) -> RegistrationResult:
         """From `T_start`, with a coarse stage where it is given its distance; in directions that nothing holds the guess stands."""
