@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 _ODOMETRY_DOUBT = 2.0
 """A match is judged against odometry of this many times its sigmas: a slip is likelier than a wrong match."""
 _BIAS_ROUNDS = 6
-_BIAS_SETTLED_RAD = 1e-7
+_BIAS_SETTLED_RAD = 2e-6
 
 __all__ = ["Edge", "EdgeKind", "GraphNotSolvable", "PoseGraph", "as_covariance", "orthonormal", "unit_up"]
 
