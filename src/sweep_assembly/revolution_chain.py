@@ -21,6 +21,7 @@ from sweep_assembly.tilt_history import TiltHistory
 JUMP_BACK_S = 0.5
 BUFFER_S = 5.0
 MOST_TICKS = 100
+KEPT_TILTS = 1000  # a mount whose joint is sampled a thousand times a second takes a hundred in a revolution
 TURN_SLACK_S = 0.002  # by which a turn may begin before its stamp
 LONGEST_TURNS = 1.05  # a motor's speed is not exact
 FAR_M = 1000.0  # stands for beams that met nothing where their ends are moved
@@ -53,7 +54,7 @@ class RevolutionChain:
         self._reset()
 
     def _reset(self) -> None:
-        self._tilts = TiltHistory()
+        self._tilts = TiltHistory(KEPT_TILTS)
         self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", JUMP_BACK_S, BUFFER_S, self.dropped)
         self._waiting: StampedBuffer[Revolution] = StampedBuffer("revolution", JUMP_BACK_S, BUFFER_S, self.dropped)
         self._ticks: list[float] = []

@@ -5,15 +5,16 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-_KEPT_SAMPLES = 100
+KEPT_SAMPLES = 100
 
 
 class TiltHistory:
     """The newest joint samples; answers for times that lie between them and for no others."""
 
-    def __init__(self) -> None:
-        self._stamps: deque[float] = deque(maxlen=_KEPT_SAMPLES)
-        self._tilts: deque[float] = deque(maxlen=_KEPT_SAMPLES)
+    def __init__(self, kept: int = KEPT_SAMPLES) -> None:
+        """Holds so many samples: they must last for a scan and for what it waits for."""
+        self._stamps: deque[float] = deque(maxlen=kept)
+        self._tilts: deque[float] = deque(maxlen=kept)
 
     def add(self, stamp_s: float, tilt_rad: float) -> None:
         """Takes a sample; ValueError when it is not finite. One older than the last means that time jumped: start afresh."""

@@ -196,6 +196,13 @@ def test_nothing_is_given_out_before_joints_and_odometry_reach_the_end():
         assert len([a for a in target.poll() if a.revolution is not None]) == 1
 
 
+def test_mount_that_is_sampled_a_thousand_times_a_second_is_known_for_the_whole_revolution():
+    given_ = inputs(still, turns=2)
+    given_["joint"] = [(t, 0.0) for t in np.arange(1.0, 1.3, 0.001).round(6)]
+    ranges = [a.level_ranges for a in run(chain(), given_) if a.revolution is not None]
+    assert len(ranges) == 2 and all(np.isfinite(r).sum() > 100 for r in ranges)
+
+
 def test_revolution_whose_times_are_not_of_its_turn_is_refused():
     one = revolution(1.0, still, level)
     before = Revolution(one.points, one.rings, one.times_s - 0.1)
