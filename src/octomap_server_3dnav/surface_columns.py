@@ -22,7 +22,7 @@ class Columns(NamedTuple):
 
     nx: int
     ny: int
-    start: NDArray[np.int64]
+    start: NDArray[np.int32]
     z_lo: NDArray[np.int16]
     z_hi: NDArray[np.int16]
     occupied: NDArray[np.bool_]
@@ -31,7 +31,7 @@ class Columns(NamedTuple):
 class Surfaces(NamedTuple):
     """Surface nodes sorted by column and height: column (N,), z (N,) of the voxel, bridged (N,), and start per column."""
 
-    start: NDArray[np.int64]
+    start: NDArray[np.int32]
     column: NDArray[np.int32]
     z: NDArray[np.int16]
     bridged: NDArray[np.bool_]
@@ -44,18 +44,21 @@ def _crop(start: Any, z_lo: Any, z_hi: Any, occupied: Any, ny: Any, x0: Any, x1:
     total = 0
     for ix in range(x0, x1):
         total += start[ix * ny + y1] - start[ix * ny + y0]
-    out_start = np.zeros(wx * wy + 1, np.int64)
+    out_start = np.zeros(wx * wy + 1, np.int32)
     lo, hi, occ = np.empty(total, np.int16), np.empty(total, np.int16), np.empty(total, np.bool_)
     n = 0
-    for wix in range(wx):
-        ix = wix - margin + x0
-        for wiy in range(wy):
-            iy = wiy - margin + y0
-            if x0 <= ix < x1 and y0 <= iy < y1:
-                for r in range(start[ix * ny + iy], start[ix * ny + iy + 1]):
-                    lo[n], hi[n], occ[n] = z_lo[r], z_hi[r], occupied[r]
-                    n += 1
-            out_start[wix * wy + wiy + 1] = n
+    for ix in range(x0, x1):
+        first, last = start[ix * ny + y0], start[ix * ny + y1]
+        begin = (ix - x0 + margin) * wy + margin
+        out_start[begin - margin : begin] = n
+        for j in range(y1 - y0):
+            out_start[begin + j] = start[ix * ny + y0 + j] - first + n
+        lo[n : n + last - first] = z_lo[first:last]
+        hi[n : n + last - first] = z_hi[first:last]
+        occ[n : n + last - first] = occupied[first:last]
+        n += last - first
+        out_start[begin + y1 - y0 : begin + y1 - y0 + margin] = n
+    out_start[(x1 - x0 + margin) * wy :] = n
     return wx, wy, out_start, lo, hi, occ
 
 
@@ -133,40 +136,39 @@ def blocking_voxel(columns: Any, c: Any, level: Any, step: Any, clearance: Any) 
 
 
 @njit(cache=True)
-def _seen_only_from_below(columns: Any, c: Any, r: Any) -> Any:
-    """Whether occupied run r of column c is the underside of something whose top is unknown: air below it and none directly above.
+def _seen_only_from_below(z_lo: Any, z_hi: Any, occupied: Any, first: Any, r: Any, last: Any) -> Any:
+    """Whether occupied run r of a column's first..last is the underside of something with unknown top: air below it, none directly above.
 
     Air may begin one voxel below, for the beams that hit an underside flatly leave its layer unknown. Above there is no such tolerance:
     a thin plate's unknown top would be taken for its underside, a few voxels too low.
     """
-    first, last = columns.start[c], columns.start[c + 1] - 1
-    if r == first or columns.occupied[r - 1] or columns.z_hi[r - 1] < columns.z_lo[r] - 2:
+    if r == first or occupied[r - 1] or z_hi[r - 1] < z_lo[r] - 2:
         return False
-    return r == last or columns.z_lo[r + 1] > columns.z_hi[r] + 1
+    return r == last or z_lo[r + 1] > z_hi[r] + 1
 
 
 @njit(cache=True)
 def _tops(columns: Any, clearance: Any) -> Any:
     """(start, column, z) of the tops of occupied runs with at least `clearance` voxels below the next occupied one."""
-    n_columns = columns.nx * columns.ny
-    start = np.zeros(n_columns + 1, np.int64)
-    column = np.empty(columns.z_lo.size, np.int32)
-    z = np.empty(columns.z_lo.size, np.int16)
+    runs, z_lo, z_hi, occupied = columns.start, columns.z_lo, columns.z_hi, columns.occupied  # named once: see terrain_kernels
+    start = np.zeros(runs.size, np.int32)
+    column, z = np.empty(z_lo.size, np.int32), np.empty(z_lo.size, np.int16)
     n = 0
-    for c in range(n_columns):
+    for c in range(runs.size - 1):
+        first, last = np.int64(runs[c]), np.int64(runs[c + 1]) - 1
         ceiling = NO_VOXEL + clearance
-        first = n
-        for r in range(columns.start[c + 1] - 1, columns.start[c] - 1, -1):
-            if not columns.occupied[r]:
+        begin = n
+        for r in range(last, first - 1, -1):
+            if not occupied[r]:
                 continue
-            if ceiling - columns.z_hi[r] > clearance and not _seen_only_from_below(columns, c, r):
-                column[n], z[n] = c, columns.z_hi[r]
+            if ceiling - z_hi[r] > clearance and not _seen_only_from_below(z_lo, z_hi, occupied, first, r, last):
+                column[n], z[n] = c, z_hi[r]
                 n += 1
-            ceiling = np.int64(columns.z_lo[r])
-        for k in range((n - first) // 2):
-            z[first + k], z[n - 1 - k] = z[n - 1 - k], z[first + k]
+            ceiling = np.int64(z_lo[r])
+        for k in range((n - begin) // 2):
+            z[begin + k], z[n - 1 - k] = z[n - 1 - k], z[begin + k]
         start[c + 1] = n
-    return start, column[:n].copy(), z[:n].copy()
+    return start, column[:n], z[:n]
 
 
 @njit(cache=True)
@@ -183,35 +185,58 @@ def _level_agrees(start: Any, z: Any, a: Any, b: Any, gap: Any, back: Any, front
 
 
 @njit(cache=True)
-def _bridge(columns: Any, start: Any, column: Any, z: Any, hole: Any, step: Any, clearance: Any, drop: Any) -> Any:
-    """(M, 3) int64 of (column, z, gap) of virtual floor between two nodes of one level with at most `hole` columns unknown."""
-    found = []
+def _spans(columns: Any, start: Any, z: Any, a: Any, b: Any, c: Any, stride: Any, gap: Any, step: Any, clearance: Any, drop: Any) -> Any:
+    """Whether floor between nodes a, of column c, and b, `gap` columns on, contradicts nothing that is known there."""
+    for j in range(1, gap):
+        level = _level_between(z, a, b, j, gap)
+        between = c + j * stride
+        if find_node(start, z, between, level, step) >= 0 or blocking_voxel(columns, between, level, step, clearance) != NO_VOXEL:
+            return False
+        seen = seen_down_to(columns, between, level)
+        if seen != NO_VOXEL and seen <= level - drop:
+            return False
+    return True
+
+
+@njit(cache=True)
+def _level_between(z: Any, a: Any, b: Any, j: Any, gap: Any) -> Any:
+    """Layer of the floor j of `gap` columns on the way from node a to node b."""
+    return (2 * (np.int64(z[a]) * (gap - j) + np.int64(z[b]) * j) + gap) // (2 * gap)
+
+
+@njit(cache=True)
+def _beyond_hole(start: Any, z: Any, a: Any, c: Any, stride: Any, gap: Any, step: Any) -> Any:
+    """Node that goes on the floor of node a of column c `gap` columns further, -1 for none, -2 where ground lies before it."""
+    if find_node(start, z, c + (gap - 1) * stride, np.int64(z[a]), step) >= 0:
+        return -2
+    b = find_node(start, z, c + gap * stride, np.int64(z[a]), 2)
+    return b if b >= 0 and _level_agrees(start, z, a, b, gap, c - 3 * stride, c + (gap + 3) * stride, step) else -1
+
+
+@njit(cache=True)
+def _bridge(columns: Any, start: Any, column: Any, z: Any, limits: Any) -> Any:
+    """(M, 3) int64 of (column, z, gap) of virtual floor between two nodes of one level with at most `hole` columns unknown.
+
+    `limits` is (hole, step, clearance, drop) in voxels.
+    """
+    hole, step, clearance, drop = limits
+    nx, ny = columns.nx, columns.ny
+    found = [(np.int64(0), np.int64(0), np.int64(0)) for _ in range(0)]
     for a in range(z.size):
         c = np.int64(column[a])
-        ix, iy = c // columns.ny, c % columns.ny
         for k in range(2):
-            dx, dy = DX[k], DY[k]
-            stride = dx * columns.ny + dy
-            for gap in range(2, hole + 2):
-                if ix + (gap + 3) * dx >= columns.nx or iy + (gap + 3) * dy >= columns.ny or ix < 3 or iy < 3:
+            stride = ny if k == 0 else 1
+            if find_node(start, z, c + stride, np.int64(z[a]), step) >= 0:
+                continue
+            ix, iy = c // ny, c % ny
+            room = min(hole + 1, (nx - ix - 4 if k == 0 else ny - iy - 4)) if ix >= 3 and iy >= 3 else 0
+            for gap in range(2, room + 1):
+                b = _beyond_hole(start, z, a, c, stride, gap, step)
+                if b == -2:
                     break
-                if find_node(start, z, c + (gap - 1) * stride, z[a], step) >= 0:
-                    break
-                b = find_node(start, z, c + gap * stride, z[a], 2)
-                if b < 0 or not _level_agrees(start, z, a, b, gap, c - 3 * stride, c + (gap + 3) * stride, step):
-                    continue
-                za, zb = np.int64(z[a]), np.int64(z[b])
-                good = True
-                for j in range(1, gap):
-                    level = (2 * (za * (gap - j) + zb * j) + gap) // (2 * gap)
-                    between = c + j * stride
-                    seen = seen_down_to(columns, between, level)
-                    good &= find_node(start, z, between, level, step) < 0
-                    good &= blocking_voxel(columns, between, level, step, clearance) == NO_VOXEL
-                    good &= seen == NO_VOXEL or seen > level - drop
-                if good:
+                if b >= 0 and _spans(columns, start, z, a, b, c, stride, gap, step, clearance, drop):
                     for j in range(1, gap):
-                        found.append((c + j * stride, (2 * (za * (gap - j) + zb * j) + gap) // (2 * gap), np.int64(gap)))
+                        found.append((c + j * stride, _level_between(z, a, b, j, gap), np.int64(gap)))
     out = np.empty((len(found), 3), np.int64)
     for i in range(len(found)):
         out[i, 0], out[i, 1], out[i, 2] = found[i]
@@ -229,15 +254,38 @@ def _one_per_hole(found: NDArray[np.int64], step: int) -> NDArray[np.int64]:
     return found[np.r_[True, np.diff(np.sort(group)) != 0]][:, :2]
 
 
+@njit(cache=True)
+def _with_holes(start: Any, column: Any, z: Any, holes: Any) -> Any:
+    """(start, column, z, bridged) of the surfaces and the (M, 2) sorted `holes` among them."""
+    n, m = z.size, holes.shape[0]
+    out_start = np.empty_like(start)
+    out_column, out_z, bridged = np.empty(n + m, np.int32), np.empty(n + m, np.int16), np.zeros(n + m, np.bool_)
+    done, h = 0, 0  # columns and holes
+    while done < start.size - 1:
+        c = holes[h, 0] if h < m else start.size - 1
+        a = np.int64(start[c])
+        out_start[done : c + 1] = start[done : c + 1] + h
+        out_column[start[done] + h : a + h] = column[start[done] : a]
+        out_z[start[done] + h : a + h] = z[start[done] : a]
+        while h < m and holes[h, 0] == c:
+            while a < start[c + 1] and z[a] < holes[h, 1]:
+                out_column[a + h], out_z[a + h] = c, z[a]
+                a += 1
+            out_column[a + h], out_z[a + h], bridged[a + h] = c, holes[h, 1], True
+            h += 1
+        if c == start.size - 1:
+            break
+        out_column[a + h : start[c + 1] + h] = c
+        out_z[a + h : start[c + 1] + h] = z[a : start[c + 1]]
+        done = c + 1
+    out_start[-1] = n + m
+    return out_start, out_column, out_z, bridged
+
+
 def surfaces_of(columns: Columns, clearance: int, hole: int, step: int) -> Surfaces:
     """Every surface of the window with `clearance` voxels of room above, and virtual ones over holes of at most `hole` unknown columns."""
     start, column, z = _tops(columns, clearance)
-    holes = _one_per_hole(_bridge(columns, start, column, z, hole, step, clearance, step + 1), step)
+    holes = _one_per_hole(_bridge(columns, start, column, z, (hole, step, clearance, step + 1)), step)
     if not len(holes):
         return Surfaces(start, column, z, np.zeros(z.size, dtype=bool))
-    all_columns = np.concatenate([column, holes[:, 0].astype(np.int32)])
-    all_z = np.concatenate([z, holes[:, 1].astype(np.int16)])
-    order = np.lexsort((all_z, all_columns))
-    counts = np.bincount(holes[:, 0], minlength=start.size - 1)
-    start = start + np.concatenate([[0], np.cumsum(counts)])
-    return Surfaces(start, all_columns[order], all_z[order], order >= z.size)
+    return Surfaces(*_with_holes(start, column, z, np.ascontiguousarray(holes)))

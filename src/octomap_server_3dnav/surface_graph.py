@@ -5,24 +5,48 @@ edge is therefore never judged alone: a step compares the mean heights of the pa
 all ground within the footprint that straight lines over accepted edges reach.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from octomap_server_3dnav.surface_columns import DX, DY, find_node
 
+UNFITTED, GENTLE, STEEP = 0, 1, 2
+_BLOCK = 4096  # columns whose sums stay in the cache
+
+
+class Links(NamedTuple):
+    """Neighbours of the surface nodes, (N, 4) int32 each: the `near` ones, and in `graph` those of them that can be stepped to.
+
+    `slope` (C,) uint8 tells of columns amid open ground whether their only surface is GENTLE or STEEP; UNFITTED for the others.
+    """
+
+    near: NDArray[np.int32]
+    graph: NDArray[np.int32]
+    slope: NDArray[np.uint8]
+
 
 @njit(cache=True)
-def nearest_neighbours(start: Any, column: Any, z: Any, nx: Any, ny: Any, step: Any) -> Any:
-    """(N, 4) int32 node of each neighbouring column within `step` voxels in height, -1 where there is none."""
+def nearest_neighbours(start: Any, z: Any, ny: Any, spans: Any, step: Any) -> Any:
+    """(N, 4) int32 node of each neighbouring column within `step` voxels in height, -1 where there is none.
+
+    For the nodes of columns (ix, iy) with spans[ix, 0] <= iy < spans[ix, 1], which must not be at the window's rim; -1 for others.
+    """
     out = np.full((z.size, 4), -1, np.int32)
-    for s in range(z.size):
-        ix, iy = column[s] // ny, column[s] % ny
-        for k in range(4):
-            jx, jy = ix + DX[k], iy + DY[k]
-            if 0 <= jx < nx and 0 <= jy < ny:
-                out[s, k] = find_node(start, z, jx * ny + jy, np.int64(z[s]), step)
+    for ix in range(spans.shape[0]):
+        for iy in range(spans[ix, 0], spans[ix, 1]):
+            c = ix * ny + iy
+            first, end = start[c], start[c + 1]
+            for k in range(4):
+                d = c + DX[k] * ny + DY[k]
+                if end - first == 1 and start[d + 1] - start[d] == 1:
+                    if abs(np.int64(z[first]) - z[start[d]]) <= step:
+                        out[first, k] = start[d]
+                    continue
+                for s in range(first, end):
+                    out[s, k] = find_node(start, z, d, np.int64(z[s]), step)
     return out
 
 
@@ -70,25 +94,118 @@ def diagonal(graph: Any, s: Any, k: Any) -> Any:
 
 
 @njit(cache=True)
+def _ray_lengths(reach: Any) -> Any:
+    """Steps along the axes and along the diagonals within `reach` columns."""
+    return int(reach), int(round(reach / np.sqrt(2.0)))
+
+
+@njit(cache=True)
 def slope_at(graph: Any, z: Any, s: Any, reach: Any) -> Any:
     """Tangent of the steepest slope of the plane fitted to the ground around s, out to `reach` voxels."""
-    n, sx, sy, sz, sxx, syy, sxy, sxz, syz = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for ray in range(8):
-        k = ray % 4
-        is_diagonal = ray >= 4
-        dx = DX[k] + (DX[(k + 1) % 4] if is_diagonal else 0)
-        dy = DY[k] + (DY[(k + 1) % 4] if is_diagonal else 0)
-        steps = int(round(reach / np.sqrt(2.0))) if is_diagonal else int(reach)
-        node = s
-        for j in range(1, steps + 1):
-            node = diagonal(graph, node, k) if is_diagonal else graph[node, k]
-            if node < 0:
-                break
-            x, y, h = float(j * dx), float(j * dy), float(z[node]) - float(z[s])
-            n, sx, sy, sz = n + 1, sx + x, sy + y, sz + h
-            sxx, syy, sxy, sxz, syz = sxx + x * x, syy + y * y, sxy + x * y, sxz + x * h, syz + y * h
+    n, sx, sy, sz, sxx, syy, sxy, sxz, syz = 1, 0, 0, 0, 0, 0, 0, 0, 0
+    lengths = _ray_lengths(reach)
+    for k in range(4):
+        for oblique in range(2):
+            dx, dy = DX[k] + oblique * DX[(k + 1) % 4], DY[k] + oblique * DY[(k + 1) % 4]
+            node = np.int64(s)
+            for j in range(1, lengths[oblique] + 1):
+                node = np.int64(diagonal(graph, node, k) if oblique else graph[node, k])
+                if node < 0:
+                    break
+                x, y, h = j * dx, j * dy, np.int64(z[node]) - z[s]
+                n, sx, sy, sz = n + 1, sx + x, sy + y, sz + h
+                sxx, syy, sxy, sxz, syz = sxx + x * x, syy + y * y, sxy + x * y, sxz + x * h, syz + y * h
     # A weak pull to level (0.5) keeps the plane defined where all ground lies on one line.
     a, b, c = sxx - sx * sx / n + 0.5, syy - sy * sy / n + 0.5, sxy - sx * sy / n
     p, q = sxz - sx * sz / n, syz - sy * sz / n
     det = a * b - c * c
     return np.hypot((b * p - c * q) / det, (a * q - c * p) / det)
+
+
+@njit(cache=True)
+def _single_surfaces(start: Any, z: Any, graph: Any, ny: Any, spans: Any) -> Any:
+    """(C,) int16 voxel of the only surface of a column, and (C,) uint8 bits of the directions in which it can be left; else 0."""
+    level, edges = np.zeros(start.size - 1, np.int16), np.zeros(start.size - 1, np.uint8)
+    for ix in range(spans.shape[0]):
+        for c in range(ix * ny + spans[ix, 0], ix * ny + spans[ix, 1]):
+            s = start[c]
+            if start[c + 1] - s == 1:
+                level[c] = z[s]
+                edges[c] = (graph[s, 0] >= 0) | (graph[s, 1] >= 0) << 1 | (graph[s, 2] >= 0) << 2 | (graph[s, 3] >= 0) << 3
+    return level, edges
+
+
+@njit(cache=True)
+def _both_ways(edges: Any, ny: Any) -> Any:
+    """(C,) uint8 bits of the `edges` that lead back, hence between only surfaces, and as bits 4-7 the diagonals with both ways round."""
+    n, low = edges.size - 2 * (ny + 1), ny + 1
+    both, out = np.zeros_like(edges), np.zeros_like(edges)
+    for k in range(4):
+        here, there = edges[low : low + n], edges[low + DX[k] * ny + DY[k] :][:n]
+        mark = both[low : low + n]
+        for i in range(n):
+            mark[i] |= (here[i] >> k & there[i] >> (k + 2) % 4 & 1) << k
+    out[:] = both
+    for k in range(4):
+        aside = (k + 1) % 4
+        here, mark = both[low : low + n], out[low : low + n]
+        a, b = both[low + DX[k] * ny + DY[k] :][:n], both[low + DX[aside] * ny + DY[aside] :][:n]
+        for i in range(n):
+            mark[i] |= (here[i] >> k & here[i] >> aside & a[i] >> aside & b[i] >> k & 1) << (k + 4)
+    return out
+
+
+@njit(cache=True)
+def _open_ground(edges: Any, ny: Any, low: Any, n: Any, reach: Any) -> Any:
+    """(n,) uint8, from column `low` on: whether all rays of `slope_at` have their full length, over columns with one surface each."""
+    is_open = np.ones(n, np.uint8)
+    lengths = _ray_lengths(reach)
+    for k in range(4):
+        for oblique in range(2):
+            stride = DX[k] * ny + DY[k] + oblique * (DX[(k + 1) % 4] * ny + DY[(k + 1) % 4])
+            for j in range(lengths[oblique]):
+                along, bit = edges[low + j * stride :][:n], k + 4 * oblique
+                for i in range(n):
+                    is_open[i] &= along[i] >> bit
+    return is_open
+
+
+@njit(cache=True)
+def _add_difference(total: Any, level: Any, first: Any, other: Any, factor: Any) -> None:
+    """Adds factor * (level[first + i] - level[other + i]) to total[i]."""
+    a, b = level[first:][: total.size], level[other:][: total.size]
+    for i in range(total.size):
+        total[i] += np.int32(factor) * (np.int32(a[i]) - np.int32(b[i]))
+
+
+@njit(cache=True)
+def slopes_of_open_ground(start: Any, z: Any, graph: Any, ny: Any, spans: Any, reach: Any, max_slope: Any) -> Any:
+    """`Links.slope` of the columns in `spans`: where no ray of `slope_at` ends early the sums over x and y are known, those over x * h
+    and y * h the same stencil everywhere."""
+    slope = np.zeros(start.size - 1, np.uint8)
+    straight, oblique = _ray_lengths(reach)
+    rim = max(straight, oblique) * (ny + 1)
+    if slope.size <= 2 * rim:
+        return slope
+    level, edges = _single_surfaces(start, z, graph, ny, spans)
+    edges = _both_ways(edges, ny)
+    a = 0.5 + 2.0 * (np.arange(straight + 1) ** 2).sum() + 4.0 * (np.arange(oblique + 1) ** 2).sum()
+    for low in range(rim, slope.size - rim, _BLOCK):
+        n = min(_BLOCK, slope.size - rim - low)
+        is_open = _open_ground(edges, ny, low, n, reach)
+        along_x, along_y = np.zeros(n, np.int32), np.zeros(n, np.int32)
+        for j in range(1, straight + 1):
+            _add_difference(along_x, level, low + j * ny, low - j * ny, j)
+            _add_difference(along_y, level, low + j, low - j, j)
+        for j in range(1, oblique + 1):
+            up, down = j * (ny + 1), j * (ny - 1)
+            _add_difference(along_x, level, low + up, low - up, j)
+            _add_difference(along_x, level, low + down, low - down, j)
+            _add_difference(along_y, level, low + up, low - up, j)
+            _add_difference(along_y, level, low - down, low + down, j)
+        for i in range(n):
+            if is_open[i] & 1:
+                p, q = float(along_x[i]), float(along_y[i])
+                gentle = abs(p) + abs(q) < 0.99 * max_slope * a or not np.hypot((a * p) / (a * a), (a * q) / (a * a)) > max_slope
+                slope[low + i] = GENTLE if gentle else STEEP
+    return slope

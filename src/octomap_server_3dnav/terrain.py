@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from octomap_server_3dnav import terrain_kernels as kernels
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, surfaces_of
-from octomap_server_3dnav.surface_graph import nearest_neighbours, steppable_neighbours
+from octomap_server_3dnav.surface_graph import Links, nearest_neighbours, slopes_of_open_ground, steppable_neighbours
 from rigid_geometry import as_transform
 from rigid_geometry.transforms import Transform
 from stage_config import check_ranges, parameter
@@ -182,14 +182,37 @@ class _Limits:
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """What the flood works on: the window's columns, their surfaces, raw neighbours and steppable ones."""
+    """What the flood works on: the window's columns, their surfaces and links, and where the columns lie from the robot in metres."""
 
     columns: Columns
     key: tuple[int, int]
     surfaces: Surfaces
-    near: NDArray[np.int32]
-    graph: NDArray[np.int32]
-    distance_m: NDArray[np.float64]
+    links: Links
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+
+    def within(self, radius_m: float | None) -> NDArray[np.bool_]:
+        """(C,) whether the middle of each column is within `radius_m` of the robot; all are when it is None."""
+        spans, column = _spans_within(self.x, self.y, radius_m), np.arange(self.y.size)
+        return np.asarray(((column >= spans[:, :1]) & (column < spans[:, 1:])).ravel())
+
+    def nodes_within(self, radius_m: float) -> NDArray[np.int64]:
+        """The surface nodes of those columns, ascending."""
+        row = np.arange(self.x.size) * self.y.size
+        nodes = self.surfaces.start[row[:, None] + _spans_within(self.x, self.y, radius_m)]
+        return np.concatenate([np.arange(first, end) for first, end in nodes if first < end] or [np.empty(0, dtype=np.int64)])
+
+
+def _spans_within(x: NDArray[np.float64], y: NDArray[np.float64], radius_m: float | None) -> NDArray[np.int64]:
+    """(X, 2) first and end of the ascending y with np.hypot(x, y) <= radius_m in every row x; all of them when it is None."""
+    if radius_m is None:
+        return np.tile([0, y.size], (x.size, 1))
+    half = np.sqrt(np.maximum(radius_m**2 - x**2, 0.0))
+    padded = np.concatenate([[-np.inf], y, [np.inf]])  # the roots may round across a column: the two at each end are asked
+    first, end = np.searchsorted(y, -half), np.searchsorted(y, half, side="right")
+    first = first - (np.hypot(x, padded[first]) <= radius_m) + (np.hypot(x, padded[first + 1]) > radius_m)
+    end = end + (np.hypot(x, padded[end + 1]) <= radius_m) - (np.hypot(x, padded[end]) > radius_m)
+    return np.stack([first, np.maximum(first, end)], axis=1)
 
 
 def _window(runs: ColumnRuns, robot: NDArray[np.float64], reach_m: float | None, margin: int) -> tuple[Columns, tuple[int, int]]:
@@ -202,14 +225,27 @@ def _window(runs: ColumnRuns, robot: NDArray[np.float64], reach_m: float | None,
     return crop_columns(runs, low, high, margin)
 
 
+def _linked_spans(x: NDArray[np.float64], y: NDArray[np.float64], radius_m: float | None, margin: int) -> NDArray[np.int64]:
+    """The spans within the radius without the columns of the margin."""
+    spans = np.clip(_spans_within(x, y, radius_m), margin, y.size - margin)
+    spans[:margin], spans[x.size - margin :] = margin, margin
+    return spans
+
+
+def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: _Limits) -> Links:
+    near = nearest_neighbours(surfaces.start, surfaces.z, ny, spans, limits.step)
+    graph = steppable_neighbours(near, surfaces.z, limits.max_step)
+    slope = slopes_of_open_ground(surfaces.start, surfaces.z, graph, ny, spans, limits.slope_reach, limits.max_slope)
+    return Links(near, graph, slope)
+
+
 def _scene(runs: ColumnRuns, robot: NDArray[np.float64], reach_m: float | None, config: TerrainConfig, limits: _Limits) -> _Scene:
     columns, key = _window(runs, robot, reach_m, limits.margin)
     surfaces = surfaces_of(columns, limits.clearance, config.hole_bridge_voxels, limits.step)
-    near = nearest_neighbours(surfaces.start, surfaces.column, surfaces.z, columns.nx, columns.ny, limits.step)
     x = (np.arange(columns.nx) + key[0] + 0.5) * runs.resolution - robot[0]
     y = (np.arange(columns.ny) + key[1] + 0.5) * runs.resolution - robot[1]
-    distance = np.hypot(x[:, None], y[None, :]).ravel()
-    return _Scene(columns, key, surfaces, near, steppable_neighbours(near, surfaces.z, limits.max_step), distance)
+    linked_m = None if reach_m is None else reach_m + (limits.slope_reach + 4) * runs.resolution  # as far as slopes and steps look
+    return _Scene(columns, key, surfaces, _links(surfaces, columns.ny, _linked_spans(x, y, linked_m, limits.margin), limits), x, y)
 
 
 def _start_candidates(scene: _Scene, T_map_base: Transform, config: TerrainConfig, limits: _Limits) -> NDArray[np.int64]:
@@ -219,7 +255,7 @@ def _start_candidates(scene: _Scene, T_map_base: Transform, config: TerrainConfi
     if up[2] < 0.5:
         return np.empty(0, dtype=np.int64)  # on its side: there is no ground beneath the wheels
     column = scene.surfaces.column
-    nodes = np.flatnonzero(scene.distance_m[column] <= config.start_search_radius_m)
+    nodes = scene.nodes_within(config.start_search_radius_m)
     dx = (column[nodes] // scene.columns.ny + scene.key[0] + 0.5) * limits.resolution - ground[0]
     dy = (column[nodes] % scene.columns.ny + scene.key[1] + 0.5) * limits.resolution - ground[1]
     expected = ground[2] - (up[0] * dx + up[1] * dy) / up[2]
@@ -231,33 +267,36 @@ def _start_candidates(scene: _Scene, T_map_base: Transform, config: TerrainConfi
 
 def _first_flood(
     scene: _Scene, candidates: NDArray[np.int64], reach_m: float | None, config: TerrainConfig, limits: _Limits
-) -> tuple[NDArray[np.uint8], int | None]:
-    """Labels of the first candidate with enough ground around it (algorithm 3 lines 8-16), or none reached and None."""
-    inside = np.ones(scene.distance_m.size, dtype=bool) if reach_m is None else scene.distance_m <= reach_m
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8], int | None]:
+    """Labels of the first candidate with enough ground around it (algorithm 3 lines 8-16) and what its nodes see, or none and None."""
+    inside = scene.within(reach_m)
     shape = _shape(config, limits)
     tried = np.zeros(scene.surfaces.z.size, dtype=bool)
     for first in candidates:
         if tried[first]:
             continue
-        label, traversable = kernels.flood(
-            scene.columns, scene.surfaces, scene.near, scene.graph, first, inside, limits.clearance, limits.slope_reach, shape
+        label, traversable, seen = kernels.flood(
+            scene.columns, scene.surfaces, scene.links, first, inside, limits.clearance, limits.slope_reach, shape
         )
         if traversable >= config.min_traversable_voxels:
-            return label, int(first)
+            return label, seen, int(first)
         tried |= label == TerrainClass.TRAVERSABLE
-    return np.full(scene.surfaces.z.size, kernels.UNREACHED, dtype=np.uint8), None
+    unreached = np.full(scene.surfaces.z.size, kernels.UNREACHED, dtype=np.uint8)
+    return unreached, np.empty((unreached.size, 4), dtype=np.uint8), None
 
 
 def _shape(config: TerrainConfig, limits: _Limits) -> tuple[int, int, int, float, bool]:
     return limits.step, config.cliff_area_voxels, limits.look, limits.max_slope, config.cliff_evidence == "assumed"
 
 
-def _offsets(radius_m: float, shape: str, resolution: float) -> NDArray[np.int64]:
+def _half_widths(radius_m: float, shape: str, resolution: float) -> NDArray[np.int64]:
+    """(2 * R + 1,) columns to both sides that an inflation takes in the rows from -R to R around a barrier."""
     reach = int(radius_m / resolution + 1e-9)
-    grid = np.stack(np.meshgrid(*[np.arange(-reach, reach + 1)] * 2, indexing="ij"), axis=-1).reshape(-1, 2)
+    steps = np.arange(-reach, reach + 1)
     if shape == "square":
-        return np.asarray(grid)
-    return np.asarray(grid[(grid**2).sum(axis=1) * resolution**2 <= radius_m**2 + 1e-9])
+        return np.full(steps.size, reach, dtype=np.int64)
+    inside = (steps[:, None] ** 2 + steps**2) * resolution**2 <= radius_m**2 + 1e-9
+    return np.asarray(inside.sum(axis=1) // 2, dtype=np.int64)
 
 
 def _unique_pairs(column: NDArray[np.int64], z: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -268,22 +307,24 @@ def _unique_pairs(column: NDArray[np.int64], z: NDArray[np.int64]) -> NDArray[np
 
 def _inflate(scene: _Scene, label: NDArray[np.uint8], obstacles: NDArray[np.int64], config: TerrainConfig, limits: _Limits) -> None:
     """addRobotPadding: obstacles and cliffs take the ground around them at their own level out of the graph."""
-    column, z = scene.surfaces.column.astype(np.int64), scene.surfaces.z.astype(np.int64)
+    column, z = scene.surfaces.column, scene.surfaces.z
     own, cliff = np.flatnonzero(label == TerrainClass.OBSTACLE), np.flatnonzero(label == TerrainClass.CLIFF)
     groups = (
         (np.r_[column[own], obstacles[:, 0]], np.r_[z[own], obstacles[:, 2]], config.inflation_radius_m),
-        (column[cliff], z[cliff], config.cliff_inflation_radius_m),
+        (column[cliff].astype(np.int64), z[cliff].astype(np.int64), config.cliff_inflation_radius_m),
     )
     for columns, levels, radius in groups:
         pairs = _unique_pairs(columns, levels)
         band = limits.step + math.ceil(radius / limits.resolution * limits.max_slope)
-        offsets = _offsets(radius, config.inflation_shape, limits.resolution)
-        kernels.inflate(label, scene.surfaces, pairs[:, 0].copy(), pairs[:, 1].copy(), offsets, band, scene.columns.nx, scene.columns.ny)
+        widths = _half_widths(radius, config.inflation_shape, limits.resolution)
+        kernels.inflate(label, scene.surfaces, pairs[:, 0].copy(), pairs[:, 1].copy(), widths, band, scene.columns.nx, scene.columns.ny)
 
 
 def _departure(scene: _Scene, label: NDArray[np.uint8], start: int, config: TerrainConfig) -> tuple[int | None, NDArray[np.bool_]]:
     """changeStartingPointIfInsidePadding: the nearest traversable node over the ground, and (N,) the nodes connected with it."""
-    component, sizes = kernels.components(label, scene.graph)
+    component, sizes = kernels.components(label, scene.links.graph, start, config.min_traversable_voxels)
+    if component[start] >= 0 and sizes[0] >= config.min_traversable_voxels:
+        return start, component == 0
     if not sizes.size:
         return None, np.zeros(label.size, dtype=bool)
     large = component >= 0
@@ -293,7 +334,7 @@ def _departure(scene: _Scene, label: NDArray[np.uint8], start: int, config: Terr
     seeds = np.zeros(label.size, dtype=bool)
     seeds[start] = True
     far = label.size + 1
-    hops = kernels.hops_from(seeds, passable, scene.graph, far)
+    hops = kernels.hops_from(seeds, passable, scene.links.graph, far)
     hops[~large] = far
     nearest = int(np.argmin(hops))
     if hops[nearest] == far:
@@ -302,13 +343,13 @@ def _departure(scene: _Scene, label: NDArray[np.uint8], start: int, config: Terr
 
 
 def _frontier_edges(
-    scene: _Scene, label: NDArray[np.uint8], radius_m: float | None, config: TerrainConfig, limits: _Limits
+    scene: _Scene, label: NDArray[np.uint8], seen: NDArray[np.uint8], radius_m: float | None, limits: _Limits
 ) -> NDArray[np.int64]:
     sources = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
     if radius_m is not None:
-        sources &= scene.distance_m[scene.surfaces.column] <= radius_m
-    shape = _shape(config, limits)
-    return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, label, scene.near, sources, limits.clearance, shape))
+        sources &= scene.within(radius_m)[scene.surfaces.column]
+    near, clearance = scene.links.near, limits.clearance
+    return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, label, near, sources, seen, clearance, limits.step))
 
 
 def _soft_cost(
@@ -317,14 +358,16 @@ def _soft_cost(
     """Cost factor of every node: 1 in the open, more towards the inflation and the unknown, inf in it and on what cannot be driven."""
     width = max(1, round(config.soft_clearance_m / limits.resolution))
     free = label == TerrainClass.TRAVERSABLE
-    hops = kernels.hops_from(label == TerrainClass.INFLATION, free, scene.graph, width)
-    cost = 1.0 + config.soft_clearance_weight * (1.0 - hops / width)
+    hops = kernels.hops_from(label == TerrainClass.INFLATION, free, scene.links.graph, width)
+    cost_at = 1.0 + config.soft_clearance_weight * (1.0 - np.arange(width + 1) / width)
+    cost: NDArray[np.float32] = cost_at.astype(np.float32)[hops]
     beside = round(config.unknown_margin_m / limits.resolution)
     seen_from = np.zeros(label.size, dtype=bool)
     seen_from[edges[:, 2]] = True
-    near_unknown = kernels.hops_from(seen_from, free | (label == TerrainClass.INFLATION), scene.graph, beside + 1) <= beside
-    cost[near_unknown] *= config.unknown_weight
-    return np.where(free, cost, np.inf).astype(np.float32)
+    near_unknown = kernels.hops_from(seen_from, free | (label == TerrainClass.INFLATION), scene.links.graph, beside + 1) <= beside
+    cost[near_unknown] = (cost_at * config.unknown_weight).astype(np.float32)[hops[near_unknown]]
+    cost[~free] = np.inf
+    return cost
 
 
 def _unique_frontiers(edges: NDArray[np.int64], step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -337,6 +380,10 @@ def _unique_frontiers(edges: NDArray[np.int64], step: int) -> tuple[NDArray[np.i
     group[order] = group_sorted
     highest = np.r_[new[1:], True] if order.size else new
     return np.stack([column[highest], z[highest]], axis=1), group
+
+
+def _filled(voxels: NDArray[np.int64], terrain_class: TerrainClass) -> NDArray[np.uint8]:
+    return np.full(len(voxels), terrain_class, dtype=np.uint8)
 
 
 def _assemble(
@@ -352,39 +399,35 @@ def _assemble(
     radius_m: float | None,
     robot: NDArray[np.float64],
 ) -> Terrain:
-    keep = np.flatnonzero(label != kernels.UNREACHED)
-    renumbered = np.full(label.size + 1, -1, dtype=np.int32)
-    renumbered[keep] = np.arange(keep.size)
-    drivable = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
-    graph = scene.graph[keep]
-    graph = np.where(drivable[graph] & (graph >= 0) & drivable[keep, None], graph, -1)
+    keep, number = kernels.number_nodes(label)
     obstacles = _unique_pairs(obstacles[:, 0], obstacles[:, 1])
     frontiers, frontier_of_edge = _unique_frontiers(edges, limits.step)
-    parents = np.full((len(frontiers), 4), -1, dtype=np.int32)
-    parents[frontier_of_edge, (edges[:, 3] + 2) % 4] = renumbered[edges[:, 2]]
+    beside = np.concatenate([obstacles, frontiers])
+    neighbours = kernels.drivable_neighbours(label, scene.links.graph, keep, number, len(beside))
+    parents = neighbours[len(neighbours) - len(frontiers) :]
+    parents[frontier_of_edge, (edges[:, 3] + 2) % 4] = number[edges[:, 2]]
     seen_from_reached = np.zeros(len(frontiers), dtype=bool)
-    np.logical_or.at(seen_from_reached, frontier_of_edge, reached[edges[:, 2]])
-    column = np.r_[scene.surfaces.column[keep], obstacles[:, 0], frontiers[:, 0]].astype(np.int64)
-    n_obstacles, n_frontiers = len(obstacles), len(frontiers)
-    counts = np.bincount(scene.surfaces.column[keep], minlength=scene.columns.nx * scene.columns.ny)
+    seen_from_reached[frontier_of_edge[reached[edges[:, 2]]]] = True
+    column = np.concatenate([scene.surfaces.column[keep], beside[:, 0].astype(np.int32)])
+    ix, iy = np.divmod(column, np.int32(scene.columns.ny))
     return Terrain(
         resolution=limits.resolution,
-        ix=(column // scene.columns.ny + scene.key[0]).astype(np.int32),
-        iy=(column % scene.columns.ny + scene.key[1]).astype(np.int32),
-        z=np.r_[scene.surfaces.z[keep], obstacles[:, 1], frontiers[:, 1]].astype(np.int16),
-        label=np.r_[label[keep], np.full(n_obstacles, TerrainClass.OBSTACLE), np.full(n_frontiers, TerrainClass.FRONTIER)].astype(np.uint8),
-        bridged=np.r_[scene.surfaces.bridged[keep], np.zeros(n_obstacles + n_frontiers, dtype=bool)],
-        reached=np.r_[reached[keep], np.zeros(n_obstacles, dtype=bool), seen_from_reached],
-        cost=np.r_[cost[keep], np.full(n_obstacles + n_frontiers, np.inf)].astype(np.float32),
-        neighbours=np.concatenate([renumbered[graph], np.full((n_obstacles, 4), -1, dtype=np.int32), parents]),
-        start=None if start is None else int(renumbered[start]),
-        departure=None if departure is None else int(renumbered[departure]),
+        ix=ix + np.int32(scene.key[0]),
+        iy=iy + np.int32(scene.key[1]),
+        z=np.concatenate([scene.surfaces.z[keep], beside[:, 1].astype(np.int16)]),
+        label=np.concatenate([label[keep], _filled(obstacles, TerrainClass.OBSTACLE), _filled(frontiers, TerrainClass.FRONTIER)]),
+        bridged=np.concatenate([scene.surfaces.bridged[keep], np.zeros(len(beside), dtype=bool)]),
+        reached=np.concatenate([reached[keep], np.zeros(len(obstacles), dtype=bool), seen_from_reached]),
+        cost=np.concatenate([cost[keep], np.full(len(beside), np.inf, dtype=np.float32)]),
+        neighbours=neighbours,
+        start=None if start is None else int(number[start]),
+        departure=None if departure is None else int(number[departure]),
         radius_m=radius_m,
         robot_xyz=(float(robot[0]), float(robot[1]), float(robot[2])),
         surface_count=int(keep.size),
         window_key=scene.key,
         window_size=(scene.columns.nx, scene.columns.ny),
-        column_start=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        column_start=kernels.column_starts(scene.surfaces.start, number),
     )
 
 
@@ -403,13 +446,13 @@ def classify(runs: ColumnRuns, T_map_base: Transform, config: TerrainConfig, rad
     robot = T_map_base[:3, 3]
     reach_m = None if radius_m is None else radius_m + (limits.inflation + 1) * runs.resolution
     scene = _scene(runs, robot, reach_m, config, limits)
-    label, start = _first_flood(scene, _start_candidates(scene, T_map_base, config, limits), reach_m, config, limits)
-    kernels.mark_steps(label, scene.near, scene.graph, scene.surfaces.z)
+    label, seen, start = _first_flood(scene, _start_candidates(scene, T_map_base, config, limits), reach_m, config, limits)
+    kernels.mark_steps(label, scene.links.near, scene.links.graph, scene.surfaces.z)
     obstacles = kernels.obstacles_seen(
-        scene.columns, scene.surfaces, label, scene.near, limits.clearance, limits.step, limits.inflation, limits.max_slope
+        scene.columns, scene.surfaces, label, scene.links.near, limits.clearance, limits.step, limits.inflation, limits.max_slope
     )
     _inflate(scene, label, obstacles, config, limits)
     departure, reached = (None, np.zeros(label.size, dtype=bool)) if start is None else _departure(scene, label, start, config)
-    edges = _frontier_edges(scene, label, radius_m, config, limits)
+    edges = _frontier_edges(scene, label, seen, radius_m, limits)
     cost = _soft_cost(scene, label, edges, config, limits)
     return _assemble(scene, label, start, departure, reached, obstacles, edges, cost, limits, radius_m, robot)

@@ -10,10 +10,11 @@ import numpy as np
 from numba import njit
 
 from octomap_server_3dnav.surface_columns import DX, DY, NO_VOXEL, blocking_voxel, find_node, lowest_occupied, seen_down_to, top_near
-from octomap_server_3dnav.surface_graph import slope_at
+from octomap_server_3dnav.surface_graph import STEEP, UNFITTED, slope_at
 
 UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = 255, 0, 1, 2, 3, 4
 SEES_UNKNOWN, SEES_OBSTACLE, SEES_DROP = 0, 1, 2
+ROW_LAST = (0, 2, 1, 3)  # a stack filled in this order is worked off along y, where neighbours are neighbours in memory
 
 
 @njit(cache=True)
@@ -78,45 +79,57 @@ def look(columns: Any, start: Any, z: Any, c: Any, level: Any, k: Any, clearance
 
 
 @njit(cache=True)
-def _judge(columns: Any, start: Any, column: Any, z: Any, near: Any, graph: Any, s: Any, clearance: Any, reach: Any, shape: Any) -> Any:
-    """Traversable, obstacle (too steep) or cliff (a drop was seen beside it)."""
-    if slope_at(graph, z, s, reach) > shape[3]:
-        return OBSTACLE
+def _judge_sides(columns: Any, start: Any, z: Any, near: Any, graph: Any, s: Any, c: Any, clearance: Any, shape: Any, seen: Any) -> Any:
+    """Cliff where a drop was seen beside node s of column c, else traversable; what was seen without ground goes into `seen`."""
     for k in range(4):
         n = near[s, k]
-        if n < 0 and look(columns, start, z, np.int64(column[s]), np.int64(z[s]), k, clearance, shape) == SEES_DROP:
-            return CLIFF
-        if n >= 0 and graph[s, k] < 0 and z[n] < z[s]:
+        if n < 0:
+            seen[s, k] = look(columns, start, z, c, np.int64(z[s]), k, clearance, shape)
+            if seen[s, k] == SEES_DROP:
+                return CLIFF
+        elif graph[s, k] < 0 and z[n] < z[s]:
             return CLIFF
     return TRAVERSABLE
 
 
 @njit(cache=True)
-def flood(columns: Any, surfaces: Any, near: Any, graph: Any, first: Any, inside: Any, clearance: Any, reach: Any, shape: Any) -> Any:
-    """(N,) uint8 labels of all nodes reached from `first`, UNREACHED elsewhere, and the number of traversable ones.
+def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, clearance: Any, reach: Any, shape: Any) -> Any:
+    """(N,) uint8 labels of all nodes reached from `first`, UNREACHED elsewhere, the number of traversable ones, and (N, 4) uint8 of
+    what those see in directions without ground.
 
-    Only traversable nodes are expanded, and only into columns that are `inside` (bool per column).
+    Nodes are traversable, obstacles (too steep) or cliffs. Only traversable ones are expanded, and only into columns that are `inside`
+    (bool per column).
     """
-    start, column, z = surfaces.start, surfaces.column, surfaces.z
-    label = np.full(z.size, UNREACHED, np.uint8)
-    queued = np.zeros(z.size, np.bool_)
-    queue = np.empty(z.size, np.int32)
-    queue[0], head, tail, traversable = first, 0, 1, 0
+    start, column, z = surfaces.start, surfaces.column, surfaces.z  # arrays of a tuple are counted at every use
+    near, graph, slope = links.near, links.graph, links.slope
+    label, seen = np.full(column.size, UNREACHED, np.uint8), np.empty((column.size, 4), np.uint8)
+    queued = np.zeros(column.size, np.bool_)
+    waiting = np.empty(column.size, np.int32)
+    waiting[0], left, traversable = first, 1, 0
     queued[first] = True
-    while head < tail:
-        s = queue[head]
-        head += 1
-        label[s] = _judge(columns, start, column, z, near, graph, s, clearance, reach, shape)
+    max_slope = shape[3]
+    while left:
+        left -= 1
+        s = np.int64(waiting[left])
+        c = np.int64(column[s])
+        if slope[c] == STEEP or (slope[c] == UNFITTED and slope_at(graph, z, s, reach) > max_slope):
+            label[s] = OBSTACLE
+            continue
+        label[s] = TRAVERSABLE
+        for k in range(4):
+            if graph[s, k] < 0:
+                label[s] = _judge_sides(columns, start, z, near, graph, s, c, clearance, shape, seen)
+                break
         if label[s] != TRAVERSABLE:
             continue
         traversable += 1
-        for k in range(4):
+        for k in ROW_LAST:
             n = graph[s, k]
             if n >= 0 and not queued[n] and inside[column[n]]:
                 queued[n] = True
-                queue[tail] = n
-                tail += 1
-    return label, traversable
+                waiting[left] = n
+                left += 1
+    return label, traversable, seen
 
 
 @njit(cache=True)
@@ -162,42 +175,49 @@ def obstacles_seen(columns: Any, surfaces: Any, label: Any, near: Any, clearance
 
 
 @njit(cache=True)
-def inflate(label: Any, surfaces: Any, barrier_column: Any, barrier_level: Any, offsets: Any, band: Any, nx: Any, ny: Any) -> None:
-    """Turn traversable nodes into inflation around each barrier: (K, 2) `offsets` of columns, and at most `band` voxels up or down."""
-    start, z = surfaces.start, surfaces.z
+def inflate(label: Any, surfaces: Any, barrier_column: Any, barrier_level: Any, half_widths: Any, band: Any, nx: Any, ny: Any) -> None:
+    """Turn traversable nodes into inflation around each barrier, at most `band` voxels up or down.
+
+    `half_widths` (2 * R + 1,): columns to both sides of the barrier that are taken, in the rows from -R to R.
+    """
+    start, z, reach = surfaces.start, surfaces.z, half_widths.size // 2
     for i in range(barrier_column.size):
         ix, iy = barrier_column[i] // ny, barrier_column[i] % ny
-        for o in range(offsets.shape[0]):
-            jx, jy = ix + offsets[o, 0], iy + offsets[o, 1]
-            if not (0 <= jx < nx and 0 <= jy < ny):
-                continue
-            c = jx * ny + jy
-            for n in range(start[c], start[c + 1]):
+        for jx in range(max(0, ix - reach), min(nx, ix + reach + 1)):
+            half = half_widths[jx - ix + reach]
+            for n in range(start[jx * ny + max(0, iy - half)], start[jx * ny + min(ny, iy + half + 1)]):
                 if label[n] == TRAVERSABLE and abs(np.int64(z[n]) - barrier_level[i]) <= band:
                     label[n] = INFLATION
 
 
 @njit(cache=True)
-def components(label: Any, graph: Any) -> Any:
-    """(N,) int32 component of every traversable node, -1 elsewhere, and the (C,) size of each."""
+def components(label: Any, graph: Any, first: Any, enough: Any) -> Any:
+    """(N,) int32 component of every traversable node, -1 elsewhere, and the (C,) size of each, that of the node `first` before others.
+
+    Where that has `enough` nodes it is the only one that is looked for.
+    """
     component = np.full(label.size, -1, np.int32)
-    queue = np.empty(label.size, np.int32)
+    waiting = np.empty(label.size, np.int32)
     sizes: list[int] = []
-    for seed in range(label.size):
+    for i in range(-1, label.size):
+        seed = first if i < 0 else i
         if label[seed] != TRAVERSABLE or component[seed] >= 0:
             continue
-        queue[0], head, tail = seed, 0, 1
+        waiting[0], left, size = seed, 1, 1
         component[seed] = len(sizes)
-        while head < tail:
-            s = queue[head]
-            head += 1
-            for k in range(4):
+        while left:
+            left -= 1
+            s = waiting[left]
+            for k in ROW_LAST:
                 n = graph[s, k]
                 if n >= 0 and label[n] == TRAVERSABLE and component[n] < 0:
                     component[n] = len(sizes)
-                    queue[tail] = n
-                    tail += 1
-        sizes.append(tail)
+                    waiting[left] = n
+                    left += 1
+                    size += 1
+        sizes.append(size)
+        if i < 0 and size >= enough:
+            break
     return component, np.array(sizes, dtype=np.int64)
 
 
@@ -248,26 +268,65 @@ def _ends_around(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, st
 
 
 @njit(cache=True)
-def frontier_edges(columns: Any, surfaces: Any, label: Any, near: Any, sources: Any, clearance: Any, shape: Any) -> Any:
+def frontier_edges(columns: Any, surfaces: Any, label: Any, near: Any, sources: Any, seen: Any, clearance: Any, step: Any) -> Any:
     """(M, 4) int64 (column, z, node it was seen from, direction) of frontier voxels beside the `sources` (bool per node).
 
     The two-step test of thesis figure 5.13: no ground in a direction, and nothing occupied around one step further. Ground that the flood
     did not reach does not count as occupied here, it is what the look is for: a deck seen from below only, a slope behind a gap.
     """
-    start, column, z = surfaces.start, surfaces.column, surfaces.z
-    step = shape[0]
+    column, z = surfaces.column, surfaces.z
     found = []
     for s in range(z.size):
         if not sources[s]:
             continue
-        c, level = np.int64(column[s]), np.int64(z[s])
         for k in range(4):
-            if near[s, k] >= 0 or look(columns, start, z, c, level, k, clearance, shape) != SEES_UNKNOWN:
+            if near[s, k] >= 0 or seen[s, k] != SEES_UNKNOWN:
                 continue
-            stride = DX[k] * columns.ny + DY[k]
+            c, level, stride = np.int64(column[s]), np.int64(z[s]), DX[k] * columns.ny + DY[k]
             if not _ends_around(columns, surfaces, label, c + 2 * stride, level, step, clearance):
                 found.append((c + stride, level, np.int64(s), np.int64(k)))
     out = np.empty((len(found), 4), np.int64)
     for i in range(len(found)):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = found[i]
+    return out
+
+
+@njit(cache=True)
+def number_nodes(label: Any) -> Any:
+    """(K,) the nodes that the flood reached, and (N + 1,) the number of every node among them, -1 for the others and at the end."""
+    node, number = np.empty(np.count_nonzero(label != UNREACHED), np.int64), np.full(label.size + 1, -1, np.int32)
+    n = 0
+    for s in range(label.size):
+        if label[s] != UNREACHED:
+            node[n], number[s] = s, n
+            n += 1
+    return node, number
+
+
+@njit(cache=True)
+def column_starts(start: Any, number: Any) -> Any:
+    """(C + 1,) int64 number of the first kept node of each column or after it."""
+    out = np.empty(start.size, np.int64)
+    following = np.int64(number.max()) + 1
+    s = number.size - 1
+    for c in range(start.size - 1, -1, -1):
+        while s > start[c]:
+            s -= 1
+            if number[s] >= 0:
+                following = np.int64(number[s])
+        out[c] = following
+    return out
+
+
+@njit(cache=True)
+def drivable_neighbours(label: Any, graph: Any, node: Any, number: Any, more: Any) -> Any:
+    """(K + more, 4) int32 neighbours of the kept nodes by their new numbers, -1 unless both are drivable; -1 in the `more` rows."""
+    out = np.full((node.size + more, 4), -1, np.int32)
+    for i in range(node.size):
+        s = node[i]
+        if label[s] == TRAVERSABLE or label[s] == INFLATION:
+            for k in range(4):
+                n = graph[s, k]
+                if n >= 0 and (label[n] == TRAVERSABLE or label[n] == INFLATION):
+                    out[i, k] = number[n]
     return out
