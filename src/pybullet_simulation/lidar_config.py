@@ -11,7 +11,7 @@ class SpinningLidarConfig:
 
     columns: int = parameter(900, "-", "directions in which all rings fire during a revolution; 900 are 0.4 deg apart", low=90, high=3600)
     revolutions: int = parameter(
-        15, "-", "revolutions, of 0.1 s, during the slow part of a sweep; the mount's slew rate sets the fewest", low=1, high=200
+        20, "-", "revolutions, of 0.1 s, during the slow part of a sweep; the mount's slew rate sets the fewest", low=1, high=200
     )
     sweep_start_rad: float = parameter(
         1.6, "rad", "tilt at which the slow part of a sweep starts, looking straight down and up", low=0.4, high=3.05

@@ -10,8 +10,12 @@ from numpy.typing import NDArray
 
 from sweep_assembly.geometry import FloatArray, TiltGeometry
 from sweep_assembly.revolution import LidarConfig, Revolution, free_directions
-from sweep_assembly.scan_filter import Mask, ScanFilterConfig, body_reach, in_body, veiled_points
+from sweep_assembly.scan_filter import Mask, NeighbourLimits, ScanFilterConfig, body_reach, in_body, veiled_points
 
+VEILING_STEP_RAD = math.radians(
+    0.25
+)  # angle and jump of veiling are set for beams so far apart: along one surface, ranges of wider ones differ more
+MOST_WIDENED = 4.0
 NEIGHBOURS_RAD = 0.05  # beams of a ring farther apart, because those between are missing, are no neighbours
 
 
@@ -47,10 +51,16 @@ class RevolutionFilter:
         order = np.lexsort((revolution.times_s, revolution.rings))
         turned = 2.0 * math.pi * self._lidar.rate_hz * np.diff(revolution.times_s[order])
         apart = (np.diff(revolution.rings[order].astype(np.int64)) != 0) | (turned > NEIGHBOURS_RAD)
-        sine = np.where(apart, np.inf, np.sin(turned)).astype(np.float32)  # then nothing is suspect
         veiled = np.zeros(len(ranges), dtype=np.bool_)
-        veiled[order] = veiled_points(ranges[order], sine, np.cos(turned).astype(np.float32), self._config)
+        veiled[order] = veiled_points(ranges[order], self._limits(turned, apart), self._config.veiling_max_points)
         return veiled
+
+    def _limits(self, turned: FloatArray, apart: Mask) -> NeighbourLimits:
+        """Limits for pairs of beams `turned` rad from each other; those `apart` are never suspect."""
+        wider = np.clip(turned / VEILING_STEP_RAD, 1.0, MOST_WIDENED)
+        columns = (np.sin(turned), np.cos(turned), np.tan(self._config.veiling_angle_rad * wider))
+        jump_m = np.where(apart, np.inf, self._config.veiling_min_jump_m * wider)
+        return NeighbourLimits(*(column.astype(np.float32) for column in (*columns, jump_m)))
 
     def _on_body(self, revolution: Revolution, ranges: NDArray[np.float32], tilts_rad: FloatArray) -> Mask:
         near = ranges < self._body_reach_m

@@ -49,6 +49,20 @@ class ScanFilterConfig:
         return found
 
 
+@dataclass(frozen=True, eq=False)
+class NeighbourLimits:
+    """What makes two neighbouring beams suspect, (n - 1,) float32 each, or one value for all pairs.
+
+    Sine and cosine of the angle between them, tangent of the angle to the beam up to which their line is suspect, least difference of
+    ranges in metres.
+    """
+
+    sine: Ranges | np.float32
+    cosine: Ranges | np.float32
+    steepness: Ranges | np.float32
+    jump_m: Ranges | np.float32
+
+
 class ScanFilter:
     """Filters of one laser on one tilting mount; holds no state between scans."""
 
@@ -65,7 +79,12 @@ class ScanFilter:
         self._laser_in_tilt = T[:3, 3]
         self._body_reach_m = body_reach(config, tilt_geometry)
         increment = abs(geometry.angle_increment)
-        self._sine, self._cosine = np.float32(math.sin(increment)), np.float32(math.cos(increment))
+        self._limits = NeighbourLimits(
+            np.float32(math.sin(increment)),
+            np.float32(math.cos(increment)),
+            np.float32(math.tan(config.veiling_angle_rad)),
+            np.float32(config.veiling_min_jump_m),
+        )
 
     def filter(self, ranges: ArrayLike, tilt_at_beam: ArrayLike) -> Ranges:
         """(n,) float32 ranges in metres with NaN where the reading is no surface, +inf where nothing is in range (REP 117).
@@ -109,7 +128,7 @@ class ScanFilter:
         return ranges
 
     def _veiled(self, ranges: Ranges) -> Mask:
-        return veiled_points(ranges, self._sine, self._cosine, self._config)
+        return veiled_points(ranges, self._limits, self._config.veiling_max_points)
 
     def _on_body(self, ranges: Ranges, tilts: FloatArray) -> NDArray[np.intp]:
         """Indices of readings inside the body's box; only those in reach of the box are moved to base_link."""
@@ -140,28 +159,27 @@ def body_reach(config: ScanFilterConfig, tilt_geometry: TiltGeometry) -> np.floa
     return np.float32(from_mount + np.linalg.norm(tilt_geometry.T_tilt_laser[:3, 3]))
 
 
-def veiled_points(ranges: Ranges, sine: Ranges | np.float32, cosine: Ranges | np.float32, config: ScanFilterConfig) -> Mask:
-    """(n,) points that hang between a near edge and the background; `sine`, `cosine` of the angles between neighbours, (n - 1,) or one.
+def veiled_points(ranges: Ranges, limits: NeighbourLimits, max_points: int) -> Mask:
+    """(n,) points that hang between a near edge and the background.
 
     The angle at the farther point between its beam and the line to its neighbour is laser_filters' test for shadows. Taken alone
     it also removes every wall and floor seen at a low angle; those give long rows of suspect pairs, veiling short ones.
     """
-    steps = _suspect_steps(ranges, sine, cosine, config)
-    inner = (steps[1:] == steps[:-1]) & (steps[1:] != 0)
+    signs = _suspect_steps(ranges, limits)
+    inner = (signs[1:] == signs[:-1]) & (signs[1:] != 0)
     veiled = np.zeros(ranges.shape, dtype=np.bool_)
     if inner.any():
-        rows = np.concatenate([[0], np.cumsum(steps[1:] != steps[:-1])])
+        rows = np.concatenate([[0], np.cumsum(signs[1:] != signs[:-1])])
         row_lengths = np.bincount(rows)[rows[1:]]
-        veiled[1:-1] = inner & (row_lengths <= config.veiling_max_points + 1)
+        veiled[1:-1] = inner & (row_lengths <= max_points + 1)
     return veiled
 
 
-def _suspect_steps(ranges: Ranges, sine: Ranges | np.float32, cosine: Ranges | np.float32, config: ScanFilterConfig) -> NDArray[np.int8]:
+def _suspect_steps(ranges: Ranges, limits: NeighbourLimits) -> NDArray[np.int8]:
     """(n - 1,) for every pair of neighbours: 0, or +1 / -1 when it steps away / nearer nearly along the beam."""
-    steepness = np.float32(math.tan(config.veiling_angle_rad))
     finite = np.minimum(ranges, np.float32(NOTHING_IN_RANGE_M))
     first, second = finite[:-1], finite[1:]
     near, far = np.minimum(first, second), np.maximum(first, second)
-    along_beam = near * sine < steepness * (far - near * cosine)
-    suspect = along_beam & (far - near > np.float32(config.veiling_min_jump_m))
+    along_beam = near * limits.sine < limits.steepness * (far - near * limits.cosine)
+    suspect = along_beam & (far - near > limits.jump_m)
     return np.where(suspect, np.where(second > first, np.int8(1), np.int8(-1)), np.int8(0))

@@ -81,6 +81,15 @@ def test_single_point_between_an_edge_and_the_background_is_veiled_but_a_wall_at
     assert len(filtered(other_ring).points) == 40
 
 
+def test_point_behind_a_wall_that_is_seen_at_a_low_angle_is_veiled_and_the_wall_is_not():
+    """Along the wall, ranges of beams 0.4 deg apart differ by as much as those of a laser's beams across an edge."""
+    ranges = np.array([5.19, 5.19, 5.20, 5.20, 3.90, 3.28, 3.09, 2.92, 2.77, 2.63, 2.51])
+    azimuths = -np.arange(len(ranges)) * 0.4 * math.pi / 180
+    around = np.stack([ranges * np.cos(azimuths), ranges * np.sin(azimuths), np.zeros(len(ranges))], axis=1)
+    left = filtered(Revolution(around.astype(np.float32), np.full(len(ranges), 7, np.uint16), np.arange(len(ranges)) * 0.1 / 900))
+    np.testing.assert_allclose(np.linalg.norm(left.points, axis=1), np.delete(ranges, 4), atol=1e-5)
+
+
 def test_free_beam_through_the_robot_is_dropped_and_one_past_it_kept():
     """Nose down by 80 deg the lidar looks at its own mast, too near for an echo; that is not the way to an abyss."""
     directions, rings, times = beams()
