@@ -1,26 +1,41 @@
-"""Times of local and global terrain classification, of finding frontiers and of a path, as medians in milliseconds.
+"""Times of column runs, terrain classification, frontiers and a path, as medians in milliseconds; one version beside another.
 
-    PYTHONPATH=src:BINDING python benchmarks/terrain_classification.py [MAP.bt] [--runs 15]
+    python benchmarks/terrain_classification.py [MAP.bt] [--session DIR] [--sweeps 20] [--tiles 1 2] [--runs 15] [--against SRC:BINDING]
 
-Without a map: a made two-level world of 20 x 20 m. With one: an octree file, the robot on ground near its middle. BINDING is the folder
-of the octree's extension module, needed for a map only.
+With PYTHONPATH as ./check sets it. Always measured: a made two-level world of 20 x 20 m. MAP.bt adds an octree file, the robot on ground
+near its middle. DIR adds the live map of a recorded run (sweeps/*.npz and trajectory.txt, as the pose graph saves them) after that many
+sweeps, and with --tiles N the same sweeps put down N x N times side by side, with what one more sweep costs there. A live tree was grown
+voxel by voxel and lies all over the memory; a file's is friendlier. --against takes the PYTHONPATH of another version, which this file
+then measures in turns with this one.
 """
 
 import argparse
+import json
 import math
+import os
 import statistics
+import subprocess
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.frontiers import FrontierConfig, find_frontiers
+from octomap_server_3dnav.map_builder import RUNS_MARGIN_M, MapConfig
+from octomap_server_3dnav.octree import OctreeMap
 from octomap_server_3dnav.planner import PlannerConfig, plan_path
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
+from rigid_geometry import transform_from_quat, transform_points
 
 LOCAL_RADIUS_M = 6.0
+TURNS = 3  # of the versions that are compared
+Array = NDArray[np.float64]
+Sweep = tuple[NDArray[np.float32], NDArray[np.float32]]
+Times = dict[str, float]
 
 
 def two_level_world(resolution: float = 0.08) -> ColumnRuns:
@@ -36,20 +51,13 @@ def two_level_world(resolution: float = 0.08) -> ColumnRuns:
     return ColumnRuns.from_dense(states, (0, 0, -8), resolution)
 
 
-def load_runs(path: str) -> ColumnRuns:
-    """Column runs of an octree file."""
-    from octomap_server_3dnav.octree import OctreeMap
-
-    return OctreeMap.read(path).column_runs()
-
-
-def pose_near_the_middle(runs: ColumnRuns, config: TerrainConfig) -> NDArray[np.float64]:
+def pose_near_the_middle(runs: ColumnRuns, config: TerrainConfig) -> Array:
     """A level pose on the surface nearest to the map's middle that has the most ground around it, of a few tried."""
     middle = np.array([runs.nx, runs.ny]) // 2
     tops = np.flatnonzero(runs.occupied)
     column = runs.columns[tops]
     gap = np.hypot(column // runs.ny - middle[0], column % runs.ny - middle[1])
-    best: tuple[int, NDArray[np.float64]] | None = None
+    best: tuple[int, Array] | None = None
     for top in tops[np.argsort(gap, kind="stable")][:4000:100]:
         T_map_base = np.eye(4)
         key = np.array(
@@ -62,6 +70,40 @@ def pose_near_the_middle(runs: ColumnRuns, config: TerrainConfig) -> NDArray[np.
     if best is None or best[0] == 0:
         raise ValueError("no ground for the robot near the middle of the map")
     return best[1]
+
+
+def recorded_sweeps(session: Path, count: int) -> tuple[list[Sweep], list[Array]]:
+    """The first sweeps of a recorded run, in the map, and the poses that they were taken from."""
+    rows = np.loadtxt(session / "trajectory.txt", ndmin=2)[:count]
+    poses = [transform_from_quat(row[1:4], tuple(row[4:8])) for row in rows]
+    sweeps = []
+    for path, T_map_base in zip(sorted((session / "sweeps").glob("*.npz")), poses, strict=False):
+        with np.load(path) as file:
+            points, origins = (transform_points(T_map_base, file[name]).astype(np.float32) for name in ("points", "origins"))
+        sweeps.append((points, origins))
+    return sweeps, poses[: len(sweeps)]
+
+
+def insert(octree: OctreeMap, sweep: Sweep, T_map_base: Array, shift: Array, config: MapConfig) -> None:
+    """As the node does: cropped to the cuboid around the robot."""
+    center = T_map_base[:3, 3] + shift
+    low = center - [config.crop_half_m, config.crop_half_m, config.crop_below_m]
+    high = center + [config.crop_half_m, config.crop_half_m, config.crop_above_m]
+    points, origins = ((part + shift).astype(np.float32) for part in sweep)
+    octree.insert_sweep(points, origins, config.max_range_m, (low, high))
+
+
+def live_map(sweeps: list[Sweep], poses: list[Array], tiles: int, config: MapConfig) -> OctreeMap:
+    """The sweeps inserted one after the other, tiles x tiles times side by side, with the plane under the robot at every start."""
+    octree = OctreeMap(config.resolution)
+    span = np.ptp([T[:2, 3] for T in poses], axis=0) + 2 * config.crop_half_m
+    for ix, iy in np.ndindex(tiles, tiles):
+        shift = np.array([ix * span[0], iy * span[1], 0.0])
+        for i, (sweep, T_map_base) in enumerate(zip(sweeps, poses, strict=True)):
+            insert(octree, sweep, T_map_base, shift, config)
+            if i == 0:
+                octree.insert_plane(T_map_base[:3, 3] + shift - [0, 0, config.base_height_m + 0.02], config.start_plane_half_m)
+    return octree
 
 
 def median_ms(call: Callable[[], object], runs: int) -> float:
@@ -81,27 +123,93 @@ def farthest_node(terrain: Terrain) -> int:
     return int(nodes[np.argmax(np.linalg.norm(terrain.centers(nodes) - np.asarray(terrain.robot_xyz), axis=1))])
 
 
-def main() -> None:
-    """Print one line a step."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("map", nargs="?")
-    parser.add_argument("--runs", type=int, default=15)
-    arguments = parser.parse_args()
-    config, planner = TerrainConfig(), PlannerConfig()
-    runs = load_runs(arguments.map) if arguments.map else two_level_world()
-    T_map_base = pose_near_the_middle(runs, config)
-    print(f"{runs.nx} x {runs.ny} columns of {runs.resolution} m, {int(runs.occupied.sum())} occupied runs")
-    print(f"robot at {T_map_base[:3, 3].round(2)}")
-    for name, radius in ((f"local ({LOCAL_RADIUS_M} m)", LOCAL_RADIUS_M), ("global", None)):
-        terrain = classify(runs, T_map_base, config, radius)
-        print(f"{name}: classes {np.bincount(terrain.label, minlength=5).tolist()}")
-        print(f"  classify  {median_ms(lambda r=radius: classify(runs, T_map_base, config, r), arguments.runs):8.2f} ms")
-        print(
-            f"  frontiers {median_ms(lambda t=terrain: find_frontiers(t, T_map_base, FrontierConfig(), planner), arguments.runs):8.2f} ms"
-        )
+def runs_rows(name: str, runs: ColumnRuns, T_map_base: Array, count: int) -> Iterator[tuple[str, float]]:
+    """Classification, frontiers and a path of runs that are there."""
+    planner = PlannerConfig()
+    for scope, radius in (("local 6 m", LOCAL_RADIUS_M), ("whole map", None)):
+        terrain = classify(runs, T_map_base, TerrainConfig(), radius)
+        what = f"{name}, {scope} ({terrain.label.size} voxels)"
+        yield f"{what}: classify", median_ms(lambda r=radius: classify(runs, T_map_base, TerrainConfig(), r), count)
+        yield f"{what}: frontiers", median_ms(lambda t=terrain: find_frontiers(t, T_map_base, FrontierConfig(), planner), count)
         if terrain.departure is not None:
             goal = farthest_node(terrain)
-            print(f"  path      {median_ms(lambda t=terrain, g=goal: plan_path(t, g, planner), arguments.runs):8.2f} ms")
+            yield f"{what}: path", median_ms(lambda t=terrain, g=goal: plan_path(t, g, planner), count)
+
+
+def octree_rows(name: str, octree: OctreeMap, T_map_base: Array, count: int) -> Iterator[tuple[str, float]]:
+    """Column runs and classification out of an octree, as after every sweep."""
+    x, y = T_map_base[:2, 3]
+    reach = LOCAL_RADIUS_M + RUNS_MARGIN_M
+    around = (x - reach, y - reach, -np.inf), (x + reach, y + reach, np.inf)
+    for scope, radius, box in (("local 6 m", LOCAL_RADIUS_M, around), ("whole map", None, (None, None))):
+        yield f"{name}, {scope}: column runs", median_ms(lambda b=box: octree.column_runs(*b), count)
+        yield (
+            f"{name}, {scope}: column runs and classify",
+            median_ms(lambda r=radius, b=box: classify(octree.column_runs(*b), T_map_base, TerrainConfig(), r), count),
+        )
+
+
+def tile_rows(name: str, octree: OctreeMap, sweep: Sweep, T_map_base: Array, count: int) -> Iterator[tuple[str, float]]:
+    """The whole map by its size, and one more sweep."""
+    runs = octree.column_runs()
+    millions = float((runs.z_hi.astype(np.int64) - runs.z_lo + 1).sum()) / 1e6
+    whole = median_ms(lambda: classify(octree.column_runs(), T_map_base, TerrainConfig(), None), count)
+    yield f"{name}: column runs and classify, a million of its {millions:.1f} M known voxels", whole / millions
+    yield f"{name}: one more sweep", median_ms(lambda: insert(octree, sweep, T_map_base, np.zeros(3), MapConfig()), count)
+
+
+def measure(arguments: argparse.Namespace) -> Times:
+    """Everything that was asked for."""
+    made = two_level_world()
+    rows = list(runs_rows("made world", made, pose_near_the_middle(made, TerrainConfig()), arguments.runs))
+    if arguments.map:
+        octree = OctreeMap.read(arguments.map)
+        rows += octree_rows(Path(arguments.map).name, octree, pose_near_the_middle(octree.column_runs(), TerrainConfig()), arguments.runs)
+    if arguments.session:
+        sweeps, poses = recorded_sweeps(arguments.session, arguments.sweeps)
+        rows += octree_rows(f"live map of {len(sweeps)} sweeps", live_map(sweeps, poses, 1, MapConfig()), poses[-1], arguments.runs)
+        for tiles in arguments.tiles:
+            octree = live_map(sweeps, poses, tiles, MapConfig())
+            rows += octree_rows(f"{tiles} x {tiles} live maps", octree, poses[-1], arguments.runs)
+            rows += tile_rows(f"{tiles} x {tiles} live maps", octree, sweeps[-1], poses[-1], arguments.runs)
+    return dict(rows)
+
+
+def measure_in(python_path: str) -> Times:
+    """The same in a process of its own, with that PYTHONPATH."""
+    command = [sys.executable, os.path.abspath(__file__), *sys.argv[1:], "--json"]
+    done = subprocess.run(command, env={**os.environ, "PYTHONPATH": python_path}, stdout=subprocess.PIPE, text=True, check=True)
+    return {name: float(value) for name, value in json.loads(done.stdout).items()}
+
+
+def compare(other: str) -> None:
+    """Measure both versions in turns and print them side by side."""
+    pairs = [(measure_in(other), measure_in(os.environ.get("PYTHONPATH", ""))) for _ in range(TURNS)]
+    print("| what | other ms | this ms | ratio |\n|---|---|---|---|")
+    for name in pairs[0][1]:
+        before, now = (statistics.median(pair[i].get(name, math.nan) for pair in pairs) for i in (0, 1))
+        print(f"| {name} | {before:.2f} | {now:.2f} | {now / before:.2f} |")
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("map", nargs="?", help="a .bt or .ot file")
+    parser.add_argument("--session", type=Path, help="folder of a recorded run")
+    parser.add_argument("--sweeps", type=int, default=20, help="sweeps of it to insert")
+    parser.add_argument("--tiles", type=int, nargs="*", default=[], help="edges of larger maps, in copies of the live one")
+    parser.add_argument("--runs", type=int, default=15, help="calls that a median is taken of")
+    parser.add_argument("--against", help="PYTHONPATH of another version")
+    parser.add_argument("--json", action="store_true", help="print one object of names and milliseconds")
+    arguments = parser.parse_args()
+    if arguments.against and not arguments.json:
+        return compare(arguments.against)
+    times = measure(arguments)
+    if arguments.json:
+        return print(json.dumps(times))
+    print("| what | median ms |\n|---|---|")
+    for name, milliseconds in times.items():
+        print(f"| {name} | {milliseconds:.2f} |")
 
 
 if __name__ == "__main__":

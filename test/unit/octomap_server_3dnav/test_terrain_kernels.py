@@ -1,0 +1,94 @@
+"""The fast ways of the terrain kernels against the plain definitions that they stand for."""
+
+import math
+
+import numpy as np
+import pytest
+from terrain_worlds import grid_of_heights, runs_of
+
+from octomap_server_3dnav import terrain, terrain_kernels
+from octomap_server_3dnav.column_runs import VoxelState
+from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, find_node, surfaces_of
+from octomap_server_3dnav.surface_graph import STEEP, UNFITTED, nearest_neighbours, slope_at, slopes_of_open_ground, steppable_neighbours
+
+MARGIN, STEP, CLEARANCE = 18, 2, 14
+
+
+def bumpy_world(seed: int) -> tuple[Columns, Surfaces]:
+    """A hilly floor with noise of a voxel, unknown holes, and a deck over part of it: columns with no, one and two surfaces."""
+    rng = np.random.default_rng(seed)
+    noise = rng.uniform(-0.08, 0.08, (70, 60))
+    states = grid_of_heights(lambda x, y: 0.5 + 0.45 * np.sin(1.3 * x + seed) + noise[: x.shape[0], : y.shape[1]], 70, 60)
+    states[rng.random(states.shape[:2]) < 0.02] = VoxelState.UNKNOWN
+    states[10:30, 15:35, -2] = VoxelState.OCCUPIED
+    runs = runs_of(states)
+    columns, _ = crop_columns(runs, runs.origin_key, (runs.origin_key[0] + runs.nx - 1, runs.origin_key[1] + runs.ny - 1), MARGIN)
+    return columns, surfaces_of(columns, CLEARANCE, 3, STEP)
+
+
+def whole(columns: Columns) -> np.ndarray:
+    """Spans of all columns but the margin's."""
+    spans = np.tile([MARGIN, columns.ny - MARGIN], (columns.nx, 1))
+    spans[:MARGIN], spans[columns.nx - MARGIN :] = MARGIN, MARGIN
+    return spans
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_neighbours_are_the_nearest_surfaces_of_the_next_columns(seed):
+    columns, surfaces = bumpy_world(seed)
+    near = nearest_neighbours(surfaces.start, surfaces.z, columns.ny, whole(columns), STEP)
+    strides = (columns.ny, 1, -columns.ny, -1)
+    expected = [
+        [find_node(surfaces.start, surfaces.z, int(c) + stride, int(z), STEP) for stride in strides]
+        for c, z in zip(surfaces.column, surfaces.z, strict=True)
+    ]
+    assert np.array_equal(near, expected) and (np.diff(surfaces.start) > 1).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("reach", [2, 4, 7])
+def test_slopes_of_open_ground_are_those_of_the_fit(seed, reach):
+    columns, surfaces = bumpy_world(seed)
+    graph = steppable_neighbours(nearest_neighbours(surfaces.start, surfaces.z, columns.ny, whole(columns), STEP), surfaces.z, 1.4)
+    fitted = {s: slope_at(graph, surfaces.z, s, reach) for s in range(surfaces.z.size)}
+    for limit in (0.1, 0.3, float(np.median(list(fitted.values())))):
+        slope = slopes_of_open_ground(surfaces.start, surfaces.z, graph, columns.ny, whole(columns), reach, limit)[surfaces.column]
+        judged = np.flatnonzero(slope != UNFITTED)
+        assert [bool(slope[s] == STEEP) for s in judged] == [bool(fitted[s] > limit) for s in judged]
+    assert judged.size > (100 if reach < 7 else 0)
+
+
+def test_spans_are_the_columns_within_the_distance():
+    rng = np.random.default_rng(0)
+    for radius in (0.5, 5.0, 13.0):
+        for x0, y0 in (*rng.uniform(-15, 0, (20, 2)), (-12.0, -12.0), (1.0, 1.0)):
+            x, y = x0 + np.arange(24.0), y0 + np.arange(26.0)  # 3, 4, 5 and 5, 12, 13 lie on the rim
+            spans, inside = terrain._spans_within(x, y, radius), np.hypot(x[:, None], y) <= radius
+            assert np.array_equal((np.arange(26) >= spans[:, :1]) & (np.arange(26) < spans[:, 1:]), inside)
+
+
+@pytest.mark.parametrize("shape", ["circle", "square"])
+def test_inflation_takes_what_is_near_at_the_level_of_the_barrier(shape):
+    columns, surfaces = bumpy_world(1)
+    ny, radius, band = columns.ny, 0.42, 3
+    barriers = np.random.default_rng(2).choice(surfaces.z.size, 9)
+    label = np.zeros(surfaces.z.size, dtype=np.uint8)
+    widths = terrain._half_widths(radius, shape, 0.08)
+    at, level = surfaces.column[barriers].astype(np.int64), surfaces.z[barriers].astype(np.int64)
+    terrain_kernels.inflate(label, surfaces, at, level, widths, band, columns.nx, ny)
+    dx, dy = surfaces.column[:, None] // ny - at // ny, surfaces.column[:, None] % ny - at % ny
+    reach = math.floor(radius / 0.08)
+    near = np.hypot(dx, dy) * 0.08 <= radius if shape == "circle" else np.maximum(abs(dx), abs(dy)) <= reach
+    expected = (near & (abs(surfaces.z[:, None] - level) <= band)).any(axis=1)
+    assert np.array_equal(label == terrain_kernels.INFLATION, expected) and expected.any()
+
+
+def test_bridged_holes_are_sorted_into_the_surfaces():
+    columns, surfaces = bumpy_world(3)
+    assert surfaces.bridged.any() and np.array_equal(
+        np.repeat(np.arange(surfaces.start.size - 1), np.diff(surfaces.start)), surfaces.column
+    )
+    same_column = np.diff(surfaces.column) == 0
+    assert (np.diff(surfaces.z)[same_column] > 0).all() and (np.diff(surfaces.column) >= 0).all()
+    unknown = np.diff(columns.start)[surfaces.column] == 0
+    assert surfaces.bridged[unknown].all()
