@@ -43,7 +43,7 @@ class RegistrationConfig:
         0.015, "-", "points in free space above which a rough placement comes last", low=0.0, high=1.0
     )
     search_hopeless_contradiction: float = parameter(0.08, "-", "and above which none but the first is refined in full", low=0.0, high=1.0)
-    search_rival_share: float = parameter(0.8, "-", "share of the best overlap that makes a rival", low=0.0, high=1.0)
+    search_rival_share: float = parameter(0.4, "-", "share of the best overlap that makes a rival", low=0.0, high=1.0)
 
     degenerate_eigenvalue: float = parameter(
         1.5, "-", "Hessian eigenvalue by inlier under which a direction is unconstrained (0.5 is nothing)", low=0.0
@@ -51,6 +51,13 @@ class RegistrationConfig:
     degenerate_sigma_m: float = parameter(
         2.0, "m", "sigma given to an unconstrained direction, at the distance of a typical point", low=0.01
     )
+    degenerate_guess_sigma_m: float = parameter(
+        0.6, "m", "a guess known no better than this along an unconstrained direction does not stand there", low=0.0
+    )
+    pattern_rotation_factor: float = parameter(
+        5.0, "-", "sigma of a rotation, in angles by which residuals differ from direction to direction: a bent sweep is no noise", low=0.0
+    )
+    pattern_translation_factor: float = parameter(1.5, "-", "the same for a translation, in lengths", low=0.0)
     covariance_scale: float = parameter(0.01, "-", "factor of the inverse Hessian", low=0.0)
     floor_rotation_rad: float = parameter(math.radians(0.12), "rad", "sigma of a match that no number of points improves", low=1e-5)
     floor_translation_m: float = parameter(0.006, "m", "the same for translation", low=1e-5)

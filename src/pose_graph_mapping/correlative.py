@@ -63,12 +63,14 @@ def window_of(guess_covariance: Array | None, T_guess: Array, config: Registrati
 def coarse_placements(reference: PointCloud, reading: PointCloud, T_guess: Array, window: Window, config: RegistrationConfig) -> Array:
     """(K, 4, 4) T_reference_reading within `window` of the guess where the surfaces agree best, best first, well apart.
 
-    Both clouds need normals; the same input gives the same placements.
+    Both clouds need normals; the same input gives the same placements. The guess alone where there is nothing to lay on anything.
     """
     cell = config.search_cell_m
     steps = np.array([math.ceil(window.shift_m / cell - 1e-9), math.ceil(window.height_m / cell - 1e-9)])
     yaws = _yaws(window.yaw_rad, config.search_yaw_step_rad)
     points, level = _balanced(reading, T_guess[:3, :3], config)
+    if not len(points):
+        return T_guess[None]
     near = np.linalg.norm(reference.points - T_guess[:3, 3], axis=1) <= np.linalg.norm(points, axis=1).max() + window.shift_m + cell
     if not near.any():
         return T_guess[None]

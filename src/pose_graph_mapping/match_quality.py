@@ -162,6 +162,15 @@ def offset_between(T_reference_a: Array, T_reference_b: Array) -> Array:
     return np.concatenate([Rotation.from_matrix(T[:3, :3]).as_rotvec(), T[:3, 3]])
 
 
+def known_directions(weak: Degeneracy, guess_covariance: Array | None, most_sigma_m: float) -> Degeneracy:
+    """Those degenerate directions along which the guess is known to `most_sigma_m`, at the distance of a typical point."""
+    if guess_covariance is None:
+        return Degeneracy(weak.scale, np.zeros((0, 6)))
+    along = weak.directions * weak.scale
+    variances = np.einsum("ki,ij,kj->k", along, guess_covariance, along)
+    return Degeneracy(weak.scale, weak.directions[variances <= most_sigma_m**2])
+
+
 def keep_guess(T_guess: Array, T_matched: Array, weak: Degeneracy) -> Array:
     """The match, but the guess along the degenerate directions of the matched body frame (solution remapping)."""
     if len(weak.directions) == 0:
@@ -174,7 +183,7 @@ def keep_guess(T_guess: Array, T_matched: Array, weak: Degeneracy) -> Array:
 
 
 def match_covariance(information_inverse: Array, weak: Degeneracy, config: RegistrationConfig) -> Array:
-    """`information_inverse` (6, 6) with the floor added, and `degenerate_sigma_m` in the directions that the guess filled."""
+    """`information_inverse` (6, 6) with the floor added, and `degenerate_sigma_m` in the directions that the points do not hold."""
     floor = np.diag([config.floor_rotation_rad**2] * 3 + [config.floor_translation_m**2] * 3)
     open_directions = weak.directions / weak.scale
     inflation = config.degenerate_sigma_m**2 * open_directions.T @ open_directions

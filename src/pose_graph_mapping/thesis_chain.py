@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from pose_graph_mapping.cloud import PointCloud, moved_points, reference_cloud, voxel_downsample, with_normals
 from pose_graph_mapping.config import RegistrationConfig
-from pose_graph_mapping.gicp import in_reach, overlap_of
+from pose_graph_mapping.gicp import in_reach
+from pose_graph_mapping.gicp_surface import overlap_of
 from pose_graph_mapping.match_quality import (
     Degeneracy,
     degeneracy,

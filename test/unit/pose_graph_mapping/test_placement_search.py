@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from synthetic_sweeps import furnished_room, pose, sweep, world_of
+from synthetic_sweeps import corridor, furnished_room, pose, sweep, world_of
 
 from pose_graph_mapping.cloud import PointCloud, merged, vertex_cloud, with_normals
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.correlative import Window, coarse_placements, window_of
-from pose_graph_mapping.match_quality import Degeneracy, keep_guess, offset_between
+from pose_graph_mapping.match_quality import Degeneracy, keep_guess, known_directions, offset_between
 from pose_graph_mapping.registration import Verdict, create_registration
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy
 
@@ -144,3 +144,26 @@ def test_kept_guess_is_the_guess_along_the_free_direction_only():
     T = keep_guess(T_guess, T_matched, along_body_x)
     np.testing.assert_allclose(T[:3, 3], [4.0, 3.5, 0.0], atol=1e-12)
     np.testing.assert_allclose(T[:3, :3], T_matched[:3, :3], atol=1e-12)
+
+
+def test_direction_that_nobody_knows_is_left_to_the_match():
+    weak = Degeneracy(np.array([3.0, 3.0, 3.0, 1.0, 1.0, 1.0]), np.eye(6)[[2, 3]])
+    assert len(known_directions(weak, None, 0.6).directions) == 0
+    kept = known_directions(weak, np.diag([0.01, 0.01, 0.3, 0.2, 2.0, 2.0]) ** 2, 0.6)
+    np.testing.assert_array_equal(kept.directions, np.eye(6)[[3]])
+
+
+def corridor_with_doors():
+    """Smooth walls and floor, and two pillars: hardly anything of the surface holds a position along it, free space does."""
+    return corridor() + [((1.0, 1.05, 0.5), (0.3, 0.2, 1.0)), ((4.5, -1.05, 0.6), (0.4, 0.2, 1.2))]
+
+
+@pytest.mark.parametrize("slip", [-2.4, -1.2])
+def test_free_space_holds_what_surfaces_leave_open(slip):
+    rng, scene = np.random.default_rng(31), world_of(corridor_with_doors())
+    poses = [pose(0.0, 0.0, 0.0), pose(2.0, 0.1, 0.1), pose(3.5, 0.0, -0.1)]
+    clouds = [PointCloud(*sweep(scene, T, rng, lines=240)) for T in poses]
+    area = merged([vertex_cloud(c, 0.1, 20).transformed(T) for c, T in zip(clouds[:2], poses[:2], strict=True)])
+    result = create_registration(CONFIG).match(area, clouds[2], transform_from_rpy((slip, 0.0, 0.0)) @ poses[2], covariance(0.3, 1.5))
+    assert result.usable, result.reason
+    assert_right(result, poses[2], metres=0.3, degrees=0.5)

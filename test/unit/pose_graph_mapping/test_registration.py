@@ -126,7 +126,8 @@ def test_sweep_of_another_building_is_refused(room, long_corridor, method):
 def test_corridor_keeps_the_guess_along_its_axis(long_corridor, method):
     poses, clouds = long_corridor
     T_guess = transform_from_rpy((0.4, 0.1, 0.0)) @ poses[2] @ transform_from_rpy((0, 0, 0), (0, 0, 0.05))
-    result = registration(method).match(area_of(poses[:2], clouds[:2]), clouds[2], T_guess)
+    known = np.diag([0.02**2] * 3 + [0.3**2] * 3)
+    result = registration(method).match(area_of(poses[:2], clouds[:2]), clouds[2], T_guess, known)
     assert result.verdict is Verdict.DEGENERATE, result.reason
     assert len(result.degenerate_directions) == 1
     assert abs(result.T_reference_reading[0, 3] - T_guess[0, 3]) < 0.03
@@ -187,7 +188,8 @@ def test_clouds_without_surface_never_give_an_edge(method, shape):
 @pytest.mark.parametrize("method", METHODS)
 def test_plane_keeps_the_guess_in_its_three_free_directions(method):
     T_guess = transform_from_rpy((0.1, 0.05, 0.08), (0.0, 0.0, 0.05))
-    result = registration(method).match(a_plane(np.random.default_rng(1)), a_plane(np.random.default_rng(2)), T_guess)
+    known = np.diag([0.02**2] * 3 + [0.3**2] * 3)
+    result = registration(method).match(a_plane(np.random.default_rng(1)), a_plane(np.random.default_rng(2)), T_guess, known)
     assert result.verdict is not Verdict.ACCEPTED
     assert len(result.degenerate_directions) == 3
     np.testing.assert_allclose(result.T_reference_reading[:3, 3], [0.1, 0.05, 0.0], atol=0.01)

@@ -1,0 +1,138 @@
+"""Placements far from the guess: each refined roughly, ranked, and, where several are left, told apart by the guess or not at all.
+
+Between the correlation, which says where to look, and GICP, which places and judges.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pose_graph_mapping.cloud import Array, PointCloud, moved_points
+from pose_graph_mapping.config import RegistrationConfig
+from pose_graph_mapping.correlative import Window, coarse_placements
+from pose_graph_mapping.gicp_surface import Surface, align, coarse_surface, overlap_of
+from pose_graph_mapping.match_quality import Degeneracy, FreeSpace, degeneracy, known_directions, offset_between
+from pose_graph_mapping.registration import RegistrationResult, Verdict
+
+_ROUGH_POINTS = 5000
+_CHOOSING_ODDS = 13.8  # a likelihood ratio of 1000, as a difference of squared Mahalanobis distances
+_ALIKE = 0.002  # contradictions that differ by less say the same
+
+
+@dataclass(frozen=True, eq=False)
+class Pair:
+    """What every placement of one match shares; the reading has normals."""
+
+    reference: PointCloud
+    reading: PointCloud
+    source: Surface
+    free_space: FreeSpace
+    T_guess: Array
+    guess_covariance: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class Rough:
+    """A placement after its first refinement on coarse clouds; open_directions (K, 6) as in `RegistrationResult`."""
+
+    T: Array
+    overlap: float
+    contradiction: float
+    open_directions: Array
+
+
+def rough_placements(pair: Pair, window: Window, config: RegistrationConfig) -> list[Rough]:
+    """Where the reading may lie within the window, each place once; those that free space allows first, then by overlap."""
+    voxel_m, neighbours = config.search_refine_voxel_m, config.normal_neighbours
+    target, source = (coarse_surface(cloud.points, voxel_m, neighbours) for cloud in (pair.reference, pair.reading))
+    places: list[Rough] = []
+    for T_start in coarse_placements(pair.reference, pair.reading, pair.T_guess, window, config):
+        found = align(target, source, T_start, config.coarse_distance_m, config.search_iterations)
+        T = np.asarray(found.T_target_source)
+        if any(same_place(place.T, place.open_directions, T, config) for place in places):
+            continue
+        weak = degeneracy(np.asarray(found.H), max(1, int(found.num_inliers)), source.points, config.degenerate_eigenvalue)
+        T = _slid(T, weak, pair, window, config)
+        overlap = overlap_of(target.tree, moved_points(T, source.points), voxel_m)
+        places.append(Rough(T, overlap, pair.free_space.contradiction(T, _ROUGH_POINTS), weak.directions))
+    return sorted(places, key=lambda rough: (not rough.contradiction <= config.search_max_contradiction, -rough.overlap))
+
+
+def _slid(T: Array, weak: Degeneracy, pair: Pair, window: Window, config: RegistrationConfig) -> Array:
+    """Along the one direction that surfaces leave open, as in a corridor, free space may still tell: where it objects least.
+
+    The nearest to the guess where it says the same everywhere; a guess that knows the direction is let alone.
+    """
+    along = Degeneracy(weak.scale, weak.directions[np.linalg.norm(weak.directions[:, 3:], axis=1) > 0.7])
+    known = known_directions(along, pair.guess_covariance, config.degenerate_guess_sigma_m)
+    if len(along.directions) != 1 or len(known.directions):
+        return T
+    axis = T[:3, :3] @ along.directions[0, 3:] / np.linalg.norm(along.directions[0, 3:])
+    cell = config.search_cell_m
+    rough = _least_contradicted(T, axis, np.arange(-2.0 * window.shift_m, 2.0 * window.shift_m + cell, cell), pair, window.shift_m + cell)
+    return _least_contradicted(rough, axis, np.linspace(-cell, cell, 7), pair, window.shift_m + cell)
+
+
+def _least_contradicted(T: Array, axis: Array, shifts: Array, pair: Pair, reach_m: float) -> Array:
+    """Of `T` shifted along an axis (3,) the placement within reach of the guess that free space objects to least."""
+    origins = T[:3, 3] + shifts[:, None] * axis
+    away = np.linalg.norm(origins - pair.T_guess[:3, 3], axis=1)
+    origins, away = origins[away <= reach_m], away[away <= reach_m]
+    if not len(origins):
+        return T
+    placements = np.tile(T, (len(origins), 1, 1))
+    placements[:, :3, 3] = origins
+    against = np.array([pair.free_space.contradiction(placement, _ROUGH_POINTS) for placement in placements])
+    against = np.where(np.isnan(against), 1.0, against)
+    alike = np.flatnonzero(against <= against.min() + _ALIKE)
+    return np.asarray(placements[alike[np.argmin(away[alike])]])
+
+
+def is_worth_refining(rough: Rough, best: Rough, tried: int, found: Sequence[RegistrationResult], config: RegistrationConfig) -> bool:
+    """The first always; then what is not hopeless, nor found already, and, once there is one, only what may rival it."""
+    if tried == 0:
+        return True
+    if tried == config.search_refined or not rough.contradiction <= config.search_hopeless_contradiction:
+        return False
+    if any(is_found(result, rough.T, config) for result in found):
+        return False
+    may_rival = rough.contradiction <= config.search_max_contradiction and rough.overlap >= config.search_rival_share * best.overlap
+    return may_rival or not found
+
+
+def is_found(result: RegistrationResult, T: Array, config: RegistrationConfig) -> bool:
+    """Whether `T` is the place of a result."""
+    return same_place(result.T_reference_reading, result.degenerate_directions, T, config)
+
+
+def same_place(T_known: Array, open_directions: Array, T: Array, config: RegistrationConfig) -> bool:
+    """Whether `T` is `T_known`, or slid from it along directions that the clouds do not hold."""
+    offset = offset_between(T_known, T)
+    if len(open_directions):
+        turning = np.abs(open_directions[:, :3]).max() > 0.5
+        offset[3:] -= open_directions[:, 3:].T @ (open_directions[:, 3:] @ offset[3:])
+        offset[:3] *= not turning
+    return bool(np.linalg.norm(offset[:3]) <= config.search_apart_rad and np.linalg.norm(offset[3:]) <= config.search_apart_m)
+
+
+def decided(found: Sequence[RegistrationResult], T_guess: Array, guess_covariance: Array | None) -> RegistrationResult:
+    """The one placement, or the one that the guess makes far likelier than its rivals; else the best with verdict ambiguous."""
+    if len(found) == 1:
+        return found[0]
+    rivals = np.array([result.T_reference_reading for result in found])
+    if guess_covariance is not None:
+        information = np.linalg.inv(guess_covariance)
+        offsets = [offset_between(T_guess, T) for T in rivals]
+        odds = np.array([offset @ information @ offset for offset in offsets])
+        nearest, second = np.argsort(odds, kind="stable")[:2]
+        if odds[second] - odds[nearest] >= _CHOOSING_ODDS:
+            chosen = found[int(nearest)]
+            return dataclasses.replace(chosen, reason=f"{chosen.reason}; of {len(found)} placements the guess chose this")
+    others = offset_between(rivals[0], rivals[1])
+    apart = f"{np.linalg.norm(others[3:]):.1f} m and {np.degrees(np.linalg.norm(others[:3])):.0f} deg apart"
+    reason = f"{len(found)} placements explain the clouds equally well, the first two {apart}"
+    return dataclasses.replace(found[0], verdict=Verdict.AMBIGUOUS, reason=reason, rivals=rivals[1:])
