@@ -175,8 +175,8 @@ class SweepAssembler:
         if beams.times_s.size == 0:
             return None
         trajectory = self._laser_poses(window)
-        points, origins = _along_nodes(*trajectory, beams.times_s, beams.hits)
-        free_ends, free_origins = _along_nodes(*trajectory, beams.free_times_s, beams.free_ends)
+        points, origins = along_nodes(*trajectory, beams.times_s, beams.hits)
+        free_ends, free_origins = along_nodes(*trajectory, beams.free_times_s, beams.free_ends)
         return Sweep(window.end_stamp_s, window.start_stamp_s, points, origins, free_ends, free_origins, beams.scans)
 
     def _usable_scans(self, window: SweepWindow) -> tuple[FloatArray, list[Any]]:
@@ -221,7 +221,7 @@ def _overlaps_gap(starts: FloatArray, ends: FloatArray, stamps: FloatArray, max_
 
 
 @njit(cache=True)
-def _along_nodes(nodes: Any, T_base_laser: Any, times: Any, laser_points: Any) -> Any:
+def along_nodes(nodes: Any, T_base_laser: Any, times: Any, laser_points: Any) -> Any:
     """(N, 3) float32 points and origins of (N, 3) points in `laser`, with the laser's pose linear in time between the nodes."""
     points, origins = np.empty((times.size, 3), np.float32), np.empty((times.size, 3), np.float32)
     last = nodes.size - 1
@@ -240,4 +240,4 @@ def _along_nodes(nodes: Any, T_base_laser: Any, times: Any, laser_points: Any) -
 
 def compile_kernels() -> None:
     """Compiles the kernel for the types that a sweep passes."""
-    _along_nodes(np.arange(2.0), np.tile(np.eye(4), (2, 1, 1)), np.zeros(1), np.zeros((1, 3)))
+    along_nodes(np.arange(2.0), np.tile(np.eye(4), (2, 1, 1)), np.zeros(1), np.zeros((1, 3)))

@@ -10,6 +10,8 @@ from stage_config import check_ranges, parameter
 
 FloatArray = NDArray[np.float64]
 
+ENOUGH_TO_FIT = 500  # beams tell well enough how a revolution turned
+
 
 @dataclass(frozen=True)
 class LidarConfig:
@@ -62,8 +64,8 @@ class Revolution:
         """(N,) whether nothing was in the beam's range."""
         return np.asarray(np.isnan(self.points[:, 0]))
 
-    def kept(self, rows: NDArray[np.bool_]) -> "Revolution":
-        """The beams where `rows` (N,) is true."""
+    def kept(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> "Revolution":
+        """The beams where `rows` (N,) is true, or whose numbers they are."""
         return Revolution(self.points[rows], self.rings[rows], self.times_s[rows])
 
 
@@ -73,8 +75,11 @@ def free_directions(revolution: Revolution, config: LidarConfig) -> FloatArray:
     Where no beam met anything it is not known where the revolution began: x and y are NaN then.
     """
     nothing = revolution.met_nothing
+    if not nothing.any():
+        return np.zeros((0, 3))
     elevations = config.elevations[np.minimum(revolution.rings[nothing], config.rings - 1)]
-    azimuths = _azimuths(revolution.kept(~nothing), revolution.times_s[nothing], config.rate_hz)
+    seen = np.flatnonzero(~nothing)
+    azimuths = _azimuths(revolution.kept(seen[:: 1 + seen.size // ENOUGH_TO_FIT]), revolution.times_s[nothing], config.rate_hz)
     flat = np.cos(elevations)
     return np.stack([flat * np.cos(azimuths), flat * np.sin(azimuths), np.sin(elevations)], axis=1)
 
