@@ -255,31 +255,26 @@ def _one_per_hole(found: NDArray[np.int64], step: int) -> NDArray[np.int64]:
 
 
 @njit(cache=True)
-def _with_holes(start: Any, column: Any, z: Any, holes: Any) -> Any:
-    """(start, column, z, bridged) of the surfaces and the (M, 2) sorted `holes` among them."""
-    n, m = z.size, holes.shape[0]
+def _with_holes(start: Any, z: Any, hole_column: Any, hole_z: Any) -> Any:
+    """(start, column, z, bridged) of the surfaces and the sorted holes among them."""
+    size = z.size + hole_z.size
     out_start = np.empty_like(start)
-    out_column, out_z, bridged = np.empty(n + m, np.int32), np.empty(n + m, np.int16), np.zeros(n + m, np.bool_)
-    done, h = 0, 0  # columns and holes
-    while done < start.size - 1:
-        c = holes[h, 0] if h < m else start.size - 1
-        a = np.int64(start[c])
-        out_start[done : c + 1] = start[done : c + 1] + h
-        out_column[start[done] + h : a + h] = column[start[done] : a]
-        out_z[start[done] + h : a + h] = z[start[done] : a]
-        while h < m and holes[h, 0] == c:
-            while a < start[c + 1] and z[a] < holes[h, 1]:
-                out_column[a + h], out_z[a + h] = c, z[a]
-                a += 1
-            out_column[a + h], out_z[a + h], bridged[a + h] = c, holes[h, 1], True
-            h += 1
-        if c == start.size - 1:
-            break
-        out_column[a + h : start[c + 1] + h] = c
-        out_z[a + h : start[c + 1] + h] = z[a : start[c + 1]]
-        done = c + 1
-    out_start[-1] = n + m
-    return out_start, out_column, out_z, bridged
+    column, out_z, bridged = np.empty(size, np.int32), np.empty(size, np.int16), np.zeros(size, np.bool_)
+    s, h = 0, 0
+    for c in range(start.size - 1):
+        out_start[c] = s + h
+        while s < start[c + 1] or (h < hole_z.size and hole_column[h] == c):
+            is_hole = h < hole_z.size and hole_column[h] == c and (s == start[c + 1] or hole_z[h] < z[s])
+            n = s + h
+            column[n], bridged[n] = c, is_hole
+            if is_hole:
+                out_z[n] = hole_z[h]
+                h += 1
+            else:
+                out_z[n] = z[s]
+                s += 1
+    out_start[-1] = size
+    return out_start, column, out_z, bridged
 
 
 def surfaces_of(columns: Columns, clearance: int, hole: int, step: int) -> Surfaces:
@@ -288,4 +283,4 @@ def surfaces_of(columns: Columns, clearance: int, hole: int, step: int) -> Surfa
     holes = _one_per_hole(_bridge(columns, start, column, z, (hole, step, clearance, step + 1)), step)
     if not len(holes):
         return Surfaces(start, column, z, np.zeros(z.size, dtype=bool))
-    return Surfaces(*_with_holes(start, column, z, np.ascontiguousarray(holes)))
+    return Surfaces(*_with_holes(start, z, holes[:, 0].copy(), holes[:, 1].copy()))
