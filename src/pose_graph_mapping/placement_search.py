@@ -50,7 +50,8 @@ def rough_placements(pair: Pair, window: Window, config: RegistrationConfig) -> 
     voxel_m, neighbours = config.search_refine_voxel_m, config.normal_neighbours
     target, source = (coarse_surface(cloud.points, voxel_m, neighbours) for cloud in (pair.reference, pair.reading))
     places: list[Rough] = []
-    for T_start in coarse_placements(pair.reference, pair.reading, pair.T_guess, window, config):
+    placements = coarse_placements(pair.reference, pair.reading, pair.T_guess, window, config)
+    for T_start in (pair.T_guess, *placements):  # where little overlaps, as through a door, the guess may still be the best start
         found = align(target, source, T_start, config.coarse_distance_m, config.search_iterations)
         T = np.asarray(found.T_target_source)
         if any(same_place(place.T, place.open_directions, T, config) for place in places):

@@ -167,3 +167,12 @@ def test_free_space_holds_what_surfaces_leave_open(slip):
     result = create_registration(CONFIG).match(area, clouds[2], transform_from_rpy((slip, 0.0, 0.0)) @ poses[2], covariance(0.3, 1.5))
     assert result.usable, result.reason
     assert_right(result, poses[2], metres=0.3, degrees=0.5)
+
+
+def test_guess_itself_is_a_start_where_the_search_finds_nothing(room):
+    """A reading whose placed points all lie on the floor beside the robot; the guess is near, but nobody knows that."""
+    area, reading, T_true = room
+    T_guess = transform_from_rpy((0.15, -0.1, 0.02)) @ T_true @ transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 0.1))
+    result = create_registration(RegistrationConfig(search_range_m=1.0)).match(area, reading, T_guess, covariance(0.5, 0.7))
+    assert result.verdict is Verdict.ACCEPTED, result.reason
+    assert_right(result, T_true)
