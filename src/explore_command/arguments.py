@@ -6,7 +6,7 @@ import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
-from explore_command.sessions import EarlierRun, earlier_run
+from explore_command.sessions import NO_RUN, earlier_run
 
 NAMED_WORLDS = ("rooms", "ramp", "moon")
 SENSORS = ("tilting", "spinning")
@@ -89,7 +89,6 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--start", nargs=3, type=float, metavar=("X", "Y", "YAW"), help="where the robot starts; default: chosen by the seed")
     p.add_argument(
         "--sensor",
-        default="tilting",
         choices=SENSORS,
         help="tilting: a 2-D laser on a tilting mount; spinning: a lidar of 16 beams on the same mount; default tilting",
     )
@@ -120,11 +119,12 @@ def parser() -> argparse.ArgumentParser:
 def parse(argv: list[str] | None = None) -> ExploreArguments:
     """Checked arguments; ArgumentProblem for what argparse cannot know, SystemExit(2) for what it can.
 
-    A run that goes on is in the world, and by default with the seed, of the earlier one.
+    A run that goes on is by default in the world, and with the seed and the sensor, of the earlier one.
     """
     a = parser().parse_args(argv)
-    earlier = earlier_run(a.resume or a.map) if a.resume or a.map else EarlierRun(None, None)
+    earlier = earlier_run(a.resume or a.map) if a.resume or a.map else NO_RUN
     a.world, a.seed = a.world or earlier.world or "ramp", earlier.seed or 1 if a.seed is None else a.seed
+    a.sensor = a.sensor or (earlier.sensor if earlier.sensor in SENSORS else SENSORS[0])
     if a.resume and a.out:
         raise ArgumentProblem("--resume goes on in the folder of the earlier run: --out cannot be another")
     _check_world(a.world, a.size)

@@ -9,19 +9,23 @@ _PAUSE_S = 10.0
 
 @dataclass(frozen=True)
 class EarlierRun:
-    """The world (name or file) and seed of a run, None where it did not write them down."""
+    """The world (name or file), seed and sensor of a run, None where it did not write them down."""
 
     world: str | None
     seed: int | None
+    sensor: str | None
+
+
+NO_RUN = EarlierRun(None, None, None)
 
 
 def earlier_run(folder: Path) -> EarlierRun:
     """What run.json in the folder says."""
     try:
         run = json.loads((folder / "run.json").read_text())
-        return EarlierRun(str(run["world"]), int(run["seed"]))
+        return EarlierRun(str(run["world"]), int(run["seed"]), run.get("sensor"))
     except (OSError, ValueError, KeyError, TypeError):
-        return EarlierRun(None, None)
+        return NO_RUN
 
 
 def clock_after(folder: Path, option: str) -> float:

@@ -20,6 +20,8 @@ from pose_graph_mapping.registration import RegistrationResult, Verdict
 
 _ROUGH_POINTS = 5000
 _CHOOSING_ODDS = 13.8  # a likelihood ratio of 1000, as a difference of squared Mahalanobis distances
+_IDENTICAL = 0.05  # metres, and radians nearly
+_MAINLY = 0.7  # share of a unit direction that makes it one of translation, or of rotation
 _ALIKE = 0.002  # contradictions that differ by less say the same
 
 
@@ -54,13 +56,22 @@ def rough_placements(pair: Pair, window: Window, config: RegistrationConfig) -> 
     for T_start in (pair.T_guess, *placements):  # where little overlaps, as through a door, the guess may still be the best start
         found = align(target, source, T_start, config.coarse_distance_m, config.search_iterations)
         T = np.asarray(found.T_target_source)
-        if any(same_place(place.T, place.open_directions, T, config) for place in places):
+        twin = next((k for k, place in enumerate(places) if same_place(place.T, place.open_directions, T, config)), None)
+        if twin is not None and (_is_line(places[twin]) or np.abs(places[twin].T - T).max() < _IDENTICAL):
             continue
         weak = degeneracy(np.asarray(found.H), max(1, int(found.num_inliers)), source.points, config.degenerate_eigenvalue)
         T = _slid(T, weak, pair, window, config)
         overlap = overlap_of(target.tree, moved_points(T, source.points), voxel_m)
-        places.append(Rough(T, overlap, pair.free_space.contradiction(T, _ROUGH_POINTS), weak.directions))
+        rough = Rough(T, overlap, pair.free_space.contradiction(T, _ROUGH_POINTS), weak.directions)
+        if twin is None:
+            places.append(rough)
+        elif rough.contradiction < places[twin].contradiction:
+            places[twin] = rough
     return sorted(places, key=lambda rough: (not rough.contradiction <= config.search_max_contradiction, -rough.overlap))
+
+
+def _is_line(rough: Rough) -> bool:
+    return bool((np.linalg.norm(rough.open_directions[:, 3:], axis=1) > _MAINLY).any())
 
 
 def _slid(T: Array, weak: Degeneracy, pair: Pair, window: Window, config: RegistrationConfig) -> Array:
@@ -68,7 +79,7 @@ def _slid(T: Array, weak: Degeneracy, pair: Pair, window: Window, config: Regist
 
     The nearest to the guess where it says the same everywhere; a guess that knows the direction is let alone.
     """
-    along = Degeneracy(weak.scale, weak.directions[np.linalg.norm(weak.directions[:, 3:], axis=1) > 0.7])
+    along = Degeneracy(weak.scale, weak.directions[np.linalg.norm(weak.directions[:, 3:], axis=1) > _MAINLY])
     known = known_directions(along, pair.guess_covariance, config.degenerate_guess_sigma_m)
     if len(along.directions) != 1 or len(known.directions):
         return T
@@ -113,10 +124,12 @@ def is_found(result: RegistrationResult, T: Array, config: RegistrationConfig) -
 def same_place(T_known: Array, open_directions: Array, T: Array, config: RegistrationConfig) -> bool:
     """Whether `T` is `T_known`, or slid from it along directions that the clouds do not hold."""
     offset = offset_between(T_known, T)
-    if len(open_directions):
-        turning = np.abs(open_directions[:, :3]).max() > 0.5
-        offset[3:] -= open_directions[:, 3:].T @ (open_directions[:, 3:] @ offset[3:])
-        offset[:3] *= not turning
+    for direction in open_directions:
+        for part in (slice(0, 3), slice(3, 6)):
+            length = np.linalg.norm(direction[part])
+            if length > _MAINLY:
+                axis = direction[part] / length
+                offset[part] -= axis * (axis @ offset[part])
     return bool(np.linalg.norm(offset[:3]) <= config.search_apart_rad and np.linalg.norm(offset[3:]) <= config.search_apart_m)
 
 

@@ -51,7 +51,7 @@ class RunLog:
         own = self._parameters.get("exploration_monitor_node", {})
         config = {k: v for k, v in self._parameters.items() if k.endswith("_node")}
         started = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime(self._started))
-        told = {key: own.get(key) for key in ("world", "seed", "profile")}
+        told = {**{key: own.get(key) for key in ("world", "seed", "profile")}, "sensor": self._parameters.get("sensor")}
         return {**told, "started": started, "version": VERSION, "config": config}
 
     @property

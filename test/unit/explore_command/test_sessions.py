@@ -21,14 +21,15 @@ def session(tmp_path: Path) -> Path:
     graph.add_vertex(np.eye(4))
     points = np.ones((300, 3))
     SessionStore(folder).add_sweep(0, 42.5, points, 0.0 * points, graph, np.eye(4))
-    (folder / "run.json").write_text(json.dumps({"world": "rooms", "seed": 7}))
+    (folder / "run.json").write_text(json.dumps({"world": "rooms", "seed": 7, "sensor": "spinning"}))
     (folder / "summary.json").write_text("{}")
     return folder
 
 
 def test_run_goes_on_in_its_folder_world_and_seed(session: Path) -> None:
     a = parse(["--resume", str(session)])
-    assert (a.out, a.resume, a.map, a.world, a.seed) == (session, True, None, "rooms", 7)
+    assert (a.out, a.resume, a.map, a.world, a.seed, a.sensor) == (session, True, None, "rooms", 7, "spinning")
+    assert parse(["--world", "rooms"]).sensor == "tilting"
 
 
 def test_map_is_explored_in_another_folder(session: Path) -> None:
