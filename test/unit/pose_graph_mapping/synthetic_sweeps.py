@@ -1,4 +1,4 @@
-"""Sweeps of a tilting laser in worlds made of boxes, for the tests of this package and for benchmarks/registration.py."""
+"""Sweeps of a tilting laser in worlds made of boxes, for the tests of this package."""
 
 import numpy as np
 import open3d as o3d
