@@ -57,7 +57,7 @@ def rough_placements(pair: Pair, window: Window, config: RegistrationConfig) -> 
         found = align(target, source, T_start, config.coarse_distance_m, config.search_iterations)
         T = np.asarray(found.T_target_source)
         twin = next((k for k, place in enumerate(places) if same_place(place.T, place.open_directions, T, config)), None)
-        if twin is not None and (_is_line(places[twin]) or np.abs(places[twin].T - T).max() < _IDENTICAL):
+        if twin is not None and _is_no_better(T, places[twin], pair):
             continue
         weak = degeneracy(np.asarray(found.H), max(1, int(found.num_inliers)), source.points, config.degenerate_eigenvalue)
         T = _slid(T, weak, pair, window, config)
@@ -65,13 +65,14 @@ def rough_placements(pair: Pair, window: Window, config: RegistrationConfig) -> 
         rough = Rough(T, overlap, pair.free_space.contradiction(T, _ROUGH_POINTS), weak.directions)
         if twin is None:
             places.append(rough)
-        elif rough.contradiction < places[twin].contradiction:
+        else:
             places[twin] = rough
     return sorted(places, key=lambda rough: (not rough.contradiction <= config.search_max_contradiction, -rough.overlap))
 
 
-def _is_line(rough: Rough) -> bool:
-    return bool((np.linalg.norm(rough.open_directions[:, 3:], axis=1) > _MAINLY).any())
+def _is_no_better(T: Array, place: Rough, pair: Pair) -> bool:
+    """Whether a placement of the same place as one before need not be looked at."""
+    return bool(np.abs(place.T - T).max() < _IDENTICAL or not pair.free_space.contradiction(T, _ROUGH_POINTS) < place.contradiction)
 
 
 def _slid(T: Array, weak: Degeneracy, pair: Pair, window: Window, config: RegistrationConfig) -> Array:
