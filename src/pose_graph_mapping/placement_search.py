@@ -22,6 +22,7 @@ _ROUGH_POINTS = 5000
 _CHOOSING_ODDS = 13.8  # a likelihood ratio of 1000, as a difference of squared Mahalanobis distances
 _IDENTICAL = 0.05  # metres, and radians nearly
 _MAINLY = 0.7  # share of a unit direction that makes it one of translation, or of rotation
+_EQUALLY_WELL = 0.004  # a placement that free space contradicts by so much more is no rival
 _ALIKE = 0.002  # contradictions that differ by less say the same
 
 
@@ -136,6 +137,8 @@ def same_place(T_known: Array, open_directions: Array, T: Array, config: Registr
 
 def decided(found: Sequence[RegistrationResult], T_guess: Array, guess_covariance: Array | None) -> RegistrationResult:
     """The one placement, or the one that the guess makes far likelier than its rivals; else the best with verdict ambiguous."""
+    least = min(result.free_space_contradiction for result in found)
+    found = [result for result in found if result.free_space_contradiction <= least + _EQUALLY_WELL]
     if len(found) == 1:
         return found[0]
     rivals = np.array([result.T_reference_reading for result in found])

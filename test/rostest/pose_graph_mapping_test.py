@@ -25,7 +25,8 @@ NODE = "pose_graph_mapping_node"
 
 def matched_at_the_guess(request: MatchCloudsRequest) -> MatchCloudsResponse:
     """A match that finds just what was guessed."""
-    return MatchCloudsResponse(True, "as guessed", request.guess, (np.eye(6) * 1e-4).ravel().tolist(), 0.9, 0.9, 0.0, [], 5)
+    covariance = (np.eye(6) * 1e-4).ravel().tolist()
+    return MatchCloudsResponse("accepted", "as guessed", request.guess, covariance, 0.9, 0.9, 0.0, [], [], 5)
 
 
 class PoseGraphMappingTest(unittest.TestCase):
