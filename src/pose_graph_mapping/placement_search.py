@@ -137,8 +137,9 @@ def same_place(T_known: Array, open_directions: Array, T: Array, config: Registr
 
 def decided(found: Sequence[RegistrationResult], T_guess: Array, guess_covariance: Array | None) -> RegistrationResult:
     """The one placement, or the one that the guess makes far likelier than its rivals; else the best with verdict ambiguous."""
-    least = min(result.free_space_contradiction for result in found)
-    found = [result for result in found if result.free_space_contradiction <= least + _EQUALLY_WELL]
+    against = np.array([result.free_space_contradiction for result in found])
+    known = against[np.isfinite(against)]  # without beam origins free space says nothing, and only a judge of match ratios accepts
+    found = [result for result, share in zip(found, against, strict=True) if not (known.size and share > known.min() + _EQUALLY_WELL)]
     if len(found) == 1:
         return found[0]
     rivals = np.array([result.T_reference_reading for result in found])
