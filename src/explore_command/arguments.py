@@ -123,13 +123,18 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
     """
     a = parser().parse_args(argv)
     earlier = earlier_run(a.resume or a.map) if a.resume or a.map else NO_RUN
-    a.world, a.seed = a.world or earlier.world or "ramp", earlier.seed or 1 if a.seed is None else a.seed
+    a.world = a.world or earlier.world or "ramp"
+    a.seed = next(seed for seed in (a.seed, earlier.seed, 1) if seed is not None)
     a.sensor = a.sensor or (earlier.sensor if earlier.sensor in SENSORS else SENSORS[0])
     if a.resume and a.out:
         raise ArgumentProblem("--resume goes on in the folder of the earlier run: --out cannot be another")
     _check_world(a.world, a.size)
     _check_numbers(a)
     out = (a.resume or a.out or Path("runs") / f"{Path(a.world).stem}-{a.seed}").absolute()
+    if a.map and a.map.resolve() == out.resolve():
+        raise ArgumentProblem(
+            f"--map {a.map}: the new run would overwrite it; --out DIR names another folder, --resume goes on in this one"
+        )
     return ExploreArguments(
         world=a.world if a.world in NAMED_WORLDS else str(Path(a.world).absolute()),
         sensor=a.sensor,

@@ -204,7 +204,7 @@ def judge(ratio: float, overlap: float, contradiction: float, weak: Degeneracy, 
         allowed = f"{100 * config.max_contradiction:.2f} %"
         return Verdict.REFUSED, f"{100 * contradiction:.2f} % of the points lie in space seen free, allowed are {allowed}"
     if len(weak.directions):
-        return Verdict.DEGENERATE, f"{len(weak.directions)} directions are not held by the points and keep the guess"
+        return Verdict.DEGENERATE, f"{len(weak.directions)} directions are not held by the points"
     return Verdict.ACCEPTED, f"overlap {overlap:.2f}, contradiction {100 * contradiction:.2f} %"
 
 

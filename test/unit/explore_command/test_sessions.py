@@ -38,6 +38,21 @@ def test_map_is_explored_in_another_folder(session: Path) -> None:
     assert a.out.name == "rooms-3"
 
 
+def test_map_is_never_the_folder_of_the_run_that_starts_in_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, session: Path) -> None:
+    """Also where nobody named a folder: the default is that of the world and seed, which a map has from the same world and seed."""
+    monkeypatch.chdir(tmp_path)
+    session.rename(tmp_path / "rooms-7")
+    (tmp_path / "runs").symlink_to(tmp_path)
+    for more in ([], ["--out", "rooms-7", "--force"]):
+        with pytest.raises(ArgumentProblem, match="would overwrite it"):
+            parse(["--map", "runs/rooms-7", *more])
+
+
+def test_seed_zero_is_a_seed(session: Path) -> None:
+    (session / "run.json").write_text(json.dumps({"world": "rooms", "seed": 0}))
+    assert parse(["--resume", str(session)]).seed == 0
+
+
 @pytest.mark.parametrize("more", [["--out", "elsewhere"], ["--map", "elsewhere"]])
 def test_resuming_has_one_folder(session: Path, more: list[str]) -> None:
     with pytest.raises((ArgumentProblem, SystemExit)):

@@ -7,7 +7,7 @@ from synthetic_sweeps import corridor, furnished_room, pose, sweep, world_of
 from pose_graph_mapping.cloud import PointCloud, merged, vertex_cloud, with_normals
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.correlative import Window, coarse_placements, window_of
-from pose_graph_mapping.match_quality import Degeneracy, keep_guess, known_directions, offset_between
+from pose_graph_mapping.match_quality import Degeneracy, FreeSpace, keep_guess, known_directions, offset_between
 from pose_graph_mapping.registration import Verdict, create_registration
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy
 
@@ -134,6 +134,15 @@ def test_search_is_bit_identical_when_repeated(room):
     area, reading, T_true = room
     first, second = (create_registration(CONFIG).match(area, reading, HALF_TURN @ T_true) for _ in range(2))
     assert first.T_reference_reading.tobytes() == second.T_reference_reading.tobytes()
+
+
+@pytest.mark.parametrize(("normal", "share"), [((-1.0, 0.0, 0.0), 1.0), ((0.0, 1.0, 0.0), None), ((0.0, 0.0, 0.0), 1.0)])
+def test_surface_that_is_seen_along_says_nothing_of_free_space(normal, share):
+    """A beam that met something at 6 m passed where the reference has a point at 3 m; a surface along the beam is no obstacle to it."""
+    reading = PointCloud([[6.0, 0.0, 0.0]], np.zeros((1, 3)), [[-1.0, 0.0, 0.0]])
+    reference = PointCloud([[3.0, 0.0, 0.0]], [[0.0, 0.0, 0.0]], [normal])
+    found = FreeSpace(reference, reading, np.zeros(3), CONFIG).contradiction(np.eye(4))
+    assert np.isnan(found) if share is None else found == share
 
 
 def test_kept_guess_is_the_guess_along_the_free_direction_only():
