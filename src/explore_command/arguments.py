@@ -5,6 +5,7 @@ import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
 from explore_command.sessions import NO_RUN, earlier_run
 
@@ -43,6 +44,13 @@ _RUN_FOLDERS = ("sweeps", "log")
 
 class ArgumentProblem(ValueError):
     """One line that says what is wrong and what to do."""
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """Raises ArgumentProblem where argparse would print its usage and exit."""
+
+    def error(self, message: str) -> NoReturn:
+        raise ArgumentProblem(message)
 
 
 @dataclass(frozen=True)

@@ -10,12 +10,11 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from explore_command.arguments import ArgumentProblem
+from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.bag_sweeps import BagSweeps, BagTopics
 from mapping_tools.configuration import ToolConfig, configured
 from mapping_tools.folder_sweeps import FolderSweeps
@@ -40,13 +39,8 @@ with --resume. Exit code: 0 mapped, 1 some sweeps could not be placed, the recor
 argument."""
 
 
-class _OneLineParser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ArgumentProblem(message)
-
-
 def parser() -> argparse.ArgumentParser:
-    p = _OneLineParser(prog="./map_bag", usage="./map_bag BAG|FOLDER --out DIR [options]", description=_DESCRIPTION, epilog=_EPILOG)
+    p = OneLineParser(prog="./map_bag", usage="./map_bag BAG|FOLDER --out DIR [options]", description=_DESCRIPTION, epilog=_EPILOG)
     defaults = BagTopics()
     p.add_argument("recording", type=Path, metavar="BAG|FOLDER")
     p.add_argument("--out", type=Path, required=True, metavar="DIR", help="the session's folder; made where it is not there")

@@ -9,9 +9,9 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-from explore_command.arguments import ArgumentProblem
+from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.graph_solving import NumberedGraph, SolvedGraph, numbered, solve_plain, solve_robust
 from pose_graph_mapping.graph_files import GraphFile, g2o_text, read_graph_file
 from pose_graph_mapping.graph_measurements import GraphNotSolvable
@@ -22,13 +22,8 @@ ERROR_UNIT = "half of the sum of squared Mahalanobis distances of the edges"
 _MOST_PRINTED = 20
 
 
-class _OneLineParser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ArgumentProblem(message)
-
-
 def parser() -> argparse.ArgumentParser:
-    p = _OneLineParser(
+    p = OneLineParser(
         prog="./optimize_graph",
         description="Finds the likeliest poses of the pose graph in GRAPH: a g2o file (VERTEX_SE3:QUAT, EDGE_SE3:QUAT, FIX) or TORO's 3-D "
         "(VERTEX3, EDGE3: x y z roll pitch yaw). Ids need not follow each other. A vertex without a line starts where edges put it. "

@@ -9,13 +9,13 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from explore_command.arguments import ArgumentProblem
+from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.centred_match import centre_of, match_centred
 from mapping_tools.cloud_files import VIEWPOINT_FIELDS, CloudFile, read_cloud
 from pose_graph_mapping import PointCloud, RegistrationConfig, RegistrationResult, Verdict, create_registration, merged, voxel_downsample
@@ -30,13 +30,8 @@ COVARIANCE_ORDER = "rotation about x, y, z (rad), translation along x, y, z (m);
 USABLE, NOT_USABLE, BAD_INPUT = 0, 1, 2
 
 
-class _OneLineParser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ArgumentProblem(message)
-
-
 def parser() -> argparse.ArgumentParser:
-    p = _OneLineParser(
+    p = OneLineParser(
         prog="./register_clouds",
         description="Finds how the cloud READING lies in the cloud REFERENCE: the transform that takes points of the reading to the "
         "reference, how sure it is, and whether it can be trusted. Both have z roughly upwards, in metres. Files: .ply, .pcd, or a sweep "

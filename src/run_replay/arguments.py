@@ -6,9 +6,8 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
 
-from explore_command.arguments import ArgumentProblem
+from explore_command.arguments import ArgumentProblem, OneLineParser
 from run_replay.bag_topics import bag_problem
 
 PLAYED_FILES = ("trajectory.txt", "sweeps/index.json")
@@ -27,13 +26,8 @@ class ReplayArguments:
     headless: bool
 
 
-class _OneLineParser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ArgumentProblem(message)
-
-
 def parser() -> argparse.ArgumentParser:
-    p = _OneLineParser(
+    p = OneLineParser(
         prog="./replay",
         usage="./replay DIR|BAG [--speed X] [--headless]\n       ./replay --compare A B [--headless]",
         description="Shows a finished run in rviz as it happened: the robot, its path, and the map as it grew sweep by sweep, at the end "
