@@ -16,6 +16,7 @@ from pose_graph_mapping.cloud import PointCloud, moved_points, reference_cloud, 
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.correlative import Window, window_of
 from pose_graph_mapping.gicp_surface import Surface, align, surface_of
+from pose_graph_mapping.graph_measurements import as_covariance
 from pose_graph_mapping.match_quality import FreeSpace, degeneracy, judge, keep_guess, known_directions, match_covariance
 from pose_graph_mapping.placement_search import Pair, decided, is_found, is_worth_refining, rough_placements
 from pose_graph_mapping.registration import RegistrationResult, refused
@@ -62,6 +63,7 @@ class GicpRegistration:
         config, T_guess = self._config, as_transform(T_reference_reading_guess)
         if len(reference) == 0 or len(reading) == 0:
             raise ValueError(f"clouds to match must hold points: reference has {len(reference)}, reading {len(reading)}")
+        guess_covariance = None if guess_covariance is None else as_covariance(guess_covariance)
         window = window_of(guess_covariance, T_guess, config)
         reading = voxel_downsample(reading, config.voxel_m)
         reference = in_reach(reference, reading, T_guess, window.shift_m + config.coarse_distance_m)

@@ -130,6 +130,13 @@ def test_guess_between_two_rivals_chooses_none(ambiguous_room):
     assert result.verdict is Verdict.AMBIGUOUS, result.reason
 
 
+@pytest.mark.parametrize("wrong", [np.zeros((6, 6)), np.full((6, 6), np.nan), np.eye(5), -np.eye(6)])
+def test_covariance_of_a_guess_that_is_none_is_an_error(room, wrong):
+    area, reading, T_true = room
+    with pytest.raises(ValueError, match="covariance"):
+        create_registration(CONFIG).match(area, reading, T_true, wrong)
+
+
 def test_search_is_bit_identical_when_repeated(room):
     area, reading, T_true = room
     first, second = (create_registration(CONFIG).match(area, reading, HALF_TURN @ T_true) for _ in range(2))
