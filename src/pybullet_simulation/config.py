@@ -50,6 +50,14 @@ class SimulationConfig:
         0.15, "m", "difference of neighbouring ranges that makes a depth edge, beside 5 % of the range", low=0.01, high=5.0
     )
     tilt_encoder_sigma_rad: float = parameter(0.0001, "rad", "noise of the measured tilt", low=0.0, high=0.05)
+    mount_tilt_scale: float = parameter(
+        1.0,
+        "-",
+        "true over measured tilt: how the mount differs from what the robot believes of it, unseen but in the ranges",
+        low=0.9,
+        high=1.1,
+    )
+    mount_roll_rad: float = parameter(0.0, "rad", "true roll of the mount beside that of the robot description", low=-0.1, high=0.1)
     sweep_start_rad: float = parameter(
         2.88, "rad", "tilt at which the slow part of a sweep starts, looking down behind the robot", low=1.6, high=3.05
     )

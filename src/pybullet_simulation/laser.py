@@ -22,7 +22,7 @@ class Laser:
     def __init__(self, config: SimulationConfig, robot: RobotModel, world: World, rng: np.random.Generator) -> None:
         """`rng` feeds the noise of this laser alone."""
         self.geometry = ScanGeometry(range_min=config.range_min_m, range_max=config.range_max_m)
-        self._caster, self._errors = BeamCaster(robot, world), RangeErrors(config, rng)
+        self._caster, self._errors = BeamCaster(config, robot, world), RangeErrors(config, rng)
         angles = self.geometry.angles
         self._directions = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(angles.size)])
 

@@ -22,7 +22,7 @@ class SpinningLidar:
     ) -> None:
         """`rng` feeds the noise of this lidar alone."""
         self._geometry = LidarGeometry(lidar.columns)
-        self._caster, self._errors = BeamCaster(robot, world), RangeErrors(config, rng)
+        self._caster, self._errors = BeamCaster(config, robot, world), RangeErrors(config, rng)
         self._first_half: Revolution | None = None
 
     def half_turn(self, motion: Motion, begin_s: float) -> Revolution | None:

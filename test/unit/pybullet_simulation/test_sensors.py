@@ -1,5 +1,6 @@
 """Sensors and drive by themselves: closed forms as oracles."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -12,8 +13,8 @@ from pybullet_simulation.laser import Laser, Motion
 from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.solids import box
 from pybullet_simulation.sweep_profile import sweep_profile
-from pybullet_simulation.world import World, joined
-from rigid_geometry import rotation_from_rpy
+from pybullet_simulation.world import World, joined, nearest_hits, raycasting_scene
+from rigid_geometry import rotation_from_rpy, transform_from_rpy
 from stage_config import ConfigError, load_config
 
 EXACT = SimulationConfig(range_sigma_m=0.0, range_sigma_far_m=0.0, veiling_probability=0.0)
@@ -70,6 +71,42 @@ def test_tilted_laser_sees_its_own_deck_and_level_it_does_not():
     assert np.isposinf(scan(far, standing(0.0))).all()
     down = scan(far, standing(2.3))
     assert (np.isfinite(down) & (down < 1.0)).sum() > 50
+
+
+def test_mount_whose_tilt_is_off_scans_as_a_good_one_that_is_tilted_more():
+    room = world_of(box("room", (-4.0, -4.0, -1.0), (4.0, 4.0, 3.0)))
+    off = dataclasses.replace(EXACT, mount_tilt_scale=1.005)
+    for tilt in (-0.5, 0.4, 2.0):
+        assert scan(room, standing(tilt), off) == pytest.approx(scan(room, standing(1.005 * tilt)), rel=1e-6)
+
+
+@pytest.mark.parametrize("roll", [0.05, -0.05])
+def test_mount_that_leans_meets_the_ground_beside_the_robot_where_trigonometry_says(roll):
+    ranges = scan(
+        world_of(box("floor", (-40.0, -40.0, -1.0), (40.0, 40.0, 0.0))), standing(0.0), dataclasses.replace(EXACT, mount_roll_rad=roll)
+    )
+    down, up = (180, 900) if roll > 0.0 else (900, 180)  # the beams at 90 degrees to the right and to the left
+    assert ranges[down] == pytest.approx((0.132 + 0.75 + 0.04 * math.cos(roll)) / math.sin(abs(roll)), abs=2e-3)
+    assert np.isposinf(ranges[up])
+
+
+def test_mount_that_is_off_in_both_casts_the_rays_that_its_transforms_give():
+    """The robot's body does not lean with the mount: seen from base_link, it is met by the rays of the true one."""
+    roll, scale, tilt = 0.1, 1.05, 2.2
+    T_mount_laser = transform_from_rpy((0, 0, 0), (roll, 0, 0)) @ transform_from_rpy((0, 0, 0), (0, scale * tilt, 0)) @ ROBOT.T_tilt_laser
+    T_base_laser = ROBOT.T_base_mount @ T_mount_laser
+    directions = np.column_stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros_like(ANGLES)]) @ T_base_laser[:3, :3].T
+    rays = np.hstack([np.tile(T_base_laser[:3, 3], (len(ANGLES), 1)), directions])
+    body = nearest_hits(raycasting_scene(ROBOT.body.vertices, ROBOT.body.triangles), rays.astype(np.float32))
+    behind = np.where(directions[:, 0] < 0.0, (-5.0 - T_base_laser[0, 3]) / directions[:, 0], np.inf)
+    ranges = scan(
+        world_of(box("wall", (-5.2, -900.0, -900.0), (-5.0, 900.0, 900.0))),
+        standing(tilt),
+        dataclasses.replace(EXACT, mount_roll_rad=roll, mount_tilt_scale=scale),
+    )
+    expected = np.minimum(behind, body)
+    seen = expected < EXACT.range_max_m
+    assert np.isfinite(body).sum() > 50 and ranges[seen] == pytest.approx(expected[seen], rel=1e-4)
 
 
 def test_beams_use_the_pose_at_their_own_time():

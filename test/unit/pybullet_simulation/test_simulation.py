@@ -61,6 +61,21 @@ def test_same_seed_and_commands_give_the_same_data_bit_for_bit(simulate):
         assert np.array_equal(a.truth.T_world_base, b.truth.T_world_base)
 
 
+def test_mount_that_is_off_shows_in_the_ranges_and_nowhere_else(simulate):
+    runs = []
+    for config in (CONFIG, SimulationConfig(mount_tilt_scale=1.005, mount_roll_rad=0.0035)):
+        simulation = simulate("ramp", 2, config)
+        simulation.start_sweep()
+        runs.append(drive(simulation, 40, 0.0, 0.0))
+    for good, off in zip(*runs, strict=True):
+        assert good.joints == off.joints and good.wheel_odometry == off.wheel_odometry
+        assert all(np.array_equal(s.accel, t.accel) and np.array_equal(s.gyro, t.gyro) for s, t in zip(good.imu, off.imu, strict=True))
+        assert np.array_equal(good.truth.T_world_base, off.truth.T_world_base)
+    assert all(
+        not np.array_equal(s.ranges, t.ranges) for good, off in zip(*runs, strict=True) for s, t in zip(good.scans, off.scans, strict=True)
+    )
+
+
 def test_two_simulations_at_once_do_not_disturb_each_other(simulate):
     alone = simulate()
     expected = drive(alone, 10, 0.3, 0.1)[-1].truth.T_world_base
