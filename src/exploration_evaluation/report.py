@@ -9,9 +9,13 @@ _MISSING_SHOWN = 6
 
 
 def format_summary(summary: Mapping[str, Any]) -> str:
-    """At most 24 lines of 100 columns about a summary as `evaluate_run` returns it; absent keys read "unknown"."""
+    """At most 24 lines of 100 columns about a summary as `evaluate_run` returns it; absent keys read "unknown".
+
+    Of a run that was not judged (no key "coverage"), such as a real robot's, only what the robot itself knows.
+    """
     lines = [_headline(summary), ""]
-    lines += [f"  {name:<15}{text}" for name, text in _rows(summary)]
+    rows = (_judged_rows(summary) if "coverage" in summary else []) + _own_rows(summary)
+    lines += [f"  {name:<15}{text}" for name, text in rows]
     missing = list(summary.get("missing") or ())
     if missing:
         lines += ["", "  not known:", *(f"    {text}"[:100] for text in missing[:_MISSING_SHOWN])]
@@ -23,10 +27,11 @@ def format_summary(summary: Mapping[str, Any]) -> str:
 def _headline(summary: Mapping[str, Any]) -> str:
     verdict = {True: "SUCCESS", False: "FAILED"}.get(summary.get("success"), "UNDECIDED")  # type: ignore[arg-type]
     reason = summary.get("stop_reason") or "no stop reason"
-    return f"{verdict}  {summary.get('world') or 'unknown world'}, seed {_value(summary, 'seed')}: {reason}"[:100]
+    where = f"{summary.get('world') or 'unknown world'}, seed {_value(summary, 'seed')}: " if "coverage" in summary else ""
+    return f"{verdict}  {where}{reason}"[:100]
 
 
-def _rows(s: Mapping[str, Any]) -> list[tuple[str, str]]:
+def _judged_rows(s: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [
         ("coverage", f"{_share(s, 'coverage')} of {_value(s, 'reachable_area_m2', '.1f', ' m2')} of reachable ground"),
         ("map error", f"RMS {_cm(s, 'map_rmse_m')}, 95 % under {_cm(s, 'map_p95_m')}, tilted by {_degrees(s, 'map_tilt_rad')}"),
@@ -35,8 +40,16 @@ def _rows(s: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("trajectory", f"ATE {_cm(s, 'trajectory_ate_m')}, from the first pose {_cm(s, 'trajectory_origin_error_m')}"),
         ("collisions", _collisions(s)),
         ("tilt", f"at most {_degrees(s, 'max_tilt_rad')}, fell: {_value(s, 'fell')}"),
-        ("driven", f"{_value(s, 'distance_m', '.1f', ' m')} in {_clock(s, 'sim_time_s')} simulated, {_clock(s, 'wall_time_s')} wall time"),
         ("shortest way", f"{_value(s, 'shortest_length_m', '.1f', ' m')}; driven {_value(s, 'path_ratio', '.2f')} of it"),
+    ]
+
+
+def _own_rows(s: Mapping[str, Any]) -> list[tuple[str, str]]:
+    return [
+        (
+            "driven",
+            f"{_value(s, 'distance_m', '.1f', ' m')} in {_clock(s, 'sim_time_s')} of ROS time, {_clock(s, 'wall_time_s')} wall time",
+        ),
         ("sweeps", f"{_value(s, 'sweeps')}, {_value(s, 'loop_closures')} loop closures, {_value(s, 'refused_matches')} matches refused"),
         ("classification", f"local {_classified(s, 'local')}, global {_classified(s, 'global')}"),
         ("version", _value(s, "version")),

@@ -1,7 +1,6 @@
 """What a run leaves for the judge and for the person who watches it: files, counters and the status line."""
 
 import csv
-import json
 import time
 from pathlib import Path
 from typing import Any
@@ -25,8 +24,10 @@ _MAP_FILES = ("map.bt", "trajectory.txt", "cloud.ply")
 class RunLog:
     """Collects counters from messages; without a folder it only keeps the status line."""
 
-    def __init__(self, out: Path | None, parameters: dict[str, Any]) -> None:
+    def __init__(self, out: Path | None, parameters: dict[str, Any], judged: bool) -> None:
+        """`judged`: there is a true world to judge the run by."""
         self.finished = False
+        self._judged = judged
         self._out = out
         self._parameters = parameters
         self._started, self._begun = time.time(), time.monotonic()
@@ -39,10 +40,11 @@ class RunLog:
         self._distance_m = 0.0
         self._last_xy: NDArray[np.float64] | None = None
         self._truth_file = self._contacts_file = self._events_file = None
-        if out:
+        if out and judged:
             self._truth_file = (out / "trajectory_truth.txt").open("w")
             self._contacts_file = (out / "contacts.csv").open("w")
             self._contacts_file.write("stamp,link,speed_mps,force_n\n")
+        if out:
             self._events_file = (out / "events.csv").open("w", newline="", buffering=1)
             self._events_file.write("stamp_s,wall_s,state,reason,sweeps\n")
             write_json(out / "run.json", self._run_description())
@@ -51,7 +53,8 @@ class RunLog:
         own = self._parameters.get("exploration_monitor_node", {})
         config = {k: v for k, v in self._parameters.items() if k.endswith("_node")}
         started = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime(self._started))
-        told = {**{key: own.get(key) for key in ("world", "seed", "profile")}, "sensor": self._parameters.get("sensor")}
+        told = {key: own.get(key) for key in (("world", "seed", "profile") if self._judged else ("profile",))}
+        told["sensor"] = self._parameters.get("sensor")
         return {**told, "started": started, "version": VERSION, "config": config}
 
     @property
@@ -130,7 +133,7 @@ class RunLog:
             "set_aside_frontiers": d.set_aside_frontiers if d else 0,
         }
 
-    def finish(self, reason: str, judged: bool) -> str:
+    def finish(self, reason: str) -> str:
         """Writes the counters, has the run judged where there is a true world, draws the pictures; the text for the terminal."""
         if not self._out:
             return f"ended: {reason}"
@@ -138,17 +141,22 @@ class RunLog:
             if file:
                 file.close()
         write_json(self._out / "counters.json", self._counters(reason))
-        if not judged:
-            write_json(
-                self._out / "summary.json", {**self._run_description(), **self._counters(reason), "success": reason.startswith("explored")}
-            )
-            return json.dumps(self._counters(reason), indent=1)
-        if not (self._out / "world.ply").exists():
+        if self._judged and not (self._out / "world.ply").exists():
             write_json(self._out / "summary.json", {**self._run_description(), **self._counters(reason), "success": False})
             return f"ended before it began: {reason}"
-        summary = evaluate_run(self._out, *read_mesh(self._out / "world.ply"), RobotShape())
+        summary = self._judgement(self._out) if self._judged else self._own_summary(self._out, reason)
         try:
             draw_pictures(self._out, summary)
         except ValueError as error:
             return f"{format_summary(summary)}\nno pictures: {error}"
         return format_summary(summary)
+
+    def _judgement(self, out: Path) -> dict[str, Any]:
+        return evaluate_run(out, *read_mesh(out / "world.ply"), RobotShape())
+
+    def _own_summary(self, out: Path, reason: str) -> dict[str, Any]:
+        """What a robot knows of its run by itself; the distance is its odometry's."""
+        known = {**self._run_description(), **self._counters(reason), "distance_m": round(self._distance_m, 3)}
+        known["success"] = reason.startswith("explored")
+        write_json(out / "summary.json", known)
+        return known

@@ -166,7 +166,7 @@ def test_text_of_a_summary_fits_a_screen_and_says_what_is_unknown(run):
     assert text.startswith("SUCCESS  rooms, seed 1: explored")
     assert "100.0 % of" in text
     assert "unknown" not in text
-    nothing = format_summary({"missing": [f"thing {k}" for k in range(30)]})
+    nothing = format_summary({"coverage": None, "missing": [f"thing {k}" for k in range(30)]})
     assert nothing.startswith("UNDECIDED")
     assert "coverage       unknown" in nothing
     assert "and 24 more" in nothing

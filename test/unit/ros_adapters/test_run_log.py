@@ -19,10 +19,9 @@ def odometry(stamp_s: float, x: float) -> Odometry:
     return message
 
 
-@pytest.fixture
-def finished_at_2(tmp_path: Path) -> Path:
-    """A run that finished at 2 s and was told of until 3 s."""
-    log = RunLog(tmp_path, {"exploration_monitor_node": {"world": "rooms", "seed": 4}})
+def finished_at_2(out: Path, *, judged: bool) -> str:
+    """What a run says at its end that finished at 2 s and was told of until 3 s."""
+    log = RunLog(out, {"exploration_monitor_node": {"world": "rooms", "seed": 4}, "sensor": "tilting"}, judged)
     for tick in range(20, 61):
         stamp_s = 0.05 * tick
         if tick == 40:
@@ -31,26 +30,47 @@ def finished_at_2(tmp_path: Path) -> Path:
         log.contact(Contact(header(stamp_s, "world"), "deck", 0.1, 5.0))
         log.odometry(odometry(stamp_s, stamp_s))
     log.finished = True
-    log.finish("explored: all", judged=False)
-    return tmp_path
+    return log.finish("explored: all")
 
 
-def test_truth_and_contacts_end_with_the_run(finished_at_2: Path) -> None:
-    truth = np.loadtxt(finished_at_2 / "trajectory_truth.txt")
+def read_summary(out: Path) -> dict[str, object]:
+    return json.loads((out / "summary.json").read_text())
+
+
+def test_truth_and_contacts_end_with_the_run(tmp_path: Path) -> None:
+    finished_at_2(tmp_path, judged=True)
+    truth = np.loadtxt(tmp_path / "trajectory_truth.txt")
     np.testing.assert_allclose(truth[:, 0], np.arange(1.0, 2.01, 0.05))
     np.testing.assert_allclose(truth[:, 1], truth[:, 0])
-    assert (finished_at_2 / "contacts.csv").read_text().splitlines()[-1].startswith("2.000,deck,")
+    assert (tmp_path / "contacts.csv").read_text().splitlines()[-1].startswith("2.000,deck,")
 
 
-def test_time_ends_with_the_run(finished_at_2: Path) -> None:
-    summary = json.loads((finished_at_2 / "summary.json").read_text())
-    assert (summary["sim_time_s"], summary["sweeps"], summary["success"]) == (1.0, 3, True)
-    assert (summary["world"], summary["seed"], summary["stop_reason"]) == ("rooms", 4, "explored: all")
+@pytest.mark.parametrize("judged", [True, False])
+def test_time_ends_with_the_run(tmp_path: Path, judged: bool) -> None:
+    finished_at_2(tmp_path, judged=judged)
+    summary = read_summary(tmp_path)
+    assert (summary["sim_time_s"], summary["sweeps"], summary["stop_reason"]) == (1.0, 3, "explored: all")
+
+
+def test_run_that_ended_before_there_was_a_world_is_no_success(tmp_path: Path) -> None:
+    assert finished_at_2(tmp_path, judged=True).startswith("ended before it began")
+    summary = read_summary(tmp_path)
+    assert (summary["world"], summary["seed"], summary["success"]) == ("rooms", 4, False)
+
+
+def test_real_robot_tells_what_it_knows_and_of_no_simulated_world(tmp_path: Path) -> None:
+    told = finished_at_2(tmp_path, judged=False)
+    assert told.startswith("SUCCESS  explored: all")
+    assert "coverage" not in told and "1.0 m in 0:01 min of ROS time" in told
+    summary = read_summary(tmp_path)
+    assert (summary["distance_m"], summary["success"]) == (1.0, True)
+    assert not {"world", "seed", "coverage"} & set(summary)
+    assert not (tmp_path / "trajectory_truth.txt").exists() and not (tmp_path / "contacts.csv").exists()
 
 
 def test_run_without_a_folder_only_keeps_its_status() -> None:
-    log = RunLog(None, {})
+    log = RunLog(None, {}, judged=False)
     log.odometry(odometry(1.0, 0.0))
     log.odometry(odometry(3.0, 2.0))
     assert log.status_line().startswith("t=2.0 s")
-    assert log.finish("stopped", judged=False) == "ended: stopped"
+    assert log.finish("stopped") == "ended: stopped"
