@@ -8,6 +8,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from octomap_server_3dnav.class_colours import CLASS_RGB
 from octomap_server_3dnav.local_grid import project
 from octomap_server_3dnav.octree import OctreeMap
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
@@ -16,14 +17,6 @@ from ros_adapters.conversions import cloud_message, header, occupancy_grid_messa
 from ros_adapters.node import Node
 from ros_adapters.octomap_messages import Octomap, octomap_message
 
-# Thesis 5.5: the colours of figures 5.14 to 5.20
-_CLASS_COLOURS = {
-    TerrainClass.TRAVERSABLE: ColorRGBA(0.1, 0.75, 0.2, 1.0),
-    TerrainClass.OBSTACLE: ColorRGBA(0.85, 0.1, 0.1, 1.0),
-    TerrainClass.CLIFF: ColorRGBA(0.6, 0.1, 0.8, 1.0),
-    TerrainClass.INFLATION: ColorRGBA(1.0, 0.6, 0.1, 1.0),
-    TerrainClass.FRONTIER: ColorRGBA(0.1, 0.35, 1.0, 1.0),
-}
 _UNTURNED = Quaternion(0.0, 0.0, 0.0, 1.0)
 _LINK_COLOUR = ColorRGBA(0.9, 0.9, 0.9, 0.6)
 _OCCUPIED_COLOUR = ColorRGBA(0.62, 0.65, 0.68, 1.0)
@@ -49,8 +42,8 @@ def terrain_markers(stamp_s: float, terrain: Terrain) -> MarkerArray:
     size = terrain.resolution * _CLASS_OVERSIZE
     return MarkerArray(
         [
-            _cubes(stamp_s, c.name.lower(), int(c), terrain.centers(terrain.nodes_of(c)), size, colour)
-            for c, colour in _CLASS_COLOURS.items()
+            _cubes(stamp_s, c.name.lower(), int(c), terrain.centers(terrain.nodes_of(c)), size, ColorRGBA(*rgb, 1.0))
+            for c, rgb in CLASS_RGB.items()
         ]
     )
 
