@@ -112,6 +112,15 @@ def seen_down_to(columns: Any, c: Any, z: Any) -> Any:
 
 
 @njit(cache=True)
+def is_top_seen(columns: Any, c: Any, z: Any) -> Any:
+    """Whether the voxel above voxel z of column c was seen free, so that what stands there ends at z."""
+    for r in range(columns.start[c], columns.start[c + 1]):
+        if columns.z_lo[r] > z:
+            return columns.z_lo[r] == z + 1 and not columns.occupied[r]
+    return False
+
+
+@njit(cache=True)
 def find_node(start: Any, z: Any, c: Any, level: Any, reach: Any) -> Any:
     """Index of the node of column c nearest to `level` within `reach` voxels, -1 when there is none."""
     best, best_gap = -1, reach + 1
@@ -148,7 +157,13 @@ def _seen_only_from_below(z_lo: Any, z_hi: Any, occupied: Any, first: Any, r: An
 
 
 @njit(cache=True)
-def _tops(columns: Any, clearance: Any) -> Any:
+def _seen_only_from_aside(z_lo: Any, z_hi: Any, r: Any, last: Any, step: Any) -> Any:
+    """Whether occupied run r is a wall, higher than a step, whose top was not seen: what lies directly above is unknown."""
+    return z_hi[r] - z_lo[r] >= step and (r == last or z_lo[r + 1] > z_hi[r] + 1)
+
+
+@njit(cache=True)
+def _tops(columns: Any, clearance: Any, step: Any) -> Any:
     """(start, column, z) of the tops of occupied runs with at least `clearance` voxels below the next occupied one."""
     runs, z_lo, z_hi, occupied = columns.start, columns.z_lo, columns.z_hi, columns.occupied  # named once: see terrain_kernels
     start = np.zeros(runs.size, np.int32)
@@ -161,7 +176,8 @@ def _tops(columns: Any, clearance: Any) -> Any:
         for r in range(last, first - 1, -1):
             if not occupied[r]:
                 continue
-            if ceiling - z_hi[r] > clearance and not _seen_only_from_below(z_lo, z_hi, occupied, first, r, last):
+            unseen = _seen_only_from_below(z_lo, z_hi, occupied, first, r, last) or _seen_only_from_aside(z_lo, z_hi, r, last, step)
+            if ceiling - z_hi[r] > clearance and not unseen:
                 column[n], z[n] = c, z_hi[r]
                 n += 1
             ceiling = np.int64(z_lo[r])
@@ -279,7 +295,7 @@ def _with_holes(start: Any, z: Any, hole_column: Any, hole_z: Any) -> Any:
 
 def surfaces_of(columns: Columns, clearance: int, hole: int, step: int) -> Surfaces:
     """Every surface of the window with `clearance` voxels of room above, and virtual ones over holes of at most `hole` unknown columns."""
-    start, column, z = _tops(columns, clearance)
+    start, column, z = _tops(columns, clearance, step)
     holes = _one_per_hole(_bridge(columns, start, column, z, (hole, step, clearance, step + 1)), step)
     if not len(holes):
         return Surfaces(start, column, z, np.zeros(z.size, dtype=bool))

@@ -348,8 +348,8 @@ def _frontier_edges(
     sources = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
     if radius_m is not None:
         sources &= scene.within(radius_m)[scene.surfaces.column]
-    near, clearance = scene.links.near, limits.clearance
-    return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, label, near, sources, seen, clearance, limits.step))
+    graph, clearance = scene.links.graph, limits.clearance
+    return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, label, graph, sources, seen, clearance, limits.step))
 
 
 def _soft_cost(

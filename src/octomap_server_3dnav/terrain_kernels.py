@@ -9,7 +9,17 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from octomap_server_3dnav.surface_columns import DX, DY, NO_VOXEL, blocking_voxel, find_node, lowest_occupied, seen_down_to, top_near
+from octomap_server_3dnav.surface_columns import (
+    DX,
+    DY,
+    NO_VOXEL,
+    blocking_voxel,
+    find_node,
+    is_top_seen,
+    lowest_occupied,
+    seen_down_to,
+    top_near,
+)
 from octomap_server_3dnav.surface_graph import STEEP, UNFITTED, slope_at
 
 UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = 255, 0, 1, 2, 3, 4
@@ -80,15 +90,22 @@ def look(columns: Any, start: Any, z: Any, c: Any, level: Any, k: Any, clearance
 
 @njit(cache=True)
 def _judge_sides(columns: Any, start: Any, z: Any, near: Any, graph: Any, s: Any, c: Any, clearance: Any, shape: Any, seen: Any) -> Any:
-    """Cliff where a drop was seen beside node s of column c, else traversable; what was seen without ground goes into `seen`."""
+    """Cliff where a drop was seen beside node s of column c, else traversable; what was seen where no edge leads goes into `seen`.
+
+    Lower ground whose top was not seen may be higher than it looks: a wall under a deck that was seen from below only.
+    """
     for k in range(4):
         n = near[s, k]
         if n < 0:
             seen[s, k] = look(columns, start, z, c, np.int64(z[s]), k, clearance, shape)
             if seen[s, k] == SEES_DROP:
                 return CLIFF
-        elif graph[s, k] < 0 and z[n] < z[s]:
-            return CLIFF
+        elif graph[s, k] < 0:
+            seen[s, k] = SEES_OBSTACLE
+            if z[n] < z[s]:
+                if is_top_seen(columns, c + DX[k] * columns.ny + DY[k], z[n]):
+                    return CLIFF
+                seen[s, k] = SEES_UNKNOWN
     return TRAVERSABLE
 
 
@@ -268,7 +285,7 @@ def _ends_around(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, st
 
 
 @njit(cache=True)
-def frontier_edges(columns: Any, surfaces: Any, label: Any, near: Any, sources: Any, seen: Any, clearance: Any, step: Any) -> Any:
+def frontier_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources: Any, seen: Any, clearance: Any, step: Any) -> Any:
     """(M, 4) int64 (column, z, node it was seen from, direction) of frontier voxels beside the `sources` (bool per node).
 
     The two-step test of thesis figure 5.13: no ground in a direction, and nothing occupied around one step further. Ground that the flood
@@ -280,7 +297,7 @@ def frontier_edges(columns: Any, surfaces: Any, label: Any, near: Any, sources: 
         if not sources[s]:
             continue
         for k in range(4):
-            if near[s, k] >= 0 or seen[s, k] != SEES_UNKNOWN:
+            if graph[s, k] >= 0 or seen[s, k] != SEES_UNKNOWN:
                 continue
             c, level, stride = np.int64(column[s]), np.int64(z[s]), DX[k] * columns.ny + DY[k]
             if not _ends_around(columns, surfaces, label, c + 2 * stride, level, step, clearance):

@@ -395,6 +395,24 @@ def test_grazing_lines_on_a_thin_deck_are_bridged_over_the_undersides_between_th
     assert not ((terrain.label == OBSTACLE) | (terrain.label == CLIFF) | (terrain.label == INFLATION)).any()
 
 
+@pytest.mark.parametrize("height", [1, 2, 18])
+def test_wall_below_a_deck_whose_top_was_not_seen_is_a_frontier_and_no_cliff(height):
+    states, top = flat(60), BELOW + 20
+    states[:30, :, :top], states[:30, :, top] = UNKNOWN, OCCUPIED
+    states[30:, :, : top + 1] = UNKNOWN
+    states[30:33, :, top - 1 - height : top - 1] = OCCUPIED  # seen from below, its upper two layers not at all
+    terrain = on_deck(states)
+    assert drawn(terrain, 30, 26, 33) == "....?   "
+    assert not ((terrain.label == OBSTACLE) | (terrain.label == CLIFF)).any()
+
+
+def test_step_down_whose_foot_was_seen_from_above_stays_a_cliff():
+    states, top = flat(60), BELOW + 20
+    states[:30, :, :top], states[:30, :, top] = UNKNOWN, OCCUPIED
+    states[30:, :, top - 2], states[30:, :, top - 1 :] = OCCUPIED, FREE
+    assert label_at(on_deck(states), 29.5 * RESOLUTION, 2.4, 1.64) == CLIFF
+
+
 @pytest.mark.parametrize("thickness", [1, 2, 3])
 def test_grazing_lines_too_far_apart_on_a_thin_deck_end_in_a_frontier(thickness):
     terrain = on_deck(thin_deck([*range(31, 50, 3), *range(58, 90, 8)], thickness))
