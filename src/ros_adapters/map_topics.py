@@ -15,7 +15,7 @@ from octomap_server_3dnav.terrain import Terrain, TerrainClass
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import cloud_message, header, occupancy_grid_message, path_message
 from ros_adapters.node import Node
-from ros_adapters.octomap_messages import Octomap, octomap_message
+from ros_adapters.octomap_messages import Octomap, whole_octomap
 
 _UNTURNED = Quaternion(0.0, 0.0, 0.0, 1.0)
 _LINK_COLOUR = ColorRGBA(0.9, 0.9, 0.9, 0.6)
@@ -102,8 +102,8 @@ class MapTopics:
     def publish(self, stamp_s: float, tree: OctreeMap, terrain: Terrain, path: NDArray[np.float64] | None) -> None:
         """Everything about the newest map that has a listener."""
         makers = {
-            "binary": lambda: octomap_message(stamp_s, "map", tree.resolution, tree.to_binary(), binary=True),
-            "full": lambda: octomap_message(stamp_s, "map", tree.resolution, tree.to_full(), binary=False),
+            "binary": lambda: whole_octomap(stamp_s, tree, binary=True),
+            "full": lambda: whole_octomap(stamp_s, tree, binary=False),
             "terrain": lambda: terrain_markers(stamp_s, terrain),
             "graph": lambda: graph_lines(stamp_s, terrain),
             "occupied": lambda: occupied_markers(stamp_s, tree),

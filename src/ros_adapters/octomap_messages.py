@@ -1,34 +1,58 @@
-"""octomap_msgs/Octomap: the installed package where there is one, else the same type built from its definition."""
+"""octomap_msgs: the installed package where there is one, else the same types built from their definitions."""
 
 import numpy as np
 from std_msgs.msg import Header
 
+from octomap_server_3dnav.octree import OctreeMap
 from ros_adapters.conversions import ros_time
 
-_DEFINITION = """Header header
-bool binary
-string id
-float64 resolution
-int8[] data
-================================================================================
-MSG: std_msgs/Header
-uint32 seq
-time stamp
-string frame_id
-"""
+_PARTS = {
+    "std_msgs/Header": "uint32 seq\ntime stamp\nstring frame_id\n",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
+    "octomap_msgs/Octomap": "std_msgs/Header header\nbool binary\nstring id\nfloat64 resolution\nint8[] data\n",
+}
 
 try:
     from octomap_msgs.msg import Octomap as Octomap
+    from octomap_msgs.srv import BoundingBoxQuery as BoundingBoxQuery
+    from octomap_msgs.srv import GetOctomap as GetOctomap
 except ImportError:
     from genpy.dynamic import generate_dynamic
 
-    Octomap = generate_dynamic("octomap_msgs/Octomap", _DEFINITION)["octomap_msgs/Octomap"]
+    def _message_class(name: str, fields: str, *parts: str) -> type:
+        """The class of a message of `fields`; `parts` are the types in them, however deep."""
+        text = fields + "".join(f"{'=' * 80}\nMSG: {part}\n{_PARTS[part]}" for part in parts)
+        found: type = generate_dynamic(name, text)[name]
+        return found
+
+    def _service_class(name: str, md5: str, request: type, response: type) -> type:
+        """A service type as rospy takes it."""
+        return type(name, (), {"_type": f"octomap_msgs/{name}", "_md5sum": md5, "_request_class": request, "_response_class": response})
+
+    Octomap = _message_class("octomap_msgs/Octomap", _PARTS["octomap_msgs/Octomap"], "std_msgs/Header")
+    GetOctomap = _service_class(
+        "GetOctomap",
+        "be9d2869d24fe40d6bc21ac21f6bb2c5",
+        _message_class("octomap_msgs/GetOctomapRequest", ""),
+        _message_class("octomap_msgs/GetOctomapResponse", "octomap_msgs/Octomap map\n", "octomap_msgs/Octomap", "std_msgs/Header"),
+    )
+    BoundingBoxQuery = _service_class(
+        "BoundingBoxQuery",
+        "93aa3d73b866f04880927745f4aab303",
+        _message_class("octomap_msgs/BoundingBoxQueryRequest", "geometry_msgs/Point min\ngeometry_msgs/Point max\n", "geometry_msgs/Point"),
+        _message_class("octomap_msgs/BoundingBoxQueryResponse", ""),
+    )
 
 
 def octomap_message(stamp_s: float, frame: str, resolution: float, data: bytes, *, binary: bool) -> "Octomap":
     """An OcTree's data (binary: writeBinaryData, else writeData) as octomap_msgs/Octomap."""
     header = Header(stamp=ros_time(stamp_s), frame_id=frame)
     return Octomap(header=header, binary=binary, id="OcTree", resolution=resolution, data=np.frombuffer(data, np.int8).tolist())
+
+
+def whole_octomap(stamp_s: float, tree: OctreeMap, *, binary: bool) -> "Octomap":
+    """All of a tree in the map frame, as octomap_server publishes and serves it."""
+    return octomap_message(stamp_s, "map", tree.resolution, tree.to_binary() if binary else tree.to_full(), binary=binary)
 
 
 def octomap_bytes(message: "Octomap") -> bytes:

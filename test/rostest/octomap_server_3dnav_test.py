@@ -19,7 +19,7 @@ import rostest
 from octomap_server_3dnav.octree import OctreeMap
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import cloud_message, header, pose_message
-from ros_adapters.octomap_messages import Octomap, octomap_bytes
+from ros_adapters.octomap_messages import GetOctomap, Octomap, octomap_bytes
 
 NODE = "octomap_server_3dnav_node"
 T_MAP_BASE = transform_from_rpy((0.0, 0.0, 0.132))
@@ -102,6 +102,13 @@ class OctomapServer3dnavTest(unittest.TestCase):
         full, binary = self.full.wait_for_stamp(self.clock_s), self.binary.wait_for_stamp(self.clock_s)
         maps = OctreeMap.from_full(octomap_bytes(full), full.resolution), OctreeMap.from_binary(octomap_bytes(binary), binary.resolution)
         self.assertEqual(*(len(tree.occupied_voxels()[0]) for tree in maps))
+
+    def test_octomaps_are_served_by_the_names_of_octomap_server(self) -> None:
+        self.decision()
+        served = [rospy.ServiceProxy(name, GetOctomap)().map for name in ("/octomap_binary", "/octomap_full")]
+        published = [inbox.wait_for_stamp(self.clock_s) for inbox in (self.binary, self.full)]
+        self.assertEqual([octomap_bytes(m) for m in served], [octomap_bytes(m) for m in published])
+        self.assertEqual([m.header.frame_id for m in served], ["map", "map"])
 
     def test_classes_are_shown_in_the_map_frame(self) -> None:
         self.decision()
