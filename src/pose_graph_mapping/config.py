@@ -55,12 +55,17 @@ class RegistrationConfig:
         0.6, "m", "a guess known no better than this along an unconstrained direction does not stand there", low=0.0
     )
     pattern_rotation_factor: float = parameter(
-        5.0, "-", "sigma of a rotation, in angles by which residuals differ from direction to direction: a bent sweep is no noise", low=0.0
+        6.0,
+        "-",
+        "sigma about a level axis, in angles by which residuals differ from direction to direction: a bent sweep is no noise",
+        low=0.0,
     )
-    pattern_translation_factor: float = parameter(1.5, "-", "the same for a translation, in lengths", low=0.0)
-    covariance_scale: float = parameter(0.01, "-", "factor of the inverse Hessian", low=0.0)
-    floor_rotation_rad: float = parameter(math.radians(0.12), "rad", "sigma of a match that no number of points improves", low=1e-5)
-    floor_translation_m: float = parameter(0.006, "m", "the same for translation", low=1e-5)
+    pattern_yaw_factor: float = parameter(0.3, "-", "the same about the upright axis, which a tilting mount hardly turns", low=0.0)
+    pattern_translation_m: float = parameter(7.0, "m/rad", "the same for a translation", low=0.0)
+    pattern_good_rad: float = parameter(math.radians(0.027), "rad", "how much of that angle a mount leaves that is not off", low=0.0)
+    covariance_scale: float = parameter(0.5, "-", "factor of the inverse Hessian", low=0.0)
+    floor_rotation_rad: float = parameter(math.radians(0.0125), "rad", "sigma of a match that no number of points improves", low=1e-5)
+    floor_translation_m: float = parameter(0.00045, "m", "the same for translation", low=1e-5)
 
     verdict: str = parameter(
         "checked", "-", "checked: overlap, free space, degeneracy; match_ratio: that alone (thesis)", choices=("checked", "match_ratio")

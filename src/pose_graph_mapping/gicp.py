@@ -137,5 +137,5 @@ class GicpRegistration:
             pattern = residual_pattern(points[near], sensor, T, target.points[index], target.normals[index])
         bent = np.zeros((6, 6))
         if pattern is not None:
-            bent = pattern_covariance(pattern, config.pattern_rotation_factor, config.pattern_translation_factor)
+            bent = pattern_covariance(pattern, config)
         return float(np.mean(near)), bent

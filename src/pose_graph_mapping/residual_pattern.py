@@ -2,17 +2,17 @@
 
 Range noise averages out in thousands of points; a mount that is not where it is thought to be does not. It bends the sweep. The fit takes
 up what is rigid of that, unseen, and the rest stays: residuals that are alike in one direction and different in the next. How far the pose
-is off goes with this rest, as measured on simulated sweeps with good and bad mounts.
+is off goes with this rest, as measured on simulated sweeps with good and bad mounts (benchmarks/registration_consistency.py).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pose_graph_mapping.config import RegistrationConfig
 from rigid_geometry import transform_points
 
 Array = NDArray[np.float64]
@@ -24,18 +24,12 @@ _LEAST_RANGE_M = 1.0
 _MAX_RESIDUAL_M = 0.1
 
 
-@dataclass(frozen=True)
-class ResidualPattern:
-    """Root mean squares over directions of the mean residual there, less what noise makes of it: as a length, and as an angle."""
+def residual_pattern(points_body: Array, sensor_body: Array, T: Array, nearest: Array, normals: Array) -> float | None:
+    """The angle (rad) by which a sweep is bent against its reference: root mean square over directions of the mean residual there.
 
-    metres: float
-    radians: float
-
-
-def residual_pattern(points_body: Array, sensor_body: Array, T: Array, nearest: Array, normals: Array) -> ResidualPattern | None:
-    """The pattern of reading points (N, 3), seen from `sensor_body` (3,), placed by `T` near reference points (N, 3) with normals (N, 3).
-
-    Normals may point to either side. None when fewer than two directions hold points enough.
+    Reading points (N, 3), seen from `sensor_body` (3,), placed by `T` near reference points (N, 3) with normals (N, 3), which may point to
+    either side. A residual counts by the angle at which it is seen, less what noise makes of it and what a rigid motion can take up.
+    None when fewer than two directions hold points enough.
     """
     beams = points_body - sensor_body
     outward = np.einsum("ij,ij->i", normals, beams @ T[:3, :3].T)
@@ -43,7 +37,17 @@ def residual_pattern(points_body: Array, sensor_body: Array, T: Array, nearest: 
     residuals = np.einsum("ij,ij->i", facing, transform_points(T, points_body) - nearest)
     used = np.abs(residuals) < _MAX_RESIDUAL_M
     left = _without_rigid_part(points_body[used], facing[used] @ T[:3, :3], residuals[used])
-    return _pattern(beams[used], left)
+    return _angle(beams[used], left)
+
+
+def pattern_covariance(bend_rad: float, config: RegistrationConfig) -> Array:
+    """(6, 6) rotation, translation of the body: the error that the fit of a sweep bent by so much has taken up unseen.
+
+    A mount tilts about a level axis: where it is off, sweeps pitch, roll and shift, but hardly turn about the upright axis.
+    """
+    beyond = math.sqrt(max(0.0, bend_rad**2 - config.pattern_good_rad**2))
+    level, upright, shift = config.pattern_rotation_factor, config.pattern_yaw_factor, config.pattern_translation_m
+    return np.diag(np.square(beyond * np.array([level, level, upright, shift, shift, shift])))
 
 
 def _without_rigid_part(points_body: Array, normals_body: Array, residuals: Array) -> Array:
@@ -53,29 +57,20 @@ def _without_rigid_part(points_body: Array, normals_body: Array, residuals: Arra
     return np.asarray(residuals - jacobian @ step)
 
 
-def _pattern(beams: Array, residuals: Array) -> ResidualPattern | None:
+def _angle(beams: Array, residuals: Array) -> float | None:
     ranges = np.linalg.norm(beams, axis=1)
     sector = np.floor((np.arctan2(beams[:, 1], beams[:, 0]) / (2.0 * math.pi) + 0.5) * _SECTORS).astype(np.int64) % _SECTORS
     band = np.digitize(np.arcsin(np.clip(beams[:, 2] / np.maximum(ranges, 1e-9), -1.0, 1.0)), _ELEVATIONS_RAD)
-    direction = sector * (len(_ELEVATIONS_RAD) + 1) + band
-    metres = _beyond_noise(direction, residuals)
-    radians = _beyond_noise(direction, residuals / np.maximum(ranges, _LEAST_RANGE_M))
-    return None if math.isnan(metres) else ResidualPattern(metres, radians)
+    return _beyond_noise(sector * (len(_ELEVATIONS_RAD) + 1) + band, residuals / np.maximum(ranges, _LEAST_RANGE_M))
 
 
-def _beyond_noise(group: NDArray[np.int64], values: Array) -> float:
-    """Root mean square of the groups' means, each weighed by its points and less the variance of its mean; NaN of fewer than two."""
+def _beyond_noise(group: NDArray[np.int64], values: Array) -> float | None:
+    """Root mean square of the groups' means, each weighed by its points and less the variance of its mean; None of fewer than two."""
     count = np.bincount(group)
     held = count >= _LEAST_POINTS
     if np.count_nonzero(held) < 2:
-        return math.nan
+        return None
     weights = count[held] / count[held].sum()
     mean = np.bincount(group, values)[held] / count[held]
     spread = np.bincount(group, values**2)[held] / count[held] - mean**2
     return math.sqrt(max(0.0, float(weights @ (mean**2 - spread / count[held]))))
-
-
-def pattern_covariance(pattern: ResidualPattern, rotation_factor: float, translation_factor: float) -> Array:
-    """(6, 6) rotation, translation: sigmas that are so many times the pattern's angle and length, about and along every axis."""
-    rotation, translation = rotation_factor * pattern.radians, translation_factor * pattern.metres
-    return np.diag([rotation**2] * 3 + [translation**2] * 3)

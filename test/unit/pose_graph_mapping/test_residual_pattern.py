@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from pose_graph_mapping.residual_pattern import ResidualPattern, pattern_covariance, residual_pattern
+from pose_graph_mapping import RegistrationConfig
+from pose_graph_mapping.residual_pattern import pattern_covariance, residual_pattern
 from rigid_geometry import rotation_from_rpy, transform_from_rpy, transform_points
 
 SENSOR = np.array([0.2, 0.0, 0.8])
@@ -38,18 +39,17 @@ def tilted(points, scale=0.005):
 
 
 def test_noise_leaves_no_pattern():
-    pattern = found()
-    assert pattern.metres < 5e-4 and pattern.radians < math.radians(0.01)
+    assert found() < math.radians(0.01)
 
 
 def test_pose_that_is_off_leaves_no_pattern():
-    pattern = found(T_found=T @ transform_from_rpy((0.02, -0.01, 0.01), (0.002, 0.0, 0.003)))
-    assert pattern.metres < 1e-3
+    assert found(T_found=T @ transform_from_rpy((0.02, -0.01, 0.01), (0.002, 0.0, 0.003))) < math.radians(0.015)
 
 
-def test_bent_sweep_leaves_a_pattern():
-    pattern = found(bend=tilted)
-    assert pattern.metres > 2e-3 and pattern.radians > math.radians(0.05)
+def test_bent_sweep_leaves_a_pattern_that_goes_with_how_much_it_is_bent():
+    bent = found(bend=tilted)
+    assert bent > math.radians(0.05)
+    assert found(bend=lambda points: tilted(points, 0.0025)) == pytest.approx(bent / 2.0, rel=0.1)
 
 
 def test_normals_may_point_to_either_side():
@@ -65,9 +65,11 @@ def test_plane_that_holds_three_directions_only_is_no_trouble():
     points, normals = room()
     flat = normals[:, 2] > 0.5
     pattern = residual_pattern(points[flat], SENSOR, T, transform_points(T, points[flat]), normals[flat] @ T[:3, :3].T)
-    assert pattern.metres == pytest.approx(0.0, abs=1e-9)
+    assert pattern == pytest.approx(0.0, abs=1e-9)
 
 
-def test_sigmas_go_with_the_pattern():
-    covariance = pattern_covariance(ResidualPattern(0.004, 0.001), 5.0, 1.5)
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), [0.005] * 3 + [0.006] * 3)
+def test_sigmas_go_with_what_the_pattern_is_beyond_a_good_mount_s():
+    config = RegistrationConfig(pattern_rotation_factor=5.0, pattern_yaw_factor=0.5, pattern_translation_m=7.0, pattern_good_rad=0.0003)
+    covariance = pattern_covariance(0.0005, config)
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)), [0.002, 0.002, 0.0002, 0.0028, 0.0028, 0.0028])
+    assert np.count_nonzero(covariance) == 6 and not pattern_covariance(0.0003, config).any() and not pattern_covariance(0.0, config).any()
