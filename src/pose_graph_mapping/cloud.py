@@ -5,6 +5,7 @@ Sums are serial, in the order of the points, so that the same input gives the sa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -85,13 +86,23 @@ class PointCloud:
         return PointCloud(moved_points(T_target_cloud, self.points), origins, normals, self.dropped)
 
     def selected(self, mask: NDArray[np.bool_]) -> PointCloud:
-        """The points where `mask` (N,) is true."""
+        """The points where `mask` (N,) is true; the cloud itself where that is everywhere."""
+        if mask.all():
+            return self
         return PointCloud(
             self.points[mask],
             None if self.origins is None else self.origins[mask],
             None if self.normals is None else self.normals[mask],
             self.dropped,
         )
+
+    def thinned(self, most: int) -> PointCloud:
+        """Every so manieth point, at most `most`."""
+        step = -(-len(self) // most)
+        if step <= 1:
+            return self
+        origins, normals = (None if rows is None else rows[::step] for rows in (self.origins, self.normals))
+        return PointCloud(self.points[::step], origins, normals, self.dropped)
 
 
 def merged(clouds: Sequence[PointCloud]) -> PointCloud:
@@ -146,6 +157,28 @@ def _voxel_mean(values: Array, voxel_of: NDArray[np.int32], count: int) -> Array
         for axis in range(3):
             sums[voxel, axis] /= members[voxel]
     return sums
+
+
+def first_in_voxels(points: Array, voxel_m: float) -> NDArray[np.intp]:
+    """Indices of those of points (N, 3) that are the first in their voxel."""
+    voxel_of = np.empty(len(points), dtype=np.int32)
+    _voxel_index(points, 1.0 / voxel_m, voxel_of)
+    return np.flatnonzero(np.diff(np.maximum.accumulate(voxel_of), prepend=-1))
+
+
+@njit(cache=True)
+def within(points: Array, centre: Array, radius_m: float) -> NDArray[np.bool_]:
+    """(N,) whether points (N, 3) lie at most `radius_m` from `centre` (3,)."""
+    found = np.empty(len(points), dtype=np.bool_)
+    for i in range(len(points)):
+        x, y, z = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
+        found[i] = x * x + y * y + z * z <= radius_m * radius_m
+    return found
+
+
+def farthest(points: Array) -> float:
+    """Largest distance of points (N, 3) from the origin of their frame."""
+    return math.sqrt(float(np.einsum("ij,ij->i", points, points).max()))
 
 
 def voxel_downsample(cloud: PointCloud, voxel_m: float) -> PointCloud:
@@ -240,4 +273,5 @@ def compile_kernels() -> None:
     """Compiles the kernels of this module for the types that a sweep passes."""
     one = np.zeros((1, 3))
     viewpoints(one)
+    within(one, np.zeros(3), 1.0)
     voxel_downsample(PointCloud(one, one, one), 1.0)

@@ -15,6 +15,12 @@ class RegistrationConfig:
     normal_neighbours: int = parameter(20, "-", "neighbours of a normal; fewer are useless at centimetres of noise", low=5, high=100)
     coarse_distance_m: float = parameter(1.0, "m", "largest distance of matched points, first stage", low=0.01)
     fine_distance_m: float = parameter(0.3, "m", "largest distance of matched points, second stage", low=0.01)
+    early_points: int = parameter(
+        4000, "-", "points of the reading that are matched until all of them are, for the last iterations", low=200
+    )
+    half_weight_m: float = parameter(
+        0.05, "m", "distance across a surface at which a matched point counts half in the last iterations", low=0.001
+    )
     max_iterations: int = parameter(20, "-", "most iterations of a stage; along a corridor more of them only slide", low=1, high=1000)
     facing_away_cos: float = parameter(
         -0.1, "-", "reference points whose normal makes a cosine below this with the sensor are left out", low=-1.0, high=0.0
@@ -37,6 +43,7 @@ class RegistrationConfig:
     search_apart_m: float = parameter(0.6, "m", "placements nearer than this are one", low=0.0, high=5.0)
     search_apart_rad: float = parameter(math.radians(15.0), "rad", ".. if they differ in heading by less than this", low=0.0, high=math.pi)
     search_refine_voxel_m: float = parameter(0.4, "m", "voxels of their first refinement", low=0.05, high=2.0)
+    search_refine_points: int = parameter(1500, "-", "most points of the reading in it", low=100)
     search_iterations: int = parameter(12, "-", "most iterations of it", low=1, high=1000)
     search_refined: int = parameter(4, "-", "most placements that are refined in full", low=1, high=100)
     search_max_contradiction: float = parameter(

@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pose_graph_mapping.cloud import Array, PointCloud
+from pose_graph_mapping.cloud import Array, PointCloud, farthest, first_in_voxels, within
 from pose_graph_mapping.config import RegistrationConfig
 from rigid_geometry import transform_from_rpy
 
@@ -71,7 +71,7 @@ def coarse_placements(reference: PointCloud, reading: PointCloud, T_guess: Array
     points, level = _balanced(reading, T_guess[:3, :3], config)
     if not len(points):
         return T_guess[None]
-    near = np.linalg.norm(reference.points - T_guess[:3, 3], axis=1) <= np.linalg.norm(points, axis=1).max() + window.shift_m + cell
+    near = within(reference.points, T_guess[:3, 3], farthest(points) + window.shift_m + cell)
     if not near.any():
         return T_guess[None]
     grid = _grid_of(reference.selected(near), cell, steps)
@@ -96,13 +96,11 @@ def _balanced(reading: PointCloud, R_map_body: Array, config: RegistrationConfig
     assert reading.normals is not None
     points = reading.points @ R_map_body.T
     level = (np.abs(reading.normals @ R_map_body[2]) < _LEVEL_COS).astype(np.uint8)
-    inside = np.linalg.norm(points, axis=1) <= config.search_range_m
+    inside = within(points, np.zeros(3), config.search_range_m)
     kept = []
     for kind in (0, 1):
         which = np.flatnonzero(inside & (level == kind))
-        keys = np.floor(points[which] / config.search_cell_m).astype(np.int64)
-        _, first = np.unique(keys, axis=0, return_index=True)
-        first = which[np.sort(first)]
+        first = which[first_in_voxels(points[which], config.search_cell_m)]
         kept.append(first[:: max(1, math.ceil(2 * len(first) / config.search_points))])
     chosen = np.concatenate(kept)
     return np.ascontiguousarray(points[chosen]), level[chosen]
@@ -114,16 +112,27 @@ def _grid_of(reference: PointCloud, cell_m: float, steps: NDArray[np.int64]) -> 
     margin = 2 * np.array([steps[0], steps[0], steps[1]]) + 1
     low = np.floor(reference.points.min(axis=0) / cell_m).astype(np.int64) - margin
     size = np.floor(reference.points.max(axis=0) / cell_m).astype(np.int64) + margin + 1 - low
-    at = np.floor(reference.points / cell_m).astype(np.int64) - low
-    steep = (np.abs(reference.normals[:, 2]) < _LEVEL_COS).astype(np.int64)
-    known = np.linalg.norm(reference.normals, axis=1) > 0.5
-    filled = np.zeros((2, size[1], size[2], size[0]), dtype=bool)
-    filled[steep[known], at[known, 1], at[known, 2], at[known, 0]] = True
-    cells = np.where(filled, _ON_SURFACE, 0).astype(np.uint8)
-    for axis in (1, 2, 3):
-        for side in (1, -1):
-            cells = np.where(np.roll(filled, side, axis) & ~filled, np.uint8(_BESIDE), cells)
-    return _Grid(np.ascontiguousarray(cells), low * cell_m, cell_m)
+    cells = np.zeros((2, size[1], size[2], size[0]), dtype=np.uint8)
+    _fill(cells, reference.points, reference.normals, low, 1.0 / cell_m)
+    return _Grid(cells, low * cell_m, cell_m)
+
+
+@njit(cache=True)
+def _fill(cells: NDArray[np.uint8], points: Array, normals: Array, low: NDArray[np.int64], per_metre: float) -> None:
+    """Mark the cells that hold surface, and those that share a side with one; points without a normal are no surface."""
+    for i in range(len(points)):
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        if nx * nx + ny * ny + nz * nz < 0.25:
+            continue
+        plane = cells[1 if abs(nz) < _LEVEL_COS else 0]
+        x = math.floor(points[i, 0] * per_metre) - low[0]
+        y = math.floor(points[i, 1] * per_metre) - low[1]
+        z = math.floor(points[i, 2] * per_metre) - low[2]
+        if plane[y, z, x] == _ON_SURFACE:
+            continue
+        plane[y, z, x] = _ON_SURFACE
+        for dx, dy, dz in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)):
+            plane[y + dy, z + dz, x + dx] = max(plane[y + dy, z + dz, x + dx], _BESIDE)
 
 
 @njit(cache=True, nogil=True)
@@ -154,22 +163,32 @@ def _correlate(
 def _peaks(scores: NDArray[np.uint16], yaws: Array, T_guess: Array, steps: NDArray[np.int64], config: RegistrationConfig) -> Array:
     """The highest sums, best first, each well apart from those before in shift or in yaw, and at most so many of one heading."""
     flat = scores.ravel()
-    best = np.flatnonzero(flat >= np.partition(flat, -min(_LOOKED_AT, flat.size))[-min(_LOOKED_AT, flat.size)])
+    as_high = np.cumsum(np.bincount(flat)[::-1])[::-1]  # how many sums are at least 0, 1, ..
+    best = np.flatnonzero(flat >= np.flatnonzero(as_high >= min(_LOOKED_AT, flat.size))[-1])
     k, y, z, x = np.unravel_index(best[np.argsort(-flat[best].astype(np.int64), kind="stable")[:_LOOKED_AT]], scores.shape)
     shifts = np.stack([x - steps[0], y - steps[0], z - steps[1]], axis=1) * config.search_cell_m
-    angles = yaws[k]
-    chosen: list[int] = []
+    limits = config.search_apart_m, config.search_apart_rad, config.search_peaks_a_heading, config.search_peaks
+    return np.array([_moved(T_guess, shifts[i], float(yaws[k[i]])) for i in _well_apart(shifts, yaws[k], *limits)])
+
+
+@njit(cache=True)
+def _well_apart(shifts: Array, angles: Array, apart_m: float, apart_rad: float, most_a_heading: int, most: int) -> NDArray[np.int64]:
+    """Indices of the first placements that are none of those before, at most so many of one heading, and in all."""
+    chosen = np.empty(most, dtype=np.int64)
+    count = 0
     for i in range(len(angles)):
-        turned = np.abs(np.angle(np.exp(1j * (angles[chosen] - angles[i])))) if chosen else np.zeros(0)
-        alike = turned <= config.search_apart_rad
-        if np.count_nonzero(alike) >= config.search_peaks_a_heading:
-            continue
-        if (alike & (np.linalg.norm(shifts[chosen] - shifts[i], axis=1) <= config.search_apart_m)).any():
-            continue
-        chosen.append(i)
-        if len(chosen) == config.search_peaks:
+        alike, same = 0, False
+        for k in chosen[:count]:
+            if abs((angles[k] - angles[i] + math.pi) % (2.0 * math.pi) - math.pi) <= apart_rad:
+                alike += 1
+                x, y, z = shifts[k, 0] - shifts[i, 0], shifts[k, 1] - shifts[i, 1], shifts[k, 2] - shifts[i, 2]
+                same |= x * x + y * y + z * z <= apart_m * apart_m
+        if not same and alike < most_a_heading:
+            chosen[count] = i
+            count += 1
+        if count == most:
             break
-    return np.array([_moved(T_guess, shifts[i], float(angles[i])) for i in chosen])
+    return chosen[:count]
 
 
 def _moved(T_guess: Array, shift: Array, yaw: float) -> Array:
@@ -177,3 +196,9 @@ def _moved(T_guess: Array, shift: Array, yaw: float) -> Array:
     T = transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw)) @ np.block([[T_guess[:3, :3], np.zeros((3, 1))], [np.zeros((1, 3)), 1.0]])
     T[:3, 3] = T_guess[:3, 3] + shift
     return np.asarray(T)
+
+
+def compile_kernels() -> None:
+    """Compiles the kernels of this module for the types that a match passes."""
+    one = np.array([[0.0, 0.0, 1.0]])
+    coarse_placements(PointCloud(one, None, one), PointCloud(one, None, one), np.eye(4), Window(0.3, 0.3, 0.1), RegistrationConfig())

@@ -6,16 +6,17 @@ best placements are refined and judged alike, and two that explain the clouds eq
 
 from __future__ import annotations
 
-import dataclasses
+import math
 
 import numpy as np
-import small_gicp
+from numba import njit
 from numpy.typing import NDArray
 
-from pose_graph_mapping.cloud import PointCloud, moved_points, reference_cloud, voxel_downsample
+from pose_graph_mapping.cloud import PointCloud, farthest, moved_points, reference_cloud, vertex_cloud, within
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.correlative import Window, window_of
-from pose_graph_mapping.gicp_surface import Surface, align, surface_of
+from pose_graph_mapping.gicp_alignment import Alignment, Stage, align
+from pose_graph_mapping.gicp_surface import Surface, nearest, surface_of, voxel_cloud
 from pose_graph_mapping.graph_measurements import as_covariance
 from pose_graph_mapping.match_quality import FreeSpace, degeneracy, judge, keep_guess, known_directions, match_covariance
 from pose_graph_mapping.placement_search import Pair, decided, is_found, is_worth_refining, rough_placements
@@ -24,6 +25,8 @@ from pose_graph_mapping.residual_pattern import pattern_covariance, residual_pat
 from rigid_geometry import as_transform
 
 Array = NDArray[np.float64]
+
+_EARLY_PRECISION, _PRECISION = 1e-3, 1e-4  # metres and radians: a shorter step ends a stage
 
 
 def sensor_of(cloud: PointCloud) -> Array | None:
@@ -35,15 +38,23 @@ def facing(reference: PointCloud, sensor: Array | None, least_cos: float) -> Poi
     """The reference without points whose normal faces away from `sensor`: the far side of a thin wall pulls the near one."""
     if sensor is None or reference.normals is None or reference.origins is None:
         return reference
-    to_sensor = sensor - reference.points
-    cosine = np.einsum("ij,ij->i", reference.normals, to_sensor) / np.maximum(np.linalg.norm(to_sensor, axis=1), 1e-9)
-    return reference.selected(cosine >= least_cos)
+    return reference.selected(_faces(reference.points, reference.normals, sensor, least_cos))
+
+
+@njit(cache=True)
+def _faces(points: Array, normals: Array, sensor: Array, least_cos: float) -> NDArray[np.bool_]:
+    """(N,) whether the normal makes a cosine of `least_cos` or more with the direction to the sensor."""
+    found = np.empty(len(points), dtype=np.bool_)
+    for i in range(len(points)):
+        x, y, z = sensor[0] - points[i, 0], sensor[1] - points[i, 1], sensor[2] - points[i, 2]
+        along = normals[i, 0] * x + normals[i, 1] * y + normals[i, 2] * z
+        found[i] = along >= least_cos * math.sqrt(x * x + y * y + z * z)
+    return found
 
 
 def in_reach(reference: PointCloud, reading: PointCloud, T_guess: Array, margin_m: float) -> PointCloud:
     """The reference points that the reading could have seen from where it is thought to be."""
-    reach = float(np.linalg.norm(reading.points, axis=1).max()) + margin_m
-    return reference.selected(np.linalg.norm(reference.points - T_guess[:3, 3], axis=1) <= reach)
+    return reference.selected(within(reference.points, T_guess[:3, 3], farthest(reading.points) + margin_m))
 
 
 class GicpRegistration:
@@ -65,14 +76,12 @@ class GicpRegistration:
             raise ValueError(f"clouds to match must hold points: reference has {len(reference)}, reading {len(reading)}")
         guess_covariance = None if guess_covariance is None else as_covariance(guess_covariance)
         window = window_of(guess_covariance, T_guess, config)
-        reading = voxel_downsample(reading, config.voxel_m)
+        reading = vertex_cloud(reading, config.voxel_m, config.normal_neighbours)
         reference = in_reach(reference, reading, T_guess, window.shift_m + config.coarse_distance_m)
         reference = reference_cloud(reference, config.voxel_m, config.normal_neighbours)
         if min(len(reference), len(reading)) < config.min_points:
             return refused(T_guess, f"{len(reference)} reference and {len(reading)} reading voxels in reach, {config.min_points} wanted")
-        source = surface_of(reading.points, config.normal_neighbours)
-        reading = dataclasses.replace(reading, normals=source.normals)
-        pair = Pair(reference, reading, source, FreeSpace(reference, reading, T_guess[:3, 3], config), T_guess, guess_covariance)
+        pair = Pair(reference, reading, FreeSpace(reference, reading, T_guess[:3, 3], config), T_guess, guess_covariance)
         if window.is_wide(config):
             return self._searched(pair, window)
         direct = self._refined(pair, T_guess, config.coarse_distance_m)
@@ -97,40 +106,45 @@ class GicpRegistration:
     def _refined(self, pair: Pair, T_start: Array, coarse_distance_m: float | None) -> RegistrationResult:
         """From `T_start`, with a coarse stage where it is given its distance; in directions that nothing holds the guess stands."""
         config = self._config
-        sensor = sensor_of(pair.reading)
-        visible = facing(pair.reference, None if sensor is None else moved_points(T_start, sensor[None])[0], config.facing_away_cos)
-        points = voxel_downsample(PointCloud(visible.points), config.voxel_m).points
-        if len(points) < config.min_points:
-            return refused(pair.T_guess, f"{len(points)} reference voxels face the sensor, {config.min_points} wanted")
-        target = surface_of(points, config.normal_neighbours)
-        iterations = 0
+        target = self._target(pair, T_start)
+        if len(target.points) < config.min_points:
+            return refused(pair.T_guess, f"{len(target.points)} reference voxels face the sensor, {config.min_points} wanted")
+        few, most, T, before = pair.reading.thinned(config.early_points), config.max_iterations, T_start, 0
         if coarse_distance_m is not None:
-            coarse = align(target, pair.source, T_start, coarse_distance_m, config.max_iterations)
-            T_start, iterations = np.asarray(coarse.T_target_source), coarse.iterations
-        fine = align(target, pair.source, T_start, config.fine_distance_m, config.max_iterations)
-        if fine.num_inliers < config.min_points // 2:
-            return refused(pair.T_guess, f"{fine.num_inliers} points within {config.fine_distance_m} m of each other")
-        return self._judged(pair, target, fine, iterations + fine.iterations)
+            coarse = align(target, few, T, Stage(coarse_distance_m, most, _EARLY_PRECISION))
+            T, before = coarse.T, coarse.iterations
+        early = align(target, few, T, Stage(config.fine_distance_m, most, _EARLY_PRECISION))
+        last = Stage(config.fine_distance_m, max(1, most - early.iterations), _PRECISION, config.half_weight_m)
+        fine = align(target, pair.reading, early.T, last)
+        if fine.inliers < config.min_points // 2:
+            return refused(pair.T_guess, f"{fine.inliers} points within {config.fine_distance_m} m of each other")
+        return self._judged(pair, target, fine, before + early.iterations + fine.iterations)
 
-    def _judged(self, pair: Pair, target: Surface, found: small_gicp.RegistrationResult, iterations: int) -> RegistrationResult:
+    def _target(self, pair: Pair, T_start: Array) -> Surface:
+        """What of the reference faces the reading's sensor, placed by `T_start`."""
+        config, sensor = self._config, sensor_of(pair.reading)
+        visible = facing(pair.reference, None if sensor is None else moved_points(T_start, sensor[None])[0], config.facing_away_cos)
+        return surface_of(voxel_cloud(visible, config.voxel_m, config.normal_neighbours))
+
+    def _judged(self, pair: Pair, target: Surface, found: Alignment, iterations: int) -> RegistrationResult:
         config, points = self._config, pair.reading.points
-        hessian, inliers = np.asarray(found.H), int(found.num_inliers)
-        weak = degeneracy(hessian, inliers, points, config.degenerate_eigenvalue)
+        hessian = found.hessian
+        weak = degeneracy(hessian, found.weight, points, config.degenerate_eigenvalue)
         known = known_directions(weak, pair.guess_covariance, config.degenerate_guess_sigma_m)
-        T = keep_guess(pair.T_guess, np.asarray(found.T_target_source), known)
+        T = keep_guess(pair.T_guess, found.T, known)
         overlap, bent = self._overlap(pair, target, T)
         covariance = match_covariance(config.covariance_scale * np.linalg.inv(hessian) + bent, weak, config)
         contradiction = pair.free_space.contradiction(T)
-        ratio = inliers / len(points)
+        ratio = found.inliers / len(points)
         verdict, reason = judge(ratio, overlap, contradiction, weak, config)
         return RegistrationResult(T, covariance, ratio, overlap, contradiction, iterations, weak.directions, verdict, reason)
 
     def _overlap(self, pair: Pair, target: Surface, T: Array) -> tuple[float, Array]:
         """Share of the reading near the reference, and the (6, 6) covariance that what is left between them makes."""
         config, points = self._config, pair.reading.points
-        found, squared = target.tree.batch_knn_search(moved_points(T, points), 1, num_threads=1)
-        near = np.asarray(squared)[:, 0] <= config.overlap_distance_m**2
-        index = np.asarray(found)[near, 0].astype(np.int64)
+        index, squared = nearest(target.tree, moved_points(T, points))
+        near = squared <= config.overlap_distance_m**2
+        index = index[near]
         sensor = sensor_of(pair.reading)
         pattern = None
         if sensor is not None and len(index):
@@ -139,3 +153,9 @@ class GicpRegistration:
         if pattern is not None:
             bent = pattern_covariance(pattern, config)
         return float(np.mean(near)), bent
+
+
+def compile_kernels() -> None:
+    """Compiles the kernel of this module for the types that a match passes."""
+    one = np.zeros((1, 3))
+    facing(PointCloud(one, one, one), np.zeros(3), 0.0)

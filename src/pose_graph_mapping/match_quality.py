@@ -92,8 +92,10 @@ class FreeSpace:
         Only directions in which the observer saw something count; nothing in common gives NaN too. `most` points of a cloud are enough
         for a rough answer; None asks all.
         """
-        reading = _thinned(self._reading, most).transformed(T_reference_reading)
-        reference = _thinned(self._reference, most).transformed(inverse(T_reference_reading))
+        reading, reference = self._reading, self._reference
+        if most is not None:
+            reading, reference = reading.thinned(most), reference.thinned(most)
+        reading, reference = reading.transformed(T_reference_reading), reference.transformed(inverse(T_reference_reading))
         ways = [self._one_way(self._seen_by_reading, reference), self._one_way(self._seen_by_reference, reading)]
         if any(compared == 0 for compared, _ in ways):
             return float("nan")
@@ -111,11 +113,6 @@ class FreeSpace:
 def _with_normals(cloud: PointCloud) -> PointCloud:
     """The points with their normals, zero where they are not known; the rest is not needed."""
     return PointCloud(cloud.points, None, np.zeros_like(cloud.points) if cloud.normals is None else cloud.normals)
-
-
-def _thinned(cloud: PointCloud, most: int | None) -> PointCloud:
-    step = 1 if most is None else max(1, len(cloud) // most)
-    return cloud if step == 1 else PointCloud(cloud.points[::step], None, None if cloud.normals is None else cloud.normals[::step])
 
 
 def _images(observer: PointCloud, near: Array, most: int) -> list[tuple[Array, Array]]:
@@ -143,7 +140,7 @@ class Degeneracy:
     directions: Array
 
 
-def degeneracy(hessian: Array, matches: int, points_body: Array, least_eigenvalue: float) -> Degeneracy:
+def degeneracy(hessian: Array, matches: float, points_body: Array, least_eigenvalue: float) -> Degeneracy:
     """Directions whose eigenvalue by match, rotation rows divided by the RMS point distance, is below `least_eigenvalue`."""
     rms = math.sqrt(float(np.mean(np.sum(points_body**2, axis=1))))
     scale = np.array([rms, rms, rms, 1.0, 1.0, 1.0])

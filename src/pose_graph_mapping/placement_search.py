@@ -14,11 +14,13 @@ import numpy as np
 from pose_graph_mapping.cloud import Array, PointCloud, moved_points
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.correlative import Window, coarse_placements
-from pose_graph_mapping.gicp_surface import Surface, align, coarse_surface, overlap_of
+from pose_graph_mapping.gicp_alignment import Stage, align
+from pose_graph_mapping.gicp_surface import overlap_of, surface_of, voxel_cloud
 from pose_graph_mapping.match_quality import Degeneracy, FreeSpace, degeneracy, known_directions, offset_between
 from pose_graph_mapping.registration import RegistrationResult, Verdict
 
 _ROUGH_POINTS = 5000
+_PRECISION = 1e-3  # metres and radians: a shorter step ends the refinement of a rough placement
 _CHOOSING_ODDS = 13.8  # a likelihood ratio of 1000, as a difference of squared Mahalanobis distances
 _IDENTICAL = 0.05  # metres, and radians nearly
 _MAINLY = 0.7  # share of a unit direction that makes it one of translation, or of rotation
@@ -32,7 +34,6 @@ class Pair:
 
     reference: PointCloud
     reading: PointCloud
-    source: Surface
     free_space: FreeSpace
     T_guess: Array
     guess_covariance: Array | None
@@ -51,16 +52,18 @@ class Rough:
 def rough_placements(pair: Pair, window: Window, config: RegistrationConfig) -> list[Rough]:
     """Where the reading may lie within the window, each place once; those that free space allows first, then by overlap."""
     voxel_m, neighbours = config.search_refine_voxel_m, config.normal_neighbours
-    target, source = (coarse_surface(cloud.points, voxel_m, neighbours) for cloud in (pair.reference, pair.reading))
+    target = surface_of(voxel_cloud(PointCloud(pair.reference.points), voxel_m, neighbours))
+    source = voxel_cloud(pair.reading, voxel_m, neighbours).thinned(config.search_refine_points)
+    stage = Stage(config.coarse_distance_m, config.search_iterations, _PRECISION)
     places: list[Rough] = []
     placements = coarse_placements(pair.reference, pair.reading, pair.T_guess, window, config)
     for T_start in (pair.T_guess, *placements):  # where little overlaps, as through a door, the guess may still be the best start
-        found = align(target, source, T_start, config.coarse_distance_m, config.search_iterations)
-        T = np.asarray(found.T_target_source)
+        found = align(target, source, T_start, stage)
+        T = found.T
         twin = next((k for k, place in enumerate(places) if same_place(place.T, place.open_directions, T, config)), None)
         if twin is not None and _is_no_better(T, places[twin], pair):
             continue
-        weak = degeneracy(np.asarray(found.H), max(1, int(found.num_inliers)), source.points, config.degenerate_eigenvalue)
+        weak = degeneracy(found.hessian, max(1.0, found.weight), source.points, config.degenerate_eigenvalue)
         T = _slid(T, weak, pair, window, config)
         overlap = overlap_of(target.tree, moved_points(T, source.points), voxel_m)
         rough = Rough(T, overlap, pair.free_space.contradiction(T, _ROUGH_POINTS), weak.directions)

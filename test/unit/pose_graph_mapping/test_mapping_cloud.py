@@ -3,7 +3,18 @@
 import numpy as np
 import pytest
 
-from pose_graph_mapping.cloud import PointCloud, merged, reference_cloud, vertex_cloud, viewpoints, voxel_downsample, with_normals
+from pose_graph_mapping.cloud import (
+    PointCloud,
+    farthest,
+    first_in_voxels,
+    merged,
+    reference_cloud,
+    vertex_cloud,
+    viewpoints,
+    voxel_downsample,
+    with_normals,
+    within,
+)
 from rigid_geometry import transform_from_rpy
 
 
@@ -27,6 +38,29 @@ def test_voxel_means_of_voxel_means_are_the_same():
 def test_voxel_means_are_bit_identical_when_repeated():
     cloud = PointCloud(np.random.default_rng(3).normal(0, 3, (5000, 3)))
     assert voxel_downsample(cloud, 0.3).points.tobytes() == voxel_downsample(cloud, 0.3).points.tobytes()
+
+
+def test_first_in_voxels_are_those_of_a_dictionary():
+    points = np.random.default_rng(7).normal(0, 2, (3000, 3))
+    first: dict[tuple[int, ...], int] = {}
+    for k, point in enumerate(points):
+        first.setdefault(tuple(np.floor(point / 0.5).astype(int)), k)
+    np.testing.assert_array_equal(first_in_voxels(points, 0.5), list(first.values()))
+
+
+def test_points_in_reach_are_those_of_the_norm():
+    points, centre = np.random.default_rng(8).normal(0, 2, (1000, 3)), np.array([0.5, -1.0, 0.3])
+    np.testing.assert_array_equal(within(points, centre, 2.0), np.linalg.norm(points - centre, axis=1) <= 2.0)
+    assert farthest(points) == pytest.approx(np.linalg.norm(points, axis=1).max())
+
+
+@pytest.mark.parametrize(("most", "left"), [(100, 100), (99, 50), (30, 25), (1, 1)])
+def test_thinned_cloud_holds_at_most_so_many_with_all_that_belongs_to_them(most, left):
+    rows = np.arange(300.0).reshape(100, 3)
+    thin = PointCloud(rows, rows + 1.0, rows + 2.0).thinned(most)
+    assert len(thin) == left
+    np.testing.assert_array_equal(thin.origins - thin.points, np.ones((left, 3)))
+    np.testing.assert_array_equal(thin.normals - thin.points, np.full((left, 3), 2.0))
 
 
 def test_normals_point_to_where_the_beam_started():
