@@ -29,6 +29,7 @@ PROGRAMS = {
     "mapping_tools",
     "roslaunch_process",
     "run_replay",
+    "terrain_tools",
 }  # they use stages, and no stage uses them
 ROS = {
     "rospy",

@@ -1,0 +1,170 @@
+"""./classify_map: an octree or a cloud is classified from a start, with its frontiers and a path to a goal. No ROS runs."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from explore_command.arguments import ArgumentProblem, OneLineParser
+from octomap_server_3dnav import exploration
+from octomap_server_3dnav.terrain import Terrain, TerrainConfig
+from terrain_tools import octree_survey
+from terrain_tools.analysis import Analysis, analyse
+from terrain_tools.map_source import CLOUDS, OCTREES, ORIGINS, read_map
+from terrain_tools.results import CLASSES, NUMBERS, PATH, PICTURE, csv_bytes, json_bytes, numbers, ply_bytes, prepare_folder, write_file
+from terrain_tools.robot_file import RobotConfig, read_robot
+
+FOUND, NOT_FOUND, BAD_INPUT = 0, 1, 2
+_USABLE_SHARE = 0.8  # of the memory that is free
+_DEFAULTS = TerrainConfig()
+_DESCRIPTION = f"""Tells the ground that a robot can drive on from obstacles, cliffs and what was not seen, in a map that is a file,
+and finds a way over it. FILE is an octomap octree ({" ".join(OCTREES)}), or a cloud ({" ".join(CLOUDS)}) whose points are put into
+voxels; z is up, in metres. The robot stands level at the start, and what it cannot reach from there is not classified."""
+_EPILOG = f"""DIR then holds {CLASSES} (classes in colours), {PATH}, {NUMBERS} and {PICTURE} (from above, storey by storey).
+Exit code: 0 all was found, 1 there is no ground to start from or no path (it says why, and where the nearest ground is), 2 a file or
+argument is wrong, or the map takes too much memory."""
+
+
+def parser() -> argparse.ArgumentParser:
+    p = OneLineParser(prog="./classify_map", usage="./classify_map FILE --start X Y Z --out DIR [options]", description=_DESCRIPTION)
+    p.epilog = _EPILOG
+    p.add_argument("map", type=Path, metavar="FILE")
+    point = ("X", "Y", "Z")
+    p.add_argument(
+        "--start",
+        nargs=3,
+        type=float,
+        required=True,
+        metavar=point,
+        help=f"on the ground, or off it by up to {_DEFAULTS.start_height_tolerance_m:g} m in height and "
+        f"{_DEFAULTS.start_search_radius_m:g} m aside (terrain/start_height_tolerance_m, start_search_radius_m)",
+    )
+    p.add_argument("--goal", nargs=3, type=float, metavar=point, help="on the ground, as --start is, on any storey; without it, no path")
+    p.add_argument(
+        "--goal-tolerance", type=float, default=0.5, metavar="M", help="how far from the goal a path may end; default %(default)g m"
+    )
+    p.add_argument(
+        "--robot",
+        type=Path,
+        metavar="FILE.yaml",
+        help="parameters over their defaults, by section (terrain, planner, frontier, sensor_model) as in "
+        "config/octomap_server_3dnav.yaml, or a profile; see docs/parameters.md",
+    )
+    p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for what is found; made where it is not there")
+    p.add_argument(
+        "--resolution", type=float, metavar="M", help="edge of the voxels that a cloud is put into; default 0.08 m, or the robot's"
+    )
+    p.add_argument(
+        "--origins",
+        choices=ORIGINS,
+        help="where a cloud's beams started, to tell free space: fields vp_x vp_y vp_z; sensor: one place, the VIEWPOINT of a PCD or else "
+        "the origin of the cloud; none: not known, and then no drop is seen, and edges are frontiers. Default: fields where there are any, "
+        "else none",
+    )
+    p.add_argument(
+        "--max-memory",
+        type=float,
+        metavar="GB",
+        help=f"refuse a map that takes more, before it is read; default: {_USABLE_SHARE:.0%} of what is free".replace("%", "%%"),
+    )
+    return p
+
+
+def classify_map(options: argparse.Namespace) -> int:
+    """Reads, classifies, plans, writes and prints; the exit code. ArgumentProblem, ValueError and OSError for code 2."""
+    _check(options)
+    robot = read_robot(options.robot) if options.robot else RobotConfig()
+    prepare_folder(options.out)
+    for module in (octree_survey, exploration):
+        module.compile_kernels()  # loads them: the times are those of the map
+    begun = time.perf_counter()
+    octree = read_map(options.map, robot, options.resolution, options.origins, _allowed_bytes(options.max_memory), _say)
+    read_s = time.perf_counter() - begun
+    found = analyse(octree, robot, tuple(options.start), tuple(options.goal) if options.goal else None, options.goal_tolerance)
+    _write(options, robot, found, {"reading": round(read_s, 4)})
+    if found.terrain is not None:
+        print(summary(found, found.terrain))
+    if found.problem:
+        _say(f"./classify_map: {found.problem}")
+    return NOT_FOUND if found.problem else FOUND
+
+
+def _check(options: argparse.Namespace) -> None:
+    for name in ("start", "goal"):
+        point = getattr(options, name)
+        if point is not None and not all(math.isfinite(v) for v in point):
+            raise ArgumentProblem(f"--{name}: expected three finite numbers, not {' '.join(f'{v:g}' for v in point)}")
+    for name, value in (("goal-tolerance", options.goal_tolerance), ("max-memory", options.max_memory)):
+        if value is not None and not (math.isfinite(value) and value > 0):
+            raise ArgumentProblem(f"--{name} {value:g}: expected a positive number")
+
+
+def _allowed_bytes(max_memory_gb: float | None) -> float:
+    """What a map may take, by default a share of the memory that is free; infinite where the system does not say."""
+    if max_memory_gb is not None:
+        return max_memory_gb * 1e9
+    try:
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        free_kib = next(int(line.split()[1]) for line in lines if line.startswith("MemAvailable:"))
+    except (OSError, StopIteration, ValueError):
+        return math.inf
+    return _USABLE_SHARE * 1024 * free_kib
+
+
+def _write(options: argparse.Namespace, robot: RobotConfig, found: Analysis, time_s: dict[str, float]) -> None:
+    if found.terrain is not None:
+        from terrain_tools.picture import png_bytes  # loads matplotlib: only where there is something to draw
+
+        write_file(options.out, CLASSES, ply_bytes(found.terrain))
+        begun = time.perf_counter()
+        write_file(options.out, PICTURE, png_bytes(found, found.terrain, options.map.name, tuple(options.start), options.goal))
+        time_s["picture"] = round(time.perf_counter() - begun, 4)
+    if found.path is not None:
+        write_file(options.out, PATH, csv_bytes(found.path))
+    content: dict[str, Any] = {"file": str(options.map), "start_m": options.start, "goal_m": options.goal, **numbers(found, robot)}
+    content["time_s"] = {**time_s, **content["time_s"]}
+    write_file(options.out, NUMBERS, json_bytes(content))
+
+
+def summary(found: Analysis, terrain: Terrain) -> str:
+    """What is printed of a map with a start."""
+    lines = [f"{terrain.traversable_area_m2:,.1f} m2 of ground in reach, {len(found.frontiers)} frontiers, {_times(found)}"]
+    if found.path is not None:
+        rise = found.path.points[-1, 2] - found.path.points[0, 2]
+        lines.append(f"path of {found.path.length_m:,.1f} m, its end {abs(rise):.1f} m {'above' if rise >= 0 else 'below'} its start")
+    return "\n".join(lines)
+
+
+def _times(found: Analysis) -> str:
+    return ", ".join(f"{step.replace('_', ' ')} {1e3 * seconds:,.0f} ms" for step, seconds in found.time_s.items())
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Exit code 0: all was found; 1: no start or no path; 2: a file or argument is wrong."""
+    try:
+        return classify_map(parser().parse_args(argv))
+    except ArgumentProblem as error:
+        problem = str(error)
+    except OSError as error:
+        problem = f"{error.filename}: {error.strerror or error}" if error.filename else str(error)
+    except MemoryError:
+        problem = "the memory does not suffice; --max-memory refuses such maps before they are read"
+    except ValueError as error:
+        problem = " ".join(str(error).split())
+    _say(f"./classify_map: {problem}")
+    return BAD_INPUT
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends it at once, inside a kernel too
+    sys.exit(main())

@@ -1,0 +1,134 @@
+"""The files of ./classify_map: classes as PLY, path as CSV, numbers as JSON. All or nothing of each, and nothing of an earlier map."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from octomap_server_3dnav.class_colours import CLASS_RGB
+from octomap_server_3dnav.frontiers import Frontier
+from octomap_server_3dnav.planner import Path as GroundPath
+from octomap_server_3dnav.terrain import Terrain, TerrainClass
+from stage_config import to_mapping
+from terrain_tools.analysis import Analysis
+from terrain_tools.robot_file import RobotConfig
+
+CLASSES, PATH, NUMBERS, PICTURE = "terrain.ply", "path.csv", "terrain.json", "terrain.png"
+FILES = (CLASSES, PATH, NUMBERS, PICTURE)
+
+
+def prepare_folder(folder: Path) -> None:
+    """Makes the folder and takes an earlier map's files out of it; OSError when that cannot be done."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name in FILES:
+        (folder / name).unlink(missing_ok=True)
+    probe = folder / ".writable"
+    probe.touch()
+    probe.unlink()
+
+
+def write_file(folder: Path, name: str, data: bytes) -> None:
+    """Writes a file so that it is whole or not there."""
+    beside = folder / f".{name}"
+    beside.write_bytes(data)
+    beside.replace(folder / name)
+
+
+def ply_bytes(terrain: Terrain) -> bytes:
+    """The centres of the classified voxels as a binary PLY: x y z in metres, red green blue as in rviz, label as in its comments."""
+    kinds = {"x": ("<f4", "float"), "y": ("<f4", "float"), "z": ("<f4", "float")}
+    kinds |= dict.fromkeys(("red", "green", "blue", "label"), ("u1", "uchar"))
+    rows = np.empty(terrain.label.size, dtype=[(name, kind) for name, (kind, _) in kinds.items()])
+    rows["x"], rows["y"], rows["z"] = terrain.centers().T
+    colours = np.zeros((max(TerrainClass) + 1, 3), dtype=np.uint8)
+    for terrain_class, rgb in CLASS_RGB.items():
+        colours[terrain_class] = np.round(255 * np.array(rgb))
+    rows["red"], rows["green"], rows["blue"] = colours[terrain.label].T
+    rows["label"] = terrain.label
+    header = ["ply", "format binary_little_endian 1.0", *(f"comment label {int(c)} {c.name.lower()}" for c in TerrainClass)]
+    header += [f"comment voxels of {terrain.resolution:g} m", f"element vertex {len(rows)}"]
+    header += [f"property {kind} {name}" for name, (_, kind) in kinds.items()] + ["end_header\n"]
+    return "\n".join(header).encode("ascii") + rows.tobytes()
+
+
+def csv_bytes(path: GroundPath) -> bytes:
+    """The points of a path in map and how far along it they lie, seen in space."""
+    steps = np.linalg.norm(np.diff(path.points, axis=0), axis=1)
+    rows = np.column_stack([path.points, np.r_[0.0, np.cumsum(steps)]])
+    lines = ["x_m,y_m,z_m,distance_m", *(",".join(f"{v:.4f}" for v in row) for row in rows)]
+    return ("\n".join(lines) + "\n").encode("ascii")
+
+
+def json_bytes(content: dict[str, Any]) -> bytes:
+    """The numbers; ValueError where one of them is none."""
+    return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode("utf-8")
+
+
+def numbers(found: Analysis, robot: RobotConfig) -> dict[str, Any]:
+    """What is written of an analysis; None is what there is not."""
+    problem = found.problem
+    return {
+        "resolution_m": found.octree.resolution,
+        "leaves": found.octree.leaf_count,
+        "columns": [found.runs.nx, found.runs.ny],
+        "problem": None if problem is None else {"what": problem.what, "reason": problem.reason},
+        "nearest_ground_m": _rounded(problem.nearest.xyz) if problem and problem.nearest else None,
+        "nearest_ground_distance_m": round(problem.nearest.distance_m, 3) if problem and problem.nearest else None,
+        "terrain": None if found.terrain is None else _terrain_numbers(found.terrain),
+        "frontiers": None if found.terrain is None else [_frontier(f) for f in found.frontiers],
+        "goal_voxel_m": None if found.terrain is None else _center(found.terrain, found.goal),
+        "path": None if found.path is None else _path_numbers(found.path),
+        "time_s": found.time_s,
+        "config": {
+            "sensor_model": to_mapping(robot.sensor_model),
+            "terrain": to_mapping(robot.terrain),
+            "frontier": to_mapping(robot.frontier),
+            "planner": to_mapping(robot.planner),
+        },
+    }
+
+
+def _terrain_numbers(terrain: Terrain) -> dict[str, Any]:
+    return {
+        "start_voxel_m": _center(terrain, terrain.start),
+        "departure_voxel_m": _center(terrain, terrain.departure),
+        "classes": {c.name.lower(): _class_numbers(terrain, c) for c in TerrainClass},
+        "ground_m2": round(terrain.ground_area_m2, 3),
+        "reachable_m2": round(terrain.traversable_area_m2, 3),
+    }
+
+
+def _class_numbers(terrain: Terrain, terrain_class: TerrainClass) -> dict[str, float]:
+    voxels = int(np.count_nonzero(terrain.label == terrain_class))
+    return {"voxels": voxels, "area_m2": round(voxels * terrain.resolution**2, 3)}
+
+
+def _frontier(frontier: Frontier) -> dict[str, Any]:
+    distance = frontier.distance_m
+    return {
+        "xyz_m": _rounded(frontier.xyz),
+        "voxels": len(frontier.voxels),
+        "distance_m": round(distance, 3) if math.isfinite(distance) else None,
+    }
+
+
+def _path_numbers(path: GroundPath) -> dict[str, Any]:
+    rise = np.diff(path.points[:, 2])
+    return {
+        "points": len(path.points),
+        "length_m": round(path.length_m, 3),
+        "climb_m": round(float(rise[rise > 0].sum()), 3),
+        "descent_m": round(float(-rise[rise < 0].sum()), 3),
+    }
+
+
+def _center(terrain: Terrain, node: int | None) -> list[float] | None:
+    return None if node is None else _rounded(tuple(terrain.centers(np.array([node]))[0].tolist()))
+
+
+def _rounded(xyz: tuple[float, ...]) -> list[float]:
+    return [round(v, 3) for v in xyz]
