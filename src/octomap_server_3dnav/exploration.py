@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
 from octomap_server_3dnav.planner import Path, PlannerConfig, plan_path, trim_path
+from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
 from rigid_geometry import as_transform, yaw_of
 from rigid_geometry.transforms import Transform
@@ -57,6 +58,7 @@ class ExplorationConfig:
         0.40, "m", "distance of a path from floor that was not seen; half the robot's width and more", low=0.0, high=3.0
     )
     least_way_m: float = parameter(0.3, "m", "a shorter safe way towards a distant frontier is none", low=0.0, high=5.0)
+    most_back_m: float = parameter(1.0, "m", "a goal beside a kerb is moved back along its path by at most this", low=0.0, high=10.0)
     max_refused_sweeps: int = parameter(
         2, "-", "sweeps in a row that match nothing after which the robot goes back to known ground; 0: never", low=0, high=100
     )
@@ -209,8 +211,19 @@ class ExplorationPlanner:
             trimmed = Path(trimmed.points[: beside[0]])
         if not len(trimmed.points):
             return None
+        trimmed = self._clear_of_kerbs(terrain, trimmed)
         is_near = math.dist(frontier.xyz[:2], T_map_base[:2, 3]) <= self.config.near_m
         return trimmed if is_near or trimmed.length_m >= self.config.least_way_m else None
+
+    def _clear_of_kerbs(self, terrain: Terrain, path: Path) -> Path:
+        """The path up to the last place where wheels may turn, unless that is far back, or no way to go is left."""
+        places = [terrain.surface_near(point) for point in path.points]
+        clear = [i for i, node in enumerate(places) if node is not None and not terrain.near_kerb[node]]
+        if not clear:
+            return path
+        shorter = Path(path.points[: clear[-1] + 1])
+        is_better = shorter.length_m >= max(self.config.least_way_m, path.length_m - self.config.most_back_m)
+        return shorter if is_better else path
 
     def _goal(
         self, terrain: Terrain, T_map_base: Transform, scope: str, frontier: Frontier, paths: tuple[Path, Path], left: int
@@ -297,3 +310,4 @@ def compile_kernels() -> None:
     T_map_base = np.eye(4)
     T_map_base[:3, 3] = 2.5, 2.5, 0.08 * 5 + TerrainConfig().base_height_m
     ExplorationPlanner().decide(ColumnRuns.from_dense(states), T_map_base)
+    SurfaceHeights(0.08).add(HitHeights.of(np.zeros((1, 3)), 0.08))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from rigid_geometry import as_transform, rotation_angle, transform_points
 from stage_config import check_ranges, parameter
 
@@ -67,6 +68,7 @@ class MapBuilder:
             raise ValueError("; ".join(problems))
         self.config = config
         self.tree = OctreeMap(config.resolution, sensor_model)
+        self.heights = SurfaceHeights(config.resolution)
         self._sweeps: list[_PlacedSweep] = []
 
     def __len__(self) -> int:
@@ -104,6 +106,7 @@ class MapBuilder:
 
     def _rebuild(self, poses: list[NDArray[np.float64]]) -> None:
         self.tree.reset()
+        self.heights.reset()
         self._sweeps = [_PlacedSweep(s.vertex_id, s.beams, poses[s.vertex_id]) for s in self._sweeps]
         for i, sweep in enumerate(self._sweeps):
             self._insert(sweep, first=i == 0)
@@ -116,6 +119,8 @@ class MapBuilder:
         ends = np.concatenate([b.points, _beyond(b.free_ends, b.free_origins, c.max_range_m)])
         origins = np.concatenate([b.origins, b.free_origins])
         self.tree.insert_sweep(transform_points(T, ends), transform_points(T, origins), c.max_range_m, bounds)
+        hits = transform_points(T, b.points)
+        self.heights.add(HitHeights.of(hits[((hits >= bounds[0]) & (hits <= bounds[1])).all(axis=1)], c.resolution))
         if first and c.start_plane_half_m > 0:
             self.tree.insert_plane(T[:3, 3] - c.base_height_m * T[:3, 2] - (0, 0, 0.25 * c.resolution), c.start_plane_half_m)
 

@@ -29,12 +29,22 @@ class Columns(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """Surface nodes sorted by column and height: column (N,), z (N,) of the voxel, bridged (N,), and start per column."""
+    """Surface nodes sorted by column and height: column (N,), z (N,) of the voxel, bridged (N,), and start per column.
+
+    level (N,) is the height of the surface in voxels: where beams hit it on average, which `measured` (N,) tells, else the voxel's middle.
+    """
 
     start: NDArray[np.int32]
     column: NDArray[np.int32]
     z: NDArray[np.int16]
     bridged: NDArray[np.bool_]
+    level: NDArray[np.float32]
+    measured: NDArray[np.bool_]
+
+    def at_heights(self, height: NDArray[np.float32]) -> "Surfaces":
+        """The same with measured heights (N,) in voxels, NaN where there are none."""
+        measured = np.isfinite(height)
+        return self._replace(level=np.where(measured, height, self.level), measured=measured)
 
 
 @njit(cache=True)
@@ -297,6 +307,7 @@ def surfaces_of(columns: Columns, clearance: int, hole: int, step: int) -> Surfa
     """Every surface of the window with `clearance` voxels of room above, and virtual ones over holes of at most `hole` unknown columns."""
     start, column, z = _tops(columns, clearance, step)
     holes = _one_per_hole(_bridge(columns, start, column, z, (hole, step, clearance, step + 1)), step)
-    if not len(holes):
-        return Surfaces(start, column, z, np.zeros(z.size, dtype=bool))
-    return Surfaces(*_with_holes(start, z, holes[:, 0].copy(), holes[:, 1].copy()))
+    bridged = np.zeros(z.size, dtype=bool)
+    if len(holes):
+        start, column, z, bridged = _with_holes(start, z, holes[:, 0].copy(), holes[:, 1].copy())
+    return Surfaces(start, column, z, bridged, z.astype(np.float32) + np.float32(0.5), np.zeros(z.size, dtype=bool))

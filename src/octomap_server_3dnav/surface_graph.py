@@ -1,8 +1,8 @@
 """The navigation graph on the surfaces: which neighbour the robot can step to, and how steep the ground is (thesis 5.5, 5.5.1).
 
 Second step of `terrain.classify`. Heights of voxels lie: a flat floor alternates between two layers, a ramp is a staircase. A single
-edge is therefore never judged alone: a step compares the mean heights of the patches on both sides of it, a slope is a plane fitted to
-all ground within the footprint that straight lines over accepted edges reach.
+edge is therefore never judged alone: a step compares the mean heights of the patches on both sides of it, as measured by the beams where
+they were, a slope is a plane fitted to all ground within the footprint that straight lines over accepted edges reach.
 """
 
 from typing import Any, NamedTuple
@@ -51,36 +51,57 @@ def nearest_neighbours(start: Any, z: Any, ny: Any, spans: Any, step: Any) -> An
 
 
 @njit(cache=True)
-def _patch_mean(near: Any, z: Any, s: Any, k: Any) -> Any:
-    """Mean height of s, the node beyond it in direction k, and the neighbours aside of both, where they exist."""
-    total, count = 0.0, 0
+def _patch_mean(near: Any, level: Any, measured: Any, s: Any, k: Any) -> Any:
+    """Mean height of s, the node beyond it in direction k, and the neighbours aside of both, where they exist; whether all are measured."""
+    total, count, known = 0.0, 0, True
     row = s
     for _ in range(2):
-        total += z[row]
+        total += level[row]
+        known &= measured[row]
         count += 1
         for side in (1, 3):
             aside = near[row, (k + side) % 4]
             if aside >= 0:
-                total += z[aside]
+                total += level[aside]
+                known &= measured[aside]
                 count += 1
         row = near[row, k]
         if row < 0:
             break
-    return total / count
+    return total / count, known
 
 
 @njit(cache=True)
-def steppable_neighbours(near: Any, z: Any, max_step: Any) -> Any:
-    """`near` without the edges over which the mean ground rises or falls by more than `max_step` (float voxels).
+def steppable_neighbours(near: Any, surfaces: Any, max_step: Any, max_measured_step: Any) -> Any:
+    """`near` without the edges over which the mean ground rises or falls by more than `max_step`, or `max_measured_step` where the
+    heights of all of it were measured (float voxels).
 
     Where a column has two surfaces, `near` need not lead back: each way is judged on its own.
     """
+    z, level, measured = surfaces.z, surfaces.level, surfaces.measured
     out = near.copy()
     for s in range(z.size):
         for k in range(4):
             n = near[s, k]
-            if n >= 0 and z[n] != z[s] and abs(_patch_mean(near, z, n, k) - _patch_mean(near, z, s, (k + 2) % 4)) > max_step:
+            if n < 0 or (z[n] == z[s] and not abs(level[n] - level[s]) > max_measured_step):
+                continue
+            beyond, known_beyond = _patch_mean(near, level, measured, n, k)
+            behind, known_behind = _patch_mean(near, level, measured, s, (k + 2) % 4)
+            if abs(beyond - behind) > (max_measured_step if known_beyond and known_behind else max_step):
                 out[s, k] = -1
+    return out
+
+
+@njit(cache=True)
+def kerbs(graph: Any, surfaces: Any, rise: Any) -> Any:
+    """(N,) bool: whether an edge of the graph leads over a measured rise or fall of more than `rise` voxels from one column to the next."""
+    level, measured = surfaces.level, surfaces.measured
+    out = np.zeros(level.size, np.bool_)
+    for s in range(level.size):
+        for k in range(4):
+            n = graph[s, k]
+            if n >= 0 and measured[s] and measured[n] and abs(level[n] - level[s]) > rise:
+                out[s] = True
     return out
 
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from octomap_server_3dnav import terrain_kernels as kernels
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, surfaces_of
-from octomap_server_3dnav.surface_graph import Links, nearest_neighbours, slopes_of_open_ground, steppable_neighbours
+from octomap_server_3dnav.surface_graph import Links, kerbs, nearest_neighbours, slopes_of_open_ground, steppable_neighbours
+from octomap_server_3dnav.surface_heights import SurfaceHeights
 from rigid_geometry import as_transform
 from rigid_geometry.transforms import Transform
 from stage_config import check_ranges, parameter
@@ -38,6 +39,13 @@ class TerrainConfig:
     clearance_margin_m: float = parameter(0.10, "m", "room wanted above the robot", low=0.0, high=2.0)
     base_height_m: float = parameter(0.132, "m", "height of base_link above the ground", low=0.0, high=2.0)
     max_step_m: float = parameter(0.10, "m", "highest step the robot climbs", low=0.01, high=0.5)
+    step_heights: str = parameter(
+        "measured",
+        "-",
+        "steps by where beams ended in the voxels, where that is known; voxels: by the voxels alone",
+        choices=("measured", "voxels"),
+    )
+    step_margin_m: float = parameter(0.01, "m", "how much lower than the highest step a measured one must be", low=0.0, high=0.2)
     max_slope_rad: float = parameter(math.radians(25.0), "rad", "steepest slope the robot drives", low=0.05, high=0.8)
     slope_radius_m: float = parameter(0.35, "m", "ground around a voxel that its slope is fitted to", low=0.1, high=1.0)
     hole_bridge_voxels: int = parameter(3, "voxels", "widest unknown gap in a level floor that counts as floor", low=0, high=8)
@@ -62,6 +70,12 @@ class TerrainConfig:
         15.0, "-", "factor of the cost in that strip: an edge that was not seen may be a cliff", low=1.0, high=1000.0
     )
 
+    kerb_rise_m: float = parameter(
+        0.045, "m", "measured rise from one column to the next that a turning wheel would scrape along", low=0.0, high=0.5
+    )
+    kerb_margin_m: float = parameter(0.6, "m", "distance from such a rise within which the robot should not turn", low=0.0, high=3.0)
+    kerb_weight: float = parameter(3.0, "-", "factor of the cost within it: kerbs are driven over, not along", low=1.0, high=1000.0)
+
     def validate(self) -> list[str]:
         """All violations, as sentences."""
         problems = check_ranges(self)
@@ -79,10 +93,10 @@ class Terrain:
     `column_start`) and height, then obstacle voxels beside them, then frontier voxels.
 
     Fields: ix, iy (N,) int32; z (N,) int16; label (N,) uint8 of TerrainClass; bridged (N,) bool, floor assumed over a hole; reached (N,)
-    bool, in the second flood (frontiers: seen from such a node); cost (N,) float32, factor on the length of a path, inf where no path may
-    go; neighbours (N, 4) int32 to +x, +y, -x, -y, -1 for none (a frontier's are the nodes it was seen from); start, the voxel beneath the
-    robot, and departure, where paths begin when the start lies in the inflation: node indices, None when there is none; radius_m of the
-    classification, None for the whole map; robot_xyz, where base_link was.
+    bool, in the second flood (frontiers: seen from such a node); near_kerb (N,) bool, where wheels should not turn; cost (N,) float32,
+    factor on the length of a path, inf where no path may go; neighbours (N, 4) int32 to +x, +y, -x, -y, -1 for none (a frontier's are the
+    nodes it was seen from); start, the voxel beneath the robot, and departure, where paths begin when the start lies in the inflation:
+    node indices, None when there is none; radius_m of the classification, None for the whole map; robot_xyz, where base_link was.
     """
 
     resolution: float
@@ -92,6 +106,7 @@ class Terrain:
     label: NDArray[np.uint8]
     bridged: NDArray[np.bool_]
     reached: NDArray[np.bool_]
+    near_kerb: NDArray[np.bool_]
     cost: NDArray[np.float32]
     neighbours: NDArray[np.int32]
     start: int | None
@@ -154,6 +169,7 @@ class _Limits:
     resolution: float
     step: int
     max_step: float
+    max_measured_step: float
     clearance: int
     slope_reach: int
     max_slope: float
@@ -167,6 +183,7 @@ class _Limits:
             resolution=resolution,
             step=max(1, math.ceil(config.max_step_m / resolution - 1e-9)),
             max_step=(config.max_step_m + 0.01) / resolution,
+            max_measured_step=(config.max_step_m - config.step_margin_m) / resolution,
             clearance=math.ceil((config.robot_height_m + config.clearance_margin_m) / resolution - 1e-9),
             slope_reach=max(2, round(config.slope_radius_m / resolution)),
             max_slope=math.tan(config.max_slope_rad),
@@ -234,14 +251,29 @@ def _linked_spans(x: NDArray[np.float64], y: NDArray[np.float64], radius_m: floa
 
 def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: _Limits) -> Links:
     near = nearest_neighbours(surfaces.start, surfaces.z, ny, spans, limits.step)
-    graph = steppable_neighbours(near, surfaces.z, limits.max_step)
+    graph = steppable_neighbours(near, surfaces, limits.max_step, limits.max_measured_step)
     slope = slopes_of_open_ground(surfaces.start, surfaces.z, graph, ny, spans, limits.slope_reach, limits.max_slope)
     return Links(near, graph, slope)
 
 
-def _scene(runs: ColumnRuns, robot: NDArray[np.float64], reach_m: float | None, config: TerrainConfig, limits: _Limits) -> _Scene:
-    columns, key = _window(runs, robot, reach_m, limits.margin)
+def _surfaces(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | None, config: TerrainConfig, limits: _Limits) -> Surfaces:
     surfaces = surfaces_of(columns, limits.clearance, config.hole_bridge_voxels, limits.step)
+    if heights is None or config.step_heights == "voxels":
+        return surfaces
+    ix, iy = np.divmod(surfaces.column, np.int32(columns.ny))
+    return surfaces.at_heights(heights.at(ix + key[0], iy + key[1], surfaces.z))
+
+
+def _scene(
+    runs: ColumnRuns,
+    heights: SurfaceHeights | None,
+    robot: NDArray[np.float64],
+    reach_m: float | None,
+    config: TerrainConfig,
+    limits: _Limits,
+) -> _Scene:
+    columns, key = _window(runs, robot, reach_m, limits.margin)
+    surfaces = _surfaces(columns, key, heights, config, limits)
     x = (np.arange(columns.nx) + key[0] + 0.5) * runs.resolution - robot[0]
     y = (np.arange(columns.ny) + key[1] + 0.5) * runs.resolution - robot[1]
     linked_m = None if reach_m is None else reach_m + (limits.slope_reach + 4) * runs.resolution  # as far as slopes and steps look
@@ -352,15 +384,29 @@ def _frontier_edges(
     return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, label, graph, sources, seen, clearance, limits.step))
 
 
+def _near_kerbs(scene: _Scene, label: NDArray[np.uint8], config: TerrainConfig, limits: _Limits) -> NDArray[np.bool_]:
+    """(N,) whether a wheel of a robot that turns there would scrape along a rise that is too low to be an obstacle."""
+    ground = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
+    edge = ground & kerbs(scene.links.graph, scene.surfaces, config.kerb_rise_m / limits.resolution)
+    reach = round(config.kerb_margin_m / limits.resolution)
+    return np.asarray(kernels.hops_from(edge, ground, scene.links.graph, reach + 1) <= reach)
+
+
 def _soft_cost(
-    scene: _Scene, label: NDArray[np.uint8], edges: NDArray[np.int64], config: TerrainConfig, limits: _Limits
+    scene: _Scene,
+    label: NDArray[np.uint8],
+    near_kerb: NDArray[np.bool_],
+    edges: NDArray[np.int64],
+    config: TerrainConfig,
+    limits: _Limits,
 ) -> NDArray[np.float32]:
-    """Cost factor of every node: 1 in the open, more towards the inflation and the unknown, inf in it and on what cannot be driven."""
+    """Cost factor of every node: 1 in the open, more towards inflation, kerbs and the unknown, inf in it and on what cannot be driven."""
     width = max(1, round(config.soft_clearance_m / limits.resolution))
     free = label == TerrainClass.TRAVERSABLE
     hops = kernels.hops_from(label == TerrainClass.INFLATION, free, scene.links.graph, width)
     cost_at = 1.0 + config.soft_clearance_weight * (1.0 - np.arange(width + 1) / width)
     cost: NDArray[np.float32] = cost_at.astype(np.float32)[hops]
+    cost[near_kerb] *= np.float32(config.kerb_weight)
     beside = round(config.unknown_margin_m / limits.resolution)
     seen_from = np.zeros(label.size, dtype=bool)
     seen_from[edges[:, 2]] = True
@@ -392,6 +438,7 @@ def _assemble(
     start: int | None,
     departure: int | None,
     reached: NDArray[np.bool_],
+    near_kerb: NDArray[np.bool_],
     obstacles: NDArray[np.int64],
     edges: NDArray[np.int64],
     cost: NDArray[np.float32],
@@ -418,6 +465,7 @@ def _assemble(
         label=np.concatenate([label[keep], _filled(obstacles, TerrainClass.OBSTACLE), _filled(frontiers, TerrainClass.FRONTIER)]),
         bridged=np.concatenate([scene.surfaces.bridged[keep], np.zeros(len(beside), dtype=bool)]),
         reached=np.concatenate([reached[keep], np.zeros(len(obstacles), dtype=bool), seen_from_reached]),
+        near_kerb=np.concatenate([near_kerb[keep], np.zeros(len(beside), dtype=bool)]),
         cost=np.concatenate([cost[keep], np.full(len(beside), np.inf, dtype=np.float32)]),
         neighbours=neighbours,
         start=None if start is None else int(number[start]),
@@ -431,8 +479,12 @@ def _assemble(
     )
 
 
-def classify(runs: ColumnRuns, T_map_base: Transform, config: TerrainConfig, radius_m: float | None) -> Terrain:
+def classify(
+    runs: ColumnRuns, T_map_base: Transform, config: TerrainConfig, radius_m: float | None, heights: SurfaceHeights | None = None
+) -> Terrain:
     """The terrain around the robot at `T_map_base` out to `radius_m`, or of the whole map when it is None.
+
+    `heights` are those of the hits in the voxels; without them steps are judged by voxels, 8 cm of which may be 1 cm or 15 cm.
 
     The ground plane beneath the robot must already be in the map (algorithm 3 line 2). When no start voxel has enough ground around it,
     the terrain has no nodes and `start` is None; when all ground is inflated `departure` is None. The flood goes on for one inflation
@@ -445,14 +497,15 @@ def classify(runs: ColumnRuns, T_map_base: Transform, config: TerrainConfig, rad
     limits = _Limits.of(config, runs.resolution)
     robot = T_map_base[:3, 3]
     reach_m = None if radius_m is None else radius_m + (limits.inflation + 1) * runs.resolution
-    scene = _scene(runs, robot, reach_m, config, limits)
+    scene = _scene(runs, heights, robot, reach_m, config, limits)
     label, seen, start = _first_flood(scene, _start_candidates(scene, T_map_base, config, limits), reach_m, config, limits)
-    kernels.mark_steps(label, scene.links.near, scene.links.graph, scene.surfaces.z)
+    kernels.mark_steps(label, scene.links.near, scene.links.graph, scene.surfaces.level)
     obstacles = kernels.obstacles_seen(
         scene.columns, scene.surfaces, label, scene.links.near, limits.clearance, limits.step, limits.inflation, limits.max_slope
     )
     _inflate(scene, label, obstacles, config, limits)
     departure, reached = (None, np.zeros(label.size, dtype=bool)) if start is None else _departure(scene, label, start, config)
     edges = _frontier_edges(scene, label, seen, radius_m, limits)
-    cost = _soft_cost(scene, label, edges, config, limits)
-    return _assemble(scene, label, start, departure, reached, obstacles, edges, cost, limits, radius_m, robot)
+    near_kerb = _near_kerbs(scene, label, config, limits)
+    cost = _soft_cost(scene, label, near_kerb, edges, config, limits)
+    return _assemble(scene, label, start, departure, reached, near_kerb, obstacles, edges, cost, limits, radius_m, robot)

@@ -37,7 +37,7 @@ def _limit(j: Any, step: Any, max_slope: Any) -> Any:
 def _drop_along(columns: Any, start: Any, z: Any, c: Any, stride: Any, level: Any, shape: Any) -> Any:
     """Whether free space was seen below all ground that could be driven to from column c in steps of `stride`.
 
-    Where a drop is assumed, as the thesis does (7.3), it is enough that a beam passed at this level and no ground was seen.
+    Where a drop is assumed, as the thesis does (7.3), it is enough that a beam passed where ground would be and none was seen.
     """
     step, _, look, max_slope, assumed = shape
     for j in range(1, look + 1):
@@ -51,7 +51,7 @@ def _drop_along(columns: Any, start: Any, z: Any, c: Any, stride: Any, level: An
         if seen == NO_VOXEL:
             continue
         on_ground = lowest_occupied(columns, cj, seen - 2, seen - 1) != NO_VOXEL
-        if assumed or seen < level - limit or (on_ground and seen <= level - limit):
+        if (assumed and seen <= level) or seen < level - limit or (on_ground and seen <= level - limit):
             return True
     return False
 
@@ -89,11 +89,12 @@ def look(columns: Any, start: Any, z: Any, c: Any, level: Any, k: Any, clearance
 
 
 @njit(cache=True)
-def _judge_sides(columns: Any, start: Any, z: Any, near: Any, graph: Any, s: Any, c: Any, clearance: Any, shape: Any, seen: Any) -> Any:
+def _judge_sides(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: Any, clearance: Any, shape: Any, seen: Any) -> Any:
     """Cliff where a drop was seen beside node s of column c, else traversable; what was seen where no edge leads goes into `seen`.
 
     Lower ground whose top was not seen may be higher than it looks: a wall under a deck that was seen from below only.
     """
+    start, z, level = surfaces.start, surfaces.z, surfaces.level
     for k in range(4):
         n = near[s, k]
         if n < 0:
@@ -102,7 +103,7 @@ def _judge_sides(columns: Any, start: Any, z: Any, near: Any, graph: Any, s: Any
                 return CLIFF
         elif graph[s, k] < 0:
             seen[s, k] = SEES_OBSTACLE
-            if z[n] < z[s]:
+            if level[n] < level[s]:
                 if is_top_seen(columns, c + DX[k] * columns.ny + DY[k], z[n]):
                     return CLIFF
                 seen[s, k] = SEES_UNKNOWN
@@ -117,7 +118,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, clea
     Nodes are traversable, obstacles (too steep) or cliffs. Only traversable ones are expanded, and only into columns that are `inside`
     (bool per column).
     """
-    start, column, z = surfaces.start, surfaces.column, surfaces.z  # arrays of a tuple are counted at every use
+    column, z = surfaces.column, surfaces.z  # arrays of a tuple are counted at every use
     near, graph, slope = links.near, links.graph, links.slope
     label, seen = np.full(column.size, UNREACHED, np.uint8), np.empty((column.size, 4), np.uint8)
     queued = np.zeros(column.size, np.bool_)
@@ -135,7 +136,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, clea
         label[s] = TRAVERSABLE
         for k in range(4):
             if graph[s, k] < 0:
-                label[s] = _judge_sides(columns, start, z, near, graph, s, c, clearance, shape, seen)
+                label[s] = _judge_sides(columns, surfaces, near, graph, s, c, clearance, shape, seen)
                 break
         if label[s] != TRAVERSABLE:
             continue
@@ -150,13 +151,13 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, clea
 
 
 @njit(cache=True)
-def mark_steps(label: Any, near: Any, graph: Any, z: Any) -> None:
+def mark_steps(label: Any, near: Any, graph: Any, level: Any) -> None:
     """Make the upper side of every step that is too high an obstacle, where the flood stood at its foot."""
     foot = np.flatnonzero(label == TRAVERSABLE)
     for s in foot:
         for k in range(4):
             n = near[s, k]
-            if n >= 0 and graph[s, k] < 0 and z[n] > z[s]:
+            if n >= 0 and graph[s, k] < 0 and level[n] > level[s]:
                 label[n] = OBSTACLE
 
 

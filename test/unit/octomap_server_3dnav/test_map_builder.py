@@ -1,5 +1,7 @@
 """From placed sweeps to the octree: insertion, the plane at the start, moved vertices, lost sweeps, beams that met nothing."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -57,6 +59,15 @@ def test_moved_vertices_build_the_same_tree_as_from_scratch():
     fresh.add_sweep(wall(), 0, [pose(0.3)])
     fresh.add_sweep(wall(2.0), 1, [pose(0.3), pose(0.5, 0.4)])
     assert moved.tree.to_full() == fresh.tree.to_full()
+
+
+def test_heights_follow_moved_vertices():
+    built = builder()
+    built.add_sweep(wall(), 0, [pose()])
+    before, after = (np.array([[math.floor(x / 0.08)], [0], [10]]) for x in (3.0, 3.3))
+    assert not np.isnan(built.heights.at(*before)) and np.isnan(built.heights.at(*after))
+    built.add_sweep(wall(1.0), 1, [pose(0.3), pose(0.5)])
+    assert np.isnan(built.heights.at(*before)) and not np.isnan(built.heights.at(*after))
 
 
 def test_vertices_that_moved_less_than_half_a_voxel_leave_the_tree_as_it_is():

@@ -64,6 +64,22 @@ def test_another_look_is_never_taken_from_beside_unknown_floor():
         at = pose(x, y, yaw=yaw)
 
 
+def test_goal_beside_a_kerb_is_moved_back_along_its_path():
+    states, at = opening(room()), pose(2.0, 3.2)
+    plain = ExplorationPlanner().decide(lambda radius: classify(runs_of(states), at, TerrainConfig(), radius), at)
+
+    def kerb_at_the_goal(radius):
+        terrain = classify(runs_of(states), at, TerrainConfig(), radius)
+        terrain.near_kerb[terrain.ix > (plain.goal[0] - 0.5) / RESOLUTION] = True
+        return terrain
+
+    decision = ExplorationPlanner().decide(kerb_at_the_goal, at)
+    assert decision.kind is GOAL
+    assert 0.4 < plain.goal[0] - decision.goal[0] < 0.8
+    kept = ExplorationPlanner(ExplorationConfig(most_back_m=0.2)).decide(kerb_at_the_goal, at)
+    assert kept.goal == plain.goal
+
+
 @pytest.mark.parametrize("degrees, faces", [(3, True), (15, False)])
 def test_robot_does_not_turn_to_the_frontier_on_a_slope(degrees, faces):
     slope = math.tan(math.radians(degrees))

@@ -1,0 +1,95 @@
+"""Heights of surfaces within their voxels: means of the hits, by voxel, and what they tell of steps and kerbs."""
+
+import numpy as np
+import pytest
+from terrain_worlds import RESOLUTION, grid_of_heights, label_at, pose, runs_of
+
+from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
+from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
+
+TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = TerrainClass
+
+
+def voxels(*xyz):
+    return (np.array(axis) for axis in zip(*xyz, strict=True))
+
+
+def hits(seed, n=400):
+    return np.random.default_rng(seed).uniform(-2.0, 2.0, (n, 3))
+
+
+def test_height_is_the_mean_of_the_hits_in_the_voxel():
+    heights = SurfaceHeights(0.5)
+    heights.add(HitHeights.of(np.array([[0.1, 0.1, 0.75], [0.2, 0.3, 0.875], [-0.1, 0.1, -0.25]]), 0.5))
+    assert heights.at(*voxels((0, 0, 1), (-1, 0, -1))).tolist() == pytest.approx([1.625, -0.5])
+
+
+def test_voxel_without_a_hit_has_no_height():
+    heights = SurfaceHeights(0.5)
+    assert np.isnan(heights.at(*voxels((0, 0, 0)))).all()
+    heights.add(HitHeights.of(np.array([[0.1, 0.1, 0.75]]), 0.5))
+    assert np.isnan(heights.at(*voxels((0, 0, 0), (0, 1, 1), (99, 99, 99)))).all()
+
+
+def test_points_that_are_none_or_out_of_range_are_left_out():
+    assert HitHeights.of(np.array([[np.nan, 0.0, 0.0], [1e9, 0.0, 0.0], [0.0, -np.inf, 0.0]]), 0.1).key.size == 0
+
+
+def test_sweeps_in_any_order_give_the_same_and_leave_no_trace_when_taken_out():
+    parts = [HitHeights.of(hits(seed), 0.2) for seed in range(3)]
+    forth, back = SurfaceHeights(0.2), SurfaceHeights(0.2)
+    for part in parts:
+        forth.add(part)
+    for part in parts[::-1]:
+        back.add(part)
+    everywhere = tuple(axis.ravel() for axis in np.meshgrid(*[np.arange(-10, 10)] * 3))
+    np.testing.assert_array_equal(forth.at(*everywhere), back.at(*everywhere))
+    forth.remove(parts[1])
+    alone = SurfaceHeights(0.2)
+    alone.add(parts[0])
+    alone.add(parts[2])
+    assert len(forth) == len(alone)
+    np.testing.assert_array_equal(forth.at(*everywhere), alone.at(*everywhere))
+
+
+def measured(height, T_map_base, nx=80, ny=60, **config):
+    """The terrain of a surface that beams have hit every 2 cm."""
+    x, y = (np.arange(0.01, n * RESOLUTION, 0.02) for n in (nx, ny))
+    z = np.broadcast_to(height(x[:, None], y[None, :]), (x.size, y.size))
+    heights = SurfaceHeights(RESOLUTION)
+    heights.add(HitHeights.of(np.stack([*np.meshgrid(x, y, indexing="ij"), z], axis=-1).reshape(-1, 3), RESOLUTION))
+    return classify(runs_of(grid_of_heights(height, nx, ny)), T_map_base, TerrainConfig(**config), None, heights)
+
+
+def kerb(rise, floor=0.0):
+    """A kerb across the world at a column's border."""
+    return lambda x, y: np.where(x < 40 * RESOLUTION, floor, floor + rise) + 0 * y
+
+
+@pytest.mark.parametrize("floor", [0.005, 0.03, 0.07])
+@pytest.mark.parametrize("rise, drivable", [(0.03, True), (0.05, True), (0.08, True), (0.12, False), (0.15, False)])
+def test_kerb_is_what_it_measures_wherever_the_voxel_layers_lie(rise, drivable, floor):
+    below = measured(kerb(rise, floor), pose(1.6, 2.4, ground=floor))
+    above = measured(kerb(rise, floor), pose(5.0, 2.4, ground=floor + rise))
+    assert (label_at(below, 5.0, 2.4, floor + rise) == TRAVERSABLE) == drivable
+    assert (label_at(above, 1.6, 2.4, floor) == TRAVERSABLE) == drivable
+
+
+def test_kerb_is_judged_by_its_voxels_where_the_thesis_does():
+    assert label_at(measured(kerb(0.15, 0.005), pose(1.6, 2.4), step_heights="voxels"), 5.0, 2.4, 0.155) == TRAVERSABLE
+
+
+@pytest.mark.parametrize("rise, turns", [(0.03, True), (0.07, False)])
+def test_robot_does_not_turn_beside_a_kerb_that_it_can_drive_over(rise, turns):
+    terrain = measured(kerb(rise, 0.01), pose(1.6, 2.4))
+    beside, away = (terrain.surface_near((x, 2.4, 0.04)) for x in (3.0, 2.2))
+    assert bool(terrain.near_kerb[beside]) != turns and not terrain.near_kerb[away]
+    assert (terrain.cost[beside] > terrain.cost[away]) != turns
+
+
+@pytest.mark.parametrize("degrees", [10, 20])
+def test_slope_is_no_kerb(degrees):
+    slope = np.tan(np.radians(degrees))
+    terrain = measured(lambda x, y: np.clip(x - 1.6, 0.0, 3.0) * slope + 0.01 + 0 * y, pose(0.8, 2.4))
+    assert not terrain.near_kerb.any()
+    assert not ((terrain.label == OBSTACLE) | (terrain.label == CLIFF)).any()
