@@ -15,7 +15,7 @@ from rigid_geometry import transform_from_rpy
 Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 
-_MOST_TRIES = 300  # places at which ground is looked for: about three seconds
+_MOST_TRIES, _MOST_TOPS = 300, 200_000  # places at which ground is looked for, about three seconds, and tops that they are chosen from
 _LOOK_M = 3.0  # around each
 _WHAT_IS_THERE = {
     VoxelState.FREE: "it lies in the air",
@@ -63,7 +63,7 @@ def tops_with_room(runs: ColumnRuns, height_m: float) -> Array:
 
 def nearest_ground(runs: ColumnRuns, asked: Point, config: TerrainConfig) -> Place | None:
     """Traversable ground near a point, by starting at one top after the other, the nearest first; None when a few hundred are none."""
-    left = tops_with_room(runs, config.robot_height_m + config.clearance_margin_m)
+    left = _nearest(tops_with_room(runs, config.robot_height_m + config.clearance_margin_m), asked, _MOST_TOPS)
     for _ in range(_MOST_TRIES):
         if not left.size:
             return None
@@ -77,6 +77,13 @@ def nearest_ground(runs: ColumnRuns, asked: Point, config: TerrainConfig) -> Pla
         )
         left = left[~tried]
     return None
+
+
+def _nearest(points: Array, asked: Point, count: int) -> Array:
+    """The `count` points nearest to one, in any order; all where there are no more."""
+    if len(points) <= count:
+        return points
+    return points[np.argpartition(np.linalg.norm(points - asked, axis=1), count)[:count]]
 
 
 def nearest_reached(terrain: Terrain, asked: Point) -> Place | None:

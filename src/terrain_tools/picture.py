@@ -6,6 +6,7 @@ import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -61,10 +62,27 @@ class _Canvas:
         )
 
     def paint(self, image: Image, ix: NDArray[np.integer], iy: NDArray[np.integer], colours: Image) -> None:
-        """Colours the pixels of voxels; later ones cover earlier ones."""
-        column, row = (ix - self.origin[0]) // self.stride, (iy - self.origin[1]) // self.stride
-        inside = (column >= 0) & (row >= 0) & (column < self.shape[0]) & (row < self.shape[1])
-        image[row[inside], column[inside]] = colours[inside]
+        """Colours the pixels of voxels inside, (N, 3) or all alike; later ones cover earlier ones."""
+        image[(iy - self.origin[1]) // self.stride, (ix - self.origin[0]) // self.stride] = colours
+
+
+class _Occupied(NamedTuple):
+    """The occupied runs of the columns on a canvas: (N,) column and layers."""
+
+    ix: NDArray[np.int64]
+    iy: NDArray[np.int64]
+    z_lo: NDArray[np.int16]
+    z_hi: NDArray[np.int16]
+
+    @classmethod
+    def on(cls, canvas: _Canvas, runs: ColumnRuns) -> _Occupied:
+        ends = [min(max(0, canvas.origin[0] + n - runs.origin_key[0]), runs.nx) for n in (0, canvas.shape[0] * canvas.stride)]
+        first, end = runs.start[ends[0] * runs.ny], runs.start[ends[1] * runs.ny]
+        kept = first + np.flatnonzero(runs.occupied[first:end])
+        column = np.searchsorted(runs.start, kept, side="right") - 1
+        ix, iy = column // runs.ny + runs.origin_key[0], column % runs.ny + runs.origin_key[1]
+        inside = (iy >= canvas.origin[1]) & (iy < canvas.origin[1] + canvas.shape[1] * canvas.stride)
+        return cls(ix[inside], iy[inside], runs.z_lo[kept[inside]], runs.z_hi[kept[inside]])
 
 
 def png_bytes(found: Analysis, terrain: Terrain, name: str, start: Sequence[float], goal: Sequence[float] | None) -> bytes:
@@ -74,9 +92,15 @@ def png_bytes(found: Analysis, terrain: Terrain, name: str, start: Sequence[floa
     canvas = _Canvas.around(drawn.min(axis=0), drawn.max(axis=0), terrain.resolution)
     bands = storeys(terrain)
     figure, panels = _figure(len(bands), canvas)
+    occupied = _Occupied.on(canvas, found.runs)
     storey_of_mark = [_nearest_band(bands, z / terrain.resolution) for z in marks[:, 2]]
     for axes, band in zip(panels, bands, strict=True):
-        _draw_storey(axes, canvas, band, found, terrain)
+        image = np.ones((canvas.shape[1], canvas.shape[0], 3), dtype=np.float32)
+        _paint_rest(image, canvas, occupied, band)
+        _paint_classes(image, canvas, terrain, band)
+        _draw_storey(axes, canvas, image)
+        if found.path is not None:
+            _draw_path(axes, found.path.points, band[0] * terrain.resolution, (band[1] + 1) * terrain.resolution)
         _draw_marks(axes, marks, [band == bands[k] for k in storey_of_mark])
         if len(bands) > 1:
             low, high = band[0] * terrain.resolution, (band[1] + 1) * terrain.resolution
@@ -115,13 +139,8 @@ def _nearest_band(bands: list[tuple[int, int]], z: float) -> int:
     return int(np.argmin([max(low - z, z - high - 1, 0.0) for low, high in bands]))
 
 
-def _draw_storey(axes: Axes, canvas: _Canvas, band: tuple[int, int], found: Analysis, terrain: Terrain) -> None:
-    image = np.ones((canvas.shape[1], canvas.shape[0], 3), dtype=np.float32)
-    _paint_rest(image, canvas, found.runs, band)
-    _paint_classes(image, canvas, terrain, band)
+def _draw_storey(axes: Axes, canvas: _Canvas, image: Image) -> None:
     axes.imshow(image, extent=canvas.extent, origin="lower", interpolation="nearest" if canvas.stride == 1 else "antialiased")
-    if found.path is not None:
-        _draw_path(axes, found.path.points, band[0] * canvas.resolution, (band[1] + 1) * canvas.resolution)
     axes.set(xlim=canvas.extent[:2], ylim=canvas.extent[2:], xticks=[], yticks=[])
     for spine in axes.spines.values():
         spine.set(color="#b9bec6", linewidth=0.8)
@@ -133,15 +152,12 @@ def _draw_marks(axes: Axes, marks: Array, is_here: list[bool]) -> None:
         axes.plot(x, y, marker, ms=size, mfc=colour, mec=_INK, mew=1.6, alpha=1.0 if here else 0.25, zorder=5)
 
 
-def _paint_rest(image: Image, canvas: _Canvas, runs: ColumnRuns, band: tuple[int, int]) -> None:
+def _paint_rest(image: Image, canvas: _Canvas, occupied: _Occupied, band: tuple[int, int]) -> None:
     """What is occupied within a storey: ground that was not classified light, walls dark."""
-    first, end = np.maximum(runs.z_lo, band[0]), np.minimum(runs.z_hi, band[1]) + 1
-    height = (end.astype(np.int64) - first) * runs.resolution
-    is_top = runs.occupied & (runs.z_hi >= band[0]) & (runs.z_hi <= band[1])
-    for which, rgb in ((is_top, _GROUND_RGB), (runs.occupied & (height >= _WALL_M), _WALL_RGB)):
-        ix, iy = np.divmod(runs.columns[which], max(1, runs.ny))
-        colours = np.tile(np.array(rgb, dtype=np.float32), (len(ix), 1))
-        canvas.paint(image, ix + runs.origin_key[0], iy + runs.origin_key[1], colours)
+    layers = np.minimum(occupied.z_hi, band[1]).astype(np.int32) - np.maximum(occupied.z_lo, band[0]) + 1
+    is_top = (occupied.z_hi >= band[0]) & (occupied.z_hi <= band[1])
+    for which, rgb in ((is_top, _GROUND_RGB), (layers * canvas.resolution >= _WALL_M, _WALL_RGB)):
+        canvas.paint(image, occupied.ix[which], occupied.iy[which], np.array(rgb, dtype=np.float32))
 
 
 def _paint_classes(image: Image, canvas: _Canvas, terrain: Terrain, band: tuple[int, int]) -> None:
