@@ -22,7 +22,8 @@ _REPORTED_PACKAGES = ("numpy", "scipy", "numba", "gtsam", "open3d", "small_gicp"
 def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(
         prog="./evaluate",
-        description="Makes many runs, scores them against the true world, and writes a report. The same command goes on where it ended.",
+        description="Makes many runs, scores them against the true world, and writes a report. The same command goes on where it ended, "
+        "one with more worlds, seeds or profiles adds to it.",
         epilog="Exit code: 0 all runs were made (the report says how they went), 1 some crashed or are missing, 2 wrong argument, "
         "130 interrupted.",
     )

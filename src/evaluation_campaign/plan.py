@@ -16,6 +16,7 @@ from exploration_evaluation import read_json, write_json
 FORMAT = 1
 CAMPAIGN_FILE, OUTCOME_FILE = "campaign.json", "outcome.json"
 _IDENTITY = ("format", "worlds", "seeds", "profiles", "limits")
+_EXTENSIBLE = ("worlds", "seeds", "profiles")
 
 
 class CampaignProblem(ValueError):
@@ -93,15 +94,18 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 
 
 def open_campaign(campaign: Campaign, about: Mapping[str, Any]) -> Campaign:
-    """The campaign in its folder, new or gone on with; `about` (version, machine, jobs) goes into a new campaign.json.
+    """The campaign in its folder, new, gone on with, or extended by worlds, seeds or profiles; `about` (version, machine, jobs) goes into a
+    new campaign.json.
 
-    CampaignProblem when the folder holds something else, a campaign of other runs, or cannot be written.
+    CampaignProblem when the folder holds something else, a campaign with runs that are not asked for, or cannot be written.
     """
     path = campaign.out / CAMPAIGN_FILE
     try:
         campaign.out.mkdir(parents=True, exist_ok=True)
         if path.exists():
-            _check_same(campaign, read_json(path))
+            found = read_json(path)
+            _check_extends(campaign, found)
+            write_json(path, {**found, **_identity(campaign)})
         elif any(campaign.out.iterdir()):
             raise CampaignProblem(f"--out {campaign.out}: not empty and no campaign; choose another folder")
         else:
@@ -123,12 +127,14 @@ def _identity(campaign: Campaign) -> dict[str, Any]:
     return plain
 
 
-def _check_same(campaign: Campaign, found: Mapping[str, Any]) -> None:
+def _check_extends(campaign: Campaign, found: Mapping[str, Any]) -> None:
     asked = _identity(campaign)
     for key in _IDENTITY:
-        if found.get(key) != asked[key]:
-            was, now = (_shown(value) for value in (found.get(key), asked[key]))
-            raise CampaignProblem(f"--out {campaign.out}: holds another campaign, of {key} {was}, not {now}; choose another folder")
+        was, now = found.get(key), asked[key]
+        if was != now and not (key in _EXTENSIBLE and isinstance(was, list) and set(was) <= set(now)):
+            raise CampaignProblem(
+                f"--out {campaign.out}: holds another campaign, of {key} {_shown(was)}, not {_shown(now)}; choose another folder"
+            )
 
 
 def _shown(value: object) -> str:

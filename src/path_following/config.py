@@ -28,6 +28,13 @@ class FollowerConfig:
     max_off_path_m: float = parameter(1.0, "m", "farther than this from the path the follower gives up", low=0.2, high=10.0)
     footprint_length_m: float = parameter(0.99, "m", "length of the robot, its middle at base_link", low=0.1, high=5.0)
     footprint_width_m: float = parameter(0.67, "m", "width of the robot", low=0.1, high=5.0)
+    turn_margin_m: float = parameter(
+        0.08,
+        "m",
+        "room wanted around the robot for a turn in place: skidding wheels drift; where there is none it turns all the same",
+        low=0.0,
+        high=0.5,
+    )
     check_ahead_m: float = parameter(0.6, "m", "so far ahead the footprint must be free along the arc", low=0.1, high=3.0)
     max_detour_m: float = parameter(0.4, "m", "an arc round an obstacle may end this far beside the path", low=0.0, high=3.0)
     detour_speed_mps: float = parameter(0.2, "m/s", "speed of such an arc, and of making room for a turn", low=0.02, high=1.0)

@@ -11,7 +11,7 @@ from path_following.manoeuvres import Motion, Recovery, detour, make_room, recov
 from path_following.progress import ProgressWatch
 from path_following.pursuit import Steering, approached, lookahead_m, regulated_speed, steering_to, target_on
 from path_following.reference_path import Pose, Projection, ReferencePath
-from path_following.surroundings import Surroundings, Unknown, arc_poses, footprint_lattice, turn_poses
+from path_following.surroundings import Surroundings, Unknown, arc_poses, footprint_lattice
 from rigid_geometry import angle_difference, yaw_of
 
 _STAND = Motion(0.0, 0.0)
@@ -26,7 +26,8 @@ class PathFollower:
         if problems:
             raise ValueError("; ".join(problems))
         self._config = config
-        self._footprint = footprint_lattice(config.footprint_length_m, config.footprint_width_m, 0.05)
+        length, width, more = config.footprint_length_m, config.footprint_width_m, 2 * config.turn_margin_m
+        self._footprints = footprint_lattice(length, width, 0.05), footprint_lattice(length + more, width + more, 0.05)
         self.clear("no path yet")
 
     @property
@@ -73,7 +74,7 @@ class PathFollower:
         assert observation.T_map_base is not None and observation.costmap is not None
         T = observation.T_map_base
         pose = (float(T[0, 3]), float(T[1, 3]), yaw_of(T))
-        around = Surroundings(observation.costmap, self._footprint)
+        around = Surroundings(observation.costmap, *self._footprints)
         if not around.contains(pose):
             self._sit_out(dt)
             return self._output(_STAND, f"the costmap does not contain the robot at ({pose[0]:.2f}, {pose[1]:.2f})")
@@ -151,7 +152,7 @@ class PathFollower:
         if abs(error) <= settled:
             return self._end(FollowerState.REACHED, "at the goal")
         angle = turn_by(error, self._turn_side)
-        if not around.is_free(turn_poses(pose, angle), Unknown.ALLOWED):
+        if not around.is_free_turn(pose, angle, drifting=True):
             return self._end(FollowerState.REACHED, f"at the goal; the turn of {error:.2f} rad to face it is not free")
         self._be(FollowerState.TURNING_TO_GOAL, f"{error:.2f} rad to turn")
         return self._turn(angle, dt)
@@ -168,14 +169,15 @@ class PathFollower:
 
     def _turn_to_path(self, pose: Pose, error: float, around: Surroundings, dt: float) -> Motion:
         angle = turn_by(error, self._turn_side)
-        if around.is_free(turn_poses(pose, angle), Unknown.ALLOWED):
-            self._be(FollowerState.TURNING_TO_PATH, f"{angle:.2f} rad to turn")
-            return self._turn(angle, dt)
-        motion = make_room(self._config, around, pose, error)
-        if motion is None:
-            return self._wait(pose, around, f"no free turn of {error:.2f} rad")
-        self._be(FollowerState.FOLLOWING, "making room for a turn")
-        return self._ramped(motion, dt)
+        for drifting in (True, False):  # where there is no room to slide in a turn, room for the outline must do
+            if around.is_free_turn(pose, angle, drifting=drifting):
+                self._be(FollowerState.TURNING_TO_PATH, f"{angle:.2f} rad to turn")
+                return self._turn(angle, dt)
+            motion = make_room(self._config, around, pose, error, drifting=drifting)
+            if motion is not None:
+                self._be(FollowerState.FOLLOWING, "making room for a turn")
+                return self._ramped(motion, dt)
+        return self._wait(pose, around, f"no free turn of {error:.2f} rad")
 
     def _turn(self, angle: float, dt: float) -> Motion:
         self._turn_side = math.copysign(1.0, angle)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from path_following.config import FollowerConfig
 from path_following.reference_path import Pose, ReferencePath
-from path_following.surroundings import Surroundings, Unknown, arc_poses, turn_poses
+from path_following.surroundings import Surroundings, Unknown, arc_poses
 from rigid_geometry import angle_difference
 
 
@@ -30,15 +30,18 @@ def turn_by(error: float, side: float) -> float:
     return error - math.copysign(2 * math.pi, error) if abs(error) > 2.0 and side * error < 0 else error
 
 
-def make_room(config: FollowerConfig, around: Surroundings, pose: Pose, error: float) -> Motion | None:
-    """The shortest free arc, forward or backward, after which a heading error of now `error` can be turned away; None if none."""
+def make_room(config: FollowerConfig, around: Surroundings, pose: Pose, error: float, *, drifting: bool) -> Motion | None:
+    """The shortest free arc, forward or backward, after which a heading error of now `error` can be turned away; None if none.
+
+    `drifting`: with room for what the robot may slide meanwhile.
+    """
     for length in (0.1, 0.2, 0.3, 0.45):
         for curvature in (0.0, 1.5, -1.5):
             for sign in (1.0, -1.0):
                 poses = arc_poses(pose, sign, curvature, length)
                 end = (float(poses[-1, 0]), float(poses[-1, 1]), float(poses[-1, 2]))
-                left = turn_poses(end, angle_difference(pose[2] + error, end[2]))
-                if around.is_free(poses, Unknown.NOT_UNDER_THE_CENTRE) and around.is_free(left, Unknown.ALLOWED):
+                left = angle_difference(pose[2] + error, end[2])
+                if around.is_free(poses, Unknown.NOT_UNDER_THE_CENTRE) and around.is_free_turn(end, left, drifting=drifting):
                     return Motion(sign * config.back_off_speed_mps, sign * config.back_off_speed_mps * curvature)
     return None
 
@@ -98,7 +101,7 @@ class Recovery:
             left = max(0.05, min(0.3, self.distance_m - done))
             return around.is_free(arc_poses(pose, -1.0, 0.0, left), Unknown.NOT_UNDER_THE_FOOTPRINT)
         left = math.copysign(max(0.1, self.angle_rad - abs(angle_difference(pose[2], self.begun_at[2]))), self.motion.w)
-        return around.is_free(turn_poses(pose, left), Unknown.ALLOWED)
+        return around.is_free_turn(pose, left, drifting=False)
 
 
 def recovery(config: FollowerConfig, around: Surroundings, pose: Pose, stamp: float) -> Recovery | None:

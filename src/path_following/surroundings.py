@@ -47,8 +47,9 @@ def turn_poses(pose: Pose, angle: float) -> NDArray[np.float64]:
 class Surroundings:
     """The costmap around the robot, asked whether a motion keeps the footprint off lethal cells and the centre off inscribed ones."""
 
-    def __init__(self, costmap: CostGrid, footprint: NDArray[np.float64]) -> None:
-        self._cost, self._footprint = costmap.cost, footprint
+    def __init__(self, costmap: CostGrid, footprint: NDArray[np.float64], turning_footprint: NDArray[np.float64]) -> None:
+        """Both footprints (P, 2) are points of base_link; the second, for turns on the spot, is the larger by what the robot drifts."""
+        self._cost, self._footprint, self._turning_footprint = costmap.cost, footprint, turning_footprint
         self._corner = np.array([costmap.origin_xy[0], costmap.origin_xy[1], costmap.resolution], dtype=np.float64)
 
     def contains(self, pose: Pose) -> bool:
@@ -63,6 +64,13 @@ class Surroundings:
         What it touches already it may leave, but not touch more of; a centre in an inscribed cell may leave, but not enter again.
         """
         return bool(_is_free(self._cost, self._corner, self._footprint, poses, int(unknown)))
+
+    def is_free_turn(self, pose: Pose, angle: float, *, drifting: bool) -> bool:
+        """True when the robot may turn on the spot by `angle` radians; `drifting`: also when its skidding wheels take it aside."""
+        poses = turn_poses(pose, angle)
+        if drifting:
+            return not any(_touched(self._cost, self._corner, self._turning_footprint, p, False) for p in poses)
+        return self.is_free(poses, Unknown.ALLOWED)
 
     def mean_cost(self, poses: NDArray[np.float64]) -> float:
         """Mean cost under the centre along (K, 3) poses, 0..1, unknown counted as 1."""

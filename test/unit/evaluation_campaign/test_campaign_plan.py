@@ -61,7 +61,17 @@ def test_the_same_campaign_goes_on_and_keeps_what_is_said_of_its_beginning(tmp_p
     assert json.loads((tmp_path / "campaign.json").read_text())["version"] == "1"
 
 
-@pytest.mark.parametrize("changed", [{"seeds": (1, 2, 3)}, {"worlds": ("rooms",)}, {"profiles": ("ours",)}, {"limits": Limits(1.0, 1.0)}])
+def test_campaign_is_extended_by_more_runs_and_does_not_shrink_again(tmp_path):
+    open_campaign(campaign(tmp_path), {"version": "1"})
+    larger = campaign(tmp_path, seeds=(3, 1, 2), profiles=("ours", "thesis", "nearest"))
+    open_campaign(larger, {"version": "2"})
+    held = json.loads((tmp_path / "campaign.json").read_text())
+    assert (held["seeds"], held["profiles"], held["version"]) == ([3, 1, 2], ["ours", "thesis", "nearest"], "1")
+    with pytest.raises(CampaignProblem, match="another campaign, of seeds 3,1,2, not 1,2"):
+        open_campaign(campaign(tmp_path), {})
+
+
+@pytest.mark.parametrize("changed", [{"seeds": (1, 3)}, {"worlds": ("rooms",)}, {"profiles": ("ours",)}, {"limits": Limits(1.0, 1.0)}])
 def test_folder_of_another_campaign_is_refused_with_what_differs(tmp_path, changed):
     open_campaign(campaign(tmp_path), {})
     with pytest.raises(CampaignProblem, match=f"another campaign, of {next(iter(changed))}"):

@@ -87,12 +87,14 @@ class Drive:
 
 @dataclass(frozen=True)
 class Robot:
-    """How the robot falls short of the command: share of speed and turn rate, drift to the left, dead band of a turn in place."""
+    """How the robot falls short of the command: share of speed and turn rate, drift to the left, dead band of a turn in place, and how
+    far it slides along -y for every radian that it turns, as on a slope."""
 
     speed_share: float = 0.97
     turn_share: float = 0.85
     sideways: float = 0.0
     dead_turn_radps: float = 0.15
+    slide_m_per_rad: float = 0.0
 
 
 def drive(
@@ -126,6 +128,7 @@ def drive(
         twist = (out.v * robot.speed_share, w)
         x += (math.cos(yaw) * twist[0] - math.sin(yaw) * robot.sideways * twist[0]) * TICK_S
         y += (math.sin(yaw) * twist[0] + math.cos(yaw) * robot.sideways * twist[0]) * TICK_S
+        y -= robot.slide_m_per_rad * abs(w) * TICK_S
         yaw += w * TICK_S
         touched = touched or (k % 4 == 0 and world.touches(x, y, yaw))
     return Drive(np.array(poses), outputs, touched)

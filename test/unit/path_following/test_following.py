@@ -167,6 +167,27 @@ def test_room_for_a_turn_is_made_beside_a_wall():
     assert run.last.state.value == "reached" and not run.touched
 
 
+def test_turn_that_slides_down_a_slope_keeps_its_distance_from_a_wall():
+    world = World()
+    world.lethal[world.cells(-9, 9, -1.6, -0.68)] = True
+    clearance_m = []
+    for margin_m in (0.0, 0.08):
+        turned = follower(line((0, 0), (-4, 0.3)), turn_margin_m=margin_m)
+        run = drive(turned, world, (0.0, 0.0, 0.3), robot=Robot(slide_m_per_rad=0.15))
+        assert run.last.state.value == "reached"
+        y, yaw = run.poses[:, 1], run.poses[:, 2]
+        clearance_m.append(float((y - 0.495 * np.abs(np.sin(yaw)) - 0.335 * np.abs(np.cos(yaw)) + 0.68).min()))
+    assert clearance_m[0] < 0.02 and clearance_m[1] > 0.06
+
+
+def test_robot_turns_where_there_is_room_for_its_outline_and_no_more():
+    world = World()
+    for y in ((-2.0, -0.64), (0.64, 2.0)):
+        world.lethal[world.cells(-9, 9, *y)] = True
+    run = drive(follower(line((0, 0), (-3, 0))), world)
+    assert run.last.state.value == "reached" and not run.touched
+
+
 def test_robot_that_cannot_move_is_stuck_with_a_reason():
     run = drive(follower(line((0, 0), (4, 0))), World(), robot=Robot(speed_share=0.0, turn_share=0.0))
     assert run.states() == ["following", "backing_off", "stuck"]

@@ -21,7 +21,7 @@ def around(*lethal: tuple[float, float], unknown: tuple[float, float] | None = N
         cost[math.floor((y + 5) / 0.08), math.floor((x + 5) / 0.08)] = 254
     if unknown:
         cost[math.floor((unknown[1] + 5) / 0.08), math.floor((unknown[0] + 5) / 0.08)] = 255
-    return Surroundings(Grid(cost, (-5.0, -5.0)), LATTICE)
+    return Surroundings(Grid(cost, (-5.0, -5.0)), LATTICE, LATTICE)
 
 
 def test_lattice_covers_the_outline_without_gaps():
@@ -79,7 +79,7 @@ def test_touched_cell_may_be_left_but_not_run_over():
 def test_inscribed_cells_may_be_left_but_not_entered():
     cost = np.zeros((125, 125), dtype=np.uint8)
     cost[:, 63:70] = 253
-    grid = Surroundings(Grid(cost, (-5.0, -5.0)), LATTICE)
+    grid = Surroundings(Grid(cost, (-5.0, -5.0)), LATTICE, LATTICE)
     out, into = arc_poses((0.1, 0.0, math.pi), 1.0, 0.0, 0.6), arc_poses((-0.3, 0.0, 0.0), 1.0, 0.0, 0.6)
     assert grid.is_free(out, Unknown.ALLOWED) and not grid.is_free(into, Unknown.ALLOWED)
 
