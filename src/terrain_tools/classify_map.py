@@ -22,6 +22,7 @@ from terrain_tools.robot_file import RobotConfig, read_robot
 
 FOUND, NOT_FOUND, BAD_INPUT = 0, 1, 2
 _USABLE_SHARE = 0.8  # of the memory that is free
+_FARTHEST_M = 1e6
 _DEFAULTS = TerrainConfig()
 _DESCRIPTION = f"""Tells the ground that a robot can drive on from obstacles, cliffs and what was not seen, in a map that is a file,
 and finds a way over it. FILE is an octomap octree ({" ".join(OCTREES)}), or a cloud ({" ".join(CLOUDS)}) whose points are put into
@@ -98,8 +99,8 @@ def classify_map(options: argparse.Namespace) -> int:
 def _check(options: argparse.Namespace) -> None:
     for name in ("start", "goal"):
         point = getattr(options, name)
-        if point is not None and not all(math.isfinite(v) for v in point):
-            raise ArgumentProblem(f"--{name}: expected three finite numbers, not {' '.join(f'{v:g}' for v in point)}")
+        if point is not None and not all(abs(v) <= _FARTHEST_M for v in point):
+            raise ArgumentProblem(f"--{name} {' '.join(f'{v:g}' for v in point)}: expected three numbers of at most {_FARTHEST_M:g} m")
     for name, value in (("goal-tolerance", options.goal_tolerance), ("max-memory", options.max_memory)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise ArgumentProblem(f"--{name} {value:g}: expected a positive number")

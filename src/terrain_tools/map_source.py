@@ -42,7 +42,7 @@ def read_map(path: Path, robot: RobotConfig, resolution: float | None, origins: 
     if resolution is not None or origins is not None:
         raise ArgumentProblem(f"--resolution and --origins are for clouds: {path} has voxels of its own")
     size = path.stat().st_size
-    _allow(path, size, "as a file", 2 * size, max_bytes)
+    _allow(path, size, "bytes of an octree", 2 * size, max_bytes)
     header, _, data = path.read_bytes().partition(_DATA_MARK)
     found = survey(data, full=path.suffix.lower() == ".ot")
     if {b"id OcTree", b"size %d" % found.nodes} <= set(header.split(b"\n")):  # else it is refused by its reader, which builds nothing

@@ -88,7 +88,7 @@ class _Occupied(NamedTuple):
 def png_bytes(found: Analysis, terrain: Terrain, name: str, start: Sequence[float], goal: Sequence[float] | None) -> bytes:
     """The picture of an analysis and its terrain; `name` is the title, `start` and `goal` (3,) are what was asked for."""
     marks = np.array([start, *([] if goal is None else [goal])], dtype=np.float64)
-    drawn = np.concatenate([terrain.centers()[:, :2], marks[:, :2]])
+    drawn = np.concatenate([terrain.centers()[:, :2], marks[:1, :2]])  # a goal that is none may lie anywhere
     canvas = _Canvas.around(drawn.min(axis=0), drawn.max(axis=0), terrain.resolution)
     bands = storeys(terrain)
     figure, panels = _figure(len(bands), canvas)

@@ -58,7 +58,7 @@ def test_classes_are_those_of_the_node_and_in_their_colours(tmp_path, storeys):
     header, _, body = (tmp_path / "out" / "terrain.ply").read_bytes().partition(b"end_header\n")
     rows = np.frombuffer(body, dtype=[("xyz", "<f4", 3), ("rgb", "u1", 3), ("label", "u1")])
     assert np.array_equal(rows["xyz"], terrain.centers()) and np.array_equal(rows["label"], terrain.label)
-    assert b"comment label 3 cliff" in header or b"cliff" in header
+    assert f"comment label {int(TerrainClass.CLIFF)} cliff\n".encode() in header
     for terrain_class in (TerrainClass.TRAVERSABLE, TerrainClass.OBSTACLE):
         red, green, _ = rows["rgb"][rows["label"] == terrain_class][0].astype(int)
         assert (red > green) == (terrain_class is TerrainClass.OBSTACLE)
@@ -200,6 +200,7 @@ def test_map_of_one_voxel_has_no_ground(tmp_path, start):
         ((2.95, 2, 0.1), "obstacle"),
         ((1, 2, 0.9), "in the air"),
         ((1, 90, 0), "outside the map"),
+        ((-9e5, 2, 0), "outside the map"),
     ],
 )
 def test_goal_that_cannot_be_reached_is_told_why_and_where_the_nearest_is(tmp_path, capsys, goal, said):
@@ -233,7 +234,7 @@ def test_goal_tolerance_lets_a_path_end_beside_the_goal(tmp_path, room):
         (b"# Octomap OcTree binary file\nid OcTree\nsize 3\nres 0.1\n", "header"),
         (b"# Octomap OcTree binary file\nid ColorOcTree\nsize 2\nres 0.1\ndata\n\x02\x00", "ColorOcTree"),
         (b"# Octomap OcTree binary file\nid OcTree\nsize 9\nres 0.1\ndata\n\x02\x00", "9 nodes"),
-        (b"# Octomap OcTree binary file\nid OcTree\nsize x\nres 0.1\ndata\n\x03\x00", ""),
+        (b"# Octomap OcTree binary file\nid OcTree\nsize x\nres 0.1\ndata\n\x03\x00", "invalid literal"),
         (b"# Octomap OcTree binary file\nid OcTree\nsize 0\nres 0\ndata\n", "resolution"),
         (b"# Octomap OcTree binary file\nid OcTree\nsize 0\nres nan\ndata\n", "resolution"),
         (b"# Octomap OcTree binary file\nid OcTree\nsize 0\nres -0.1\ndata\n", "resolution"),
@@ -281,6 +282,7 @@ def test_cloud_above_the_allowed_memory_is_refused(tmp_path, capsys):
     [
         (["--start", "0", "nan", "0"], "--start"),
         (["--start", "0", "0"], "--start"),
+        (["--start", "0", "1e300", "0"], "--start"),
         (["--start", "a", "0", "0"], "--start"),
         (["--goal", "inf", "0", "0"], "--goal"),
         (["--goal-tolerance", "nan"], "--goal-tolerance"),
