@@ -38,7 +38,9 @@ class RegistrationConfig:
     search_yaw_step_rad: float = parameter(math.radians(5.0), "rad", "step of its headings", low=0.01, high=0.5)
     search_points: int = parameter(600, "-", "points of the reading that are placed", low=50, high=5000)
     search_range_m: float = parameter(15.0, "m", "farther points of the reading are not placed", low=1.0, high=100.0)
-    search_peaks: int = parameter(10, "-", "placements that are looked at closer", low=1, high=100)
+    search_peaks: int = parameter(
+        10, "-", "placements that are looked at closer; twice as many where free space allows none", low=1, high=100
+    )
     search_peaks_a_heading: int = parameter(3, "-", "most of them of one heading", low=1, high=100)
     search_apart_m: float = parameter(0.6, "m", "placements nearer than this are one", low=0.0, high=5.0)
     search_apart_rad: float = parameter(math.radians(15.0), "rad", ".. if they differ in heading by less than this", low=0.0, high=math.pi)
@@ -49,7 +51,7 @@ class RegistrationConfig:
     search_max_contradiction: float = parameter(
         0.015, "-", "points in free space above which a rough placement comes last", low=0.0, high=1.0
     )
-    search_hopeless_contradiction: float = parameter(0.08, "-", "and above which none but the first is refined in full", low=0.0, high=1.0)
+    search_hopeless_contradiction: float = parameter(0.08, "-", "and above which none is refined in full", low=0.0, high=1.0)
     search_rival_share: float = parameter(0.4, "-", "share of the best overlap that makes a rival", low=0.0, high=1.0)
 
     degenerate_eigenvalue: float = parameter(

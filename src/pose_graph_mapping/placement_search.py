@@ -15,11 +15,11 @@ from pose_graph_mapping.cloud import Array, PointCloud, moved_points
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.correlative import Window, coarse_placements
 from pose_graph_mapping.gicp_alignment import Stage, align
-from pose_graph_mapping.gicp_surface import overlap_of, surface_of, voxel_cloud
+from pose_graph_mapping.gicp_surface import Surface, overlap_of, surface_of, voxel_cloud
 from pose_graph_mapping.match_quality import Degeneracy, FreeSpace, degeneracy, known_directions, offset_between
 from pose_graph_mapping.registration import RegistrationResult, Verdict
 
-_ROUGH_POINTS = 5000
+ROUGH_POINTS = 5000
 _PRECISION = 1e-3  # metres and radians: a shorter step ends the refinement of a rough placement
 _CHOOSING_ODDS = 13.8  # a likelihood ratio of 1000, as a difference of squared Mahalanobis distances
 _IDENTICAL = 0.05  # metres, and radians nearly
@@ -49,34 +49,58 @@ class Rough:
     open_directions: Array
 
 
+@dataclass(frozen=True, eq=False)
+class _RoughSearch:
+    """Coarse clouds of a pair, and the places that they were laid at so far, each once."""
+
+    pair: Pair
+    window: Window
+    config: RegistrationConfig
+    target: Surface
+    source: PointCloud
+    places: list[Rough]
+
+    def look_at(self, T_start: Array) -> None:
+        """Refine a placement; it becomes a place of its own, or takes that of a worse one of the same place."""
+        pair, config = self.pair, self.config
+        found = align(self.target, self.source, T_start, Stage(config.coarse_distance_m, config.search_iterations, _PRECISION))
+        twin = next((k for k, place in enumerate(self.places) if same_place(place.T, place.open_directions, found.T, config)), None)
+        if twin is not None and _is_no_better(found.T, self._overlap(found.T), self.places[twin], pair, config):
+            return
+        weak = degeneracy(found.hessian, max(1.0, found.weight), self.source.points, config.degenerate_eigenvalue)
+        T = _slid(found.T, weak, pair, self.window, config)
+        rough = Rough(T, self._overlap(T), pair.free_space.contradiction(T, ROUGH_POINTS), weak.directions)
+        if twin is None:
+            self.places.append(rough)
+        else:
+            self.places[twin] = rough
+
+    def _overlap(self, T: Array) -> float:
+        return overlap_of(self.target.tree, moved_points(T, self.source.points), self.config.search_refine_voxel_m)
+
+
 def rough_placements(pair: Pair, window: Window, config: RegistrationConfig) -> list[Rough]:
     """Where the reading may lie within the window, each place once; those that free space allows first, then by overlap."""
     voxel_m, neighbours = config.search_refine_voxel_m, config.normal_neighbours
     target = surface_of(voxel_cloud(PointCloud(pair.reference.points), voxel_m, neighbours))
     source = voxel_cloud(pair.reading, voxel_m, neighbours).thinned(config.search_refine_points)
-    stage = Stage(config.coarse_distance_m, config.search_iterations, _PRECISION)
-    places: list[Rough] = []
-    placements = coarse_placements(pair.reference, pair.reading, pair.T_guess, window, config)
-    for T_start in (pair.T_guess, *placements):  # where little overlaps, as through a door, the guess may still be the best start
-        found = align(target, source, T_start, stage)
-        T = found.T
-        twin = next((k for k, place in enumerate(places) if same_place(place.T, place.open_directions, T, config)), None)
-        if twin is not None and _is_no_better(T, places[twin], pair):
-            continue
-        weak = degeneracy(found.hessian, max(1.0, found.weight), source.points, config.degenerate_eigenvalue)
-        T = _slid(T, weak, pair, window, config)
-        overlap = overlap_of(target.tree, moved_points(T, source.points), voxel_m)
-        rough = Rough(T, overlap, pair.free_space.contradiction(T, _ROUGH_POINTS), weak.directions)
-        if twin is None:
-            places.append(rough)
-        else:
-            places[twin] = rough
-    return sorted(places, key=lambda rough: (not rough.contradiction <= config.search_max_contradiction, -rough.overlap))
+    search = _RoughSearch(pair, window, config, target, source, [])
+    likely, more = coarse_placements(pair.reference, pair.reading, pair.T_guess, window, config)
+    for T_start in (pair.T_guess, *likely):  # where little overlaps, as through a door, the guess may still be the best start
+        search.look_at(T_start)
+    if not any(place.contradiction <= config.search_max_contradiction for place in search.places):
+        for T_start in more:
+            search.look_at(T_start)
+    return sorted(search.places, key=lambda rough: (not rough.contradiction <= config.search_max_contradiction, -rough.overlap))
 
 
-def _is_no_better(T: Array, place: Rough, pair: Pair) -> bool:
-    """Whether a placement of the same place as one before need not be looked at."""
-    return bool(np.abs(place.T - T).max() < _IDENTICAL or not pair.free_space.contradiction(T, _ROUGH_POINTS) < place.contradiction)
+def _is_no_better(T: Array, overlap: float, place: Rough, pair: Pair, config: RegistrationConfig) -> bool:
+    """Whether a placement of the same place as one before need not be looked at; one that hardly overlaps is never the better one."""
+    if np.abs(place.T - T).max() < _IDENTICAL:
+        return True
+    if place.overlap < config.search_rival_share * overlap:
+        return False
+    return not pair.free_space.contradiction(T, ROUGH_POINTS) < place.contradiction
 
 
 def _slid(T: Array, weak: Degeneracy, pair: Pair, window: Window, config: RegistrationConfig) -> Array:
@@ -103,7 +127,7 @@ def _least_contradicted(T: Array, axis: Array, shifts: Array, pair: Pair, reach_
         return T
     placements = np.tile(T, (len(origins), 1, 1))
     placements[:, :3, 3] = origins
-    against = np.array([pair.free_space.contradiction(placement, _ROUGH_POINTS) for placement in placements])
+    against = np.array([pair.free_space.contradiction(placement, ROUGH_POINTS) for placement in placements])
     against = np.where(np.isnan(against), 1.0, against)
     alike = np.flatnonzero(against <= against.min() + _ALIKE)
     return np.asarray(placements[alike[np.argmin(away[alike])]])

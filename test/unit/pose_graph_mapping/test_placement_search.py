@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from synthetic_sweeps import corridor, furnished_room, pose, sweep, world_of
 
+from pose_graph_mapping import placement_search
 from pose_graph_mapping.cloud import PointCloud, merged, vertex_cloud, with_normals
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.correlative import Window, coarse_placements, window_of
@@ -68,7 +69,7 @@ def test_window_turns_with_the_frames():
 def test_best_coarse_placement_is_near_the_truth(room):
     area, reading, T_true = room
     T_guess = transform_from_rpy((1.4, -0.9, 0.2)) @ T_true @ transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 2.4))
-    placements = coarse_placements(area, with_normals(vertex_cloud(reading, 0.1, 20), 20), T_guess, Window(3.0, 0.5, np.pi), CONFIG)
+    placements, _ = coarse_placements(area, with_normals(vertex_cloud(reading, 0.1, 20), 20), T_guess, Window(3.0, 0.5, np.pi), CONFIG)
     off = offset_between(T_true, placements[0])
     assert np.linalg.norm(off[3:]) < 2.0 * CONFIG.search_cell_m and np.linalg.norm(off[:3]) < 2.0 * CONFIG.search_yaw_step_rad
 
@@ -76,8 +77,9 @@ def test_best_coarse_placement_is_near_the_truth(room):
 def test_placements_lie_well_apart_and_within_the_window(room):
     area, reading, T_guess = room
     window = Window(1.2, 0.6, 0.8)
-    placements = coarse_placements(area, vertex_cloud(reading, 0.1, 20), T_guess, window, CONFIG)
-    assert 1 < len(placements) <= CONFIG.search_peaks
+    placements, more = coarse_placements(area, vertex_cloud(reading, 0.1, 20), T_guess, window, CONFIG)
+    assert 1 < len(placements) <= CONFIG.search_peaks and 0 < len(more) <= 2 * CONFIG.search_peaks
+    assert not any(np.array_equal(T, other) for T in placements for other in more)
     shifts = placements[:, :3, 3] - T_guess[:3, 3]
     assert np.abs(shifts[:, :2]).max() <= window.shift_m + 1e-9 and np.abs(shifts[:, 2]).max() <= window.height_m + 1e-9
     assert max(rotation_angle(inverse(T_guess) @ T) for T in placements) <= window.yaw_rad + 1e-9
@@ -183,6 +185,26 @@ def test_free_space_holds_what_surfaces_leave_open(slip):
     result = create_registration(CONFIG).match(area, clouds[2], transform_from_rpy((slip, 0.0, 0.0)) @ poses[2], covariance(0.3, 1.5))
     assert result.usable, result.reason
     assert_right(result, poses[2], metres=0.3, degrees=0.5)
+
+
+@pytest.mark.parametrize("likely_is_right", [True, False])
+def test_more_placements_are_tried_where_free_space_allows_none_of_the_likely_ones(room, monkeypatch, likely_is_right):
+    area, reading, T_true = room
+    T_wrong, T_right = transform_from_rpy((1.5, 0.0, 0.0)) @ HALF_TURN @ T_true, T_true @ transform_from_rpy((0.1, 0.1, 0.0))
+    batches = (T_right[None], None) if likely_is_right else (T_wrong[None], T_right[None])  # None cannot be iterated
+    monkeypatch.setattr(placement_search, "coarse_placements", lambda *_: batches)
+    result = create_registration(CONFIG).match(area, reading, T_wrong)
+    assert result.verdict is Verdict.ACCEPTED, result.reason
+    assert_right(result, T_true)
+
+
+def test_placement_that_hardly_overlaps_hides_none_of_the_same_place():
+    """Where hardly anything overlaps, hardly anything contradicts, and nothing holds."""
+    open_x, T = np.eye(6)[[3]], transform_from_rpy((2.0, 0.0, 0.0))
+    beside = placement_search.Rough(np.eye(4), 0.02, 0.001, open_x)
+    assert placement_search.same_place(beside.T, open_x, T, CONFIG)
+    assert not placement_search._is_no_better(T, 0.9, beside, None, CONFIG)
+    assert placement_search._is_no_better(np.eye(4), 0.9, beside, None, CONFIG)
 
 
 def test_guess_itself_is_a_start_where_the_search_finds_nothing(room):
