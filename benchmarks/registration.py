@@ -12,20 +12,20 @@ import os
 
 os.environ["OMP_NUM_THREADS"] = "2"  # open3d reads it when it is loaded
 
-import argparse
 import math
 import sys
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import open3d as o3d
 import small_gicp
 from numpy.typing import NDArray
-from registration_basin import CLAIMED_UP_TO_DEG, SHIFT_M
-from registration_cases import DEFAULT_CACHE, case_of
-from registration_scores import RIGHT_DEG, RIGHT_M, share, text_table, uniform_guess, write_json
+from registration_basin import SHIFT_M, guess_of
+from registration_cases import case_of
+from registration_scores import RIGHT_DEG, RIGHT_M, argument_parser, share, text_table, write_json
 from registration_worlds import BUILT_IN
 
 from pose_graph_mapping import PointCloud, RegistrationConfig, create_registration
@@ -40,7 +40,7 @@ VOXEL_M, COARSE_VOXEL_M, COARSE_M, FINE_M = 0.1, 0.3, 1.0, 0.3
 VEHICLE_M = 1.5  # nearer points of the real scans are the car that carried the scanner
 MOVING_THINGS = 0.02  # share of points in free space that the real pair may have
 T_REAL_GUESS = transform_from_rpy((1.79387, 0.720047, 0.0), (0.0, 0.0, 0.6931))
-HEADER = ("world", "yaw deg", "shift m", "method", "right %", "wrong %", "median ms")
+HEADER = ("world", "yaw deg", "shift m", "method", "right %", "wrong %", "cm", "deg", "median ms")
 REAL_HEADER = ("real room", "no guess ms", "known ms", "cm apart", "deg apart", "verdict")
 
 
@@ -132,6 +132,20 @@ def errors(T_true: Array, T_found: Array) -> tuple[float, float]:
     return float(np.linalg.norm(T_off[:3, 3])), math.degrees(rotation_angle(T_off))
 
 
+@dataclass(frozen=True)
+class Answer:
+    """What a method made of a pair: its time, its error, and whether it calls itself sure."""
+
+    milliseconds: float
+    metres: float
+    degrees: float
+    sure: bool
+
+    @property
+    def near(self) -> bool:
+        return self.metres < RIGHT_M and self.degrees < RIGHT_DEG
+
+
 def timed(run: Method, *arguments: object) -> tuple[float, Array, str]:
     """Milliseconds of wall time, then what the method gave."""
     start = time.perf_counter()
@@ -141,23 +155,22 @@ def timed(run: Method, *arguments: object) -> tuple[float, Array, str]:
 
 def simulated(world: str, degrees: int, pairs: int, cache: Path) -> list[list[object]]:
     """Rows of one world and class; all methods take their turns on each pair, from the guesses of registration_basin.py."""
-    times: dict[str, list[float]] = {name: [] for name in METHODS}
-    right: dict[str, list[bool]] = {name: [] for name in METHODS}
-    wrong: dict[str, list[bool]] = {name: [] for name in METHODS}
+    found: dict[str, list[Answer]] = {name: [] for name in METHODS}
     for k in range(pairs):
         case = case_of(world, k, cache=cache)
-        rng = np.random.default_rng([1, degrees, *case.name.encode()])
-        guess = uniform_guess(rng, case.T_map_base, math.radians(degrees), SHIFT_M[degrees], claimed=degrees <= CLAIMED_UP_TO_DEG)
+        guess = guess_of(case, degrees, seed=1)
         for name, run in METHODS.items():
             ms, T_found, verdict = timed(run, case.reference, case.reading, guess.T_map_base, guess.covariance)
-            metres, off_deg = errors(case.T_map_base, T_found)
-            near, sure = metres < RIGHT_M and off_deg < RIGHT_DEG, verdict in (SURE, "degenerate")
-            times[name].append(ms)
-            right[name].append(near and sure)
-            wrong[name].append(sure and not near)
-    return [
-        [world, degrees, SHIFT_M[degrees], name, share(right[name]), share(wrong[name]), float(np.median(times[name]))] for name in METHODS
-    ]
+            found[name].append(Answer(ms, *errors(case.T_map_base, T_found), verdict in (SURE, "degenerate")))
+    return [[world, degrees, SHIFT_M[degrees], name, *scores(answers)] for name, answers in found.items()]
+
+
+def scores(answers: Sequence[Answer]) -> list[object]:
+    """Percent right and wrong, median error of the right ones, median time."""
+    right = [a for a in answers if a.sure and a.near]
+    off = [f"{np.median(e):.2f}" if e else "-" for e in ([100.0 * a.metres for a in right], [a.degrees for a in right])]
+    shares = [share([a.sure and a.near for a in answers]), share([a.sure and not a.near for a in answers])]
+    return [*shares, *off, float(np.median([a.milliseconds for a in answers]))]
 
 
 def real_pair(folder: Path) -> list[list[object]]:
@@ -177,13 +190,11 @@ def real_pair(folder: Path) -> list[list[object]]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argument_parser(__doc__)
     parser.add_argument("--worlds", nargs="+", default=list(BUILT_IN))
     parser.add_argument("--classes", nargs="+", type=int, choices=SHIFT_M, default=[20, 45, 180], metavar="DEG")
     parser.add_argument("--pairs", type=int, default=10, metavar="N")
     parser.add_argument("--data", type=Path, metavar="FOLDER")
-    parser.add_argument("--cache", type=Path, default=DEFAULT_CACHE, help="folder for sweeps, about 35 MB a drive of ten pairs")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="the tables, for other programs")
     options = parser.parse_args()
     if options.pairs:
         simulated("rooms", 20, 1, options.cache)  # compiles what is to be compiled

@@ -13,11 +13,10 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
-from registration_cases import DEFAULT_CACHE, MOUNTS, Case, case_of
-from registration_scores import Outcome, describe, judged, share, text_table, uniform_guess, write_json
+from registration_cases import Case, case_of
+from registration_scores import Guess, Outcome, describe, judged, matcher_parser, share, text_table, uniform_guess, write_json
 from registration_worlds import BUILT_IN, CORRIDORS
 
 from pose_graph_mapping import Registration, RegistrationConfig, Verdict, create_registration
@@ -27,11 +26,15 @@ CLAIMED_UP_TO_DEG = 45
 HEADER = ("world", "yaw deg", "shift m", "pairs", "right %", "refused %", "ambiguous %", "wrong %", "far off %", "median ms", "95 % ms")
 
 
-def outcome_of(matcher: Registration, case: Case, degrees: int, seed: int) -> Outcome:
-    """One case in one class; the guess depends on the seed, the class and the case alone."""
+def guess_of(case: Case, degrees: int, seed: int) -> Guess:
+    """The guess of one case in one class; it depends on the seed, the class and the case alone."""
     rng = np.random.default_rng([seed, degrees, *case.name.encode()])
-    guess = uniform_guess(rng, case.T_map_base, math.radians(degrees), SHIFT_M[degrees], claimed=degrees <= CLAIMED_UP_TO_DEG)
-    return judged(f"{case.name} at {degrees} deg", matcher, case, guess, case.T_map_base)[0]
+    return uniform_guess(rng, case.T_map_base, math.radians(degrees), SHIFT_M[degrees], claimed=degrees <= CLAIMED_UP_TO_DEG)
+
+
+def outcome_of(matcher: Registration, case: Case, degrees: int, seed: int) -> Outcome:
+    """One case in one class."""
+    return judged(f"{case.name} at {degrees} deg", matcher, case, guess_of(case, degrees, seed), case.T_map_base)[0]
 
 
 def row(world: str, degrees: int, outcomes: Sequence[Outcome]) -> list[object]:
@@ -48,16 +51,11 @@ def row(world: str, degrees: int, outcomes: Sequence[Outcome]) -> list[object]:
 
 
 def parsed() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = matcher_parser(__doc__)
     parser.add_argument("--worlds", nargs="+", default=[*BUILT_IN, *CORRIDORS], help="default: all, corridors with half of the pairs")
     parser.add_argument("--classes", nargs="+", type=int, choices=SHIFT_M, default=list(SHIFT_M), metavar="DEG")
     parser.add_argument("--pairs", type=int, default=40, metavar="N")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--mount", choices=MOUNTS, default="nominal")
-    parser.add_argument("--method", default=RegistrationConfig().method)
     parser.add_argument("--only", metavar="CASE", help="one case, as world/drive/sweep")
-    parser.add_argument("--cache", type=Path, default=DEFAULT_CACHE, help="folder for sweeps, about 35 MB a drive of ten pairs")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="every match, for other programs")
     return parser.parse_args()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import math
 import time
@@ -13,7 +14,7 @@ from typing import Any
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
-from registration_cases import Case
+from registration_cases import DEFAULT_CACHE, MOUNTS, Case
 
 from pose_graph_mapping import PointCloud, Registration, RegistrationConfig, RegistrationResult, Verdict, voxel_downsample
 from rigid_geometry import inverse, transform_from_rpy
@@ -142,6 +143,23 @@ def describe(outcome: Outcome) -> str:
     """One line about one match."""
     error = "no truth" if math.isnan(outcome.metres) else f"{100 * outcome.metres:.1f} cm {outcome.degrees:.2f} deg off"
     return f"{outcome.case}: {outcome.verdict.value}, {error}, {outcome.milliseconds:.0f} ms; {outcome.reason}"
+
+
+def argument_parser(description: str | None) -> argparse.ArgumentParser:
+    """What every benchmark of registration takes."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--cache", type=Path, default=DEFAULT_CACHE, help="folder for sweeps, about 35 MB a drive of ten pairs")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="all that was measured, for other programs")
+    return parser
+
+
+def matcher_parser(description: str | None) -> argparse.ArgumentParser:
+    """What those take that measure one registration, with one mount, from seeded guesses."""
+    parser = argument_parser(description)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--mount", choices=MOUNTS, default="nominal")
+    parser.add_argument("--method", default=RegistrationConfig().method)
+    return parser
 
 
 def write_json(path: Path | None, content: Any) -> None:

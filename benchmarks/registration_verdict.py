@@ -10,14 +10,25 @@ told. Of the wrong ones nothing is claimed that is not true: mostly nothing at a
 import argparse
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from registration_cases import DEFAULT_CACHE, MOUNTS, Case, case_of
-from registration_scores import Guess, Outcome, claimed_covariance, describe, disturbed, judged, normal_guess, share, text_table, write_json
+from registration_cases import Case, case_of
+from registration_scores import (
+    Guess,
+    Outcome,
+    claimed_covariance,
+    describe,
+    disturbed,
+    judged,
+    matcher_parser,
+    normal_guess,
+    share,
+    text_table,
+    write_json,
+)
 from registration_worlds import BUILT_IN, CORRIDORS, MOVED
 
 from pose_graph_mapping import Registration, RegistrationConfig, Verdict, create_registration
@@ -143,6 +154,24 @@ def outcome_of(matcher: Registration, kind: str, k: int, options: argparse.Names
     return judged(f"{kind}/{k} ({trial.case.name})", matcher, trial.case, trial.guess, trial.T_true)[0]
 
 
+def halves(found: Mapping[str, Sequence[Outcome]]) -> list[str]:
+    """What is asked of a verdict, in a line each: right ones that are kept, in corridors and elsewhere, and false accepts."""
+    groups = {
+        "right ones kept": list(RIGHT),
+        ".. in corridors": list(CORRIDORS),
+        ".. elsewhere": [kind for kind in RIGHT if kind not in CORRIDORS],
+    }
+    lines = []
+    for what, kinds in groups.items():
+        outcomes = [o for kind in kinds for o in found.get(kind, [])]
+        kept = [o.usable and not o.far_off for o in outcomes]
+        lines += [f"{what}: {share(kept):.1f} %, {sum(kept)} of {len(kept)}"] if kept else []
+    for what, kinds in (("right", list(RIGHT)), ("wrong on purpose", list(WRONG))):
+        false = [o.far_off for kind in kinds for o in found.get(kind, [])]
+        lines += [f"false accepts among those {what}: {sum(false)} of {len(false)}"] if false else []
+    return lines
+
+
 def row(kind: str, outcomes: Sequence[Outcome]) -> list[object]:
     """A line of the table; nothing is to be kept of what is wrong on purpose, although the truth may be found."""
     counts = [sum(o.verdict is verdict for o in outcomes) for verdict in (Verdict.ACCEPTED, Verdict.DEGENERATE, Verdict.AMBIGUOUS)]
@@ -152,15 +181,10 @@ def row(kind: str, outcomes: Sequence[Outcome]) -> list[object]:
 
 
 def parsed() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = matcher_parser(__doc__)
     parser.add_argument("--matches", type=int, default=2000, metavar="N", help="of all kinds together, in fixed shares")
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS), metavar="KIND", help=", ".join(KINDS))
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--mount", choices=MOUNTS, default="nominal")
-    parser.add_argument("--method", default=RegistrationConfig().method)
     parser.add_argument("--only", metavar="KIND/K", help="one match again")
-    parser.add_argument("--cache", type=Path, default=DEFAULT_CACHE, help="folder for sweeps, about 35 MB a drive of ten pairs")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="every match, for other programs")
     return parser.parse_args()
 
 
@@ -181,7 +205,7 @@ def main() -> int:
     print("\n".join(["Right ones that were lost:", *map(describe, lost), "", "False accepts:", *map(describe, false), ""]))
     rows = [row(kind, outcomes) for kind, outcomes in found.items()]
     print(text_table(HEADER, rows))
-    print(f"{len(false)} false accepts of {len(everything)} matches")
+    print("\n".join(["", *halves(found)]))
     write_json(options.json, {"rows": [dict(zip(HEADER, r, strict=True)) for r in rows], "matches": [asdict(o) for o in everything]})
     return int(bool(false))
 
