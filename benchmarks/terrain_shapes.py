@@ -21,19 +21,18 @@ from shapes import SHAPES  # noqa: E402
 Wrong = dict[str, dict[str, list[str]]]
 
 
-def judged(names: list[str], profiles: list[Profile]) -> Wrong:
-    """What is wrong with each shape, by profile."""
-    return {name: {of.name: misses(SHAPES[name], of) for of in profiles} for name in names}
-
-
-def print_table(found: Wrong, profiles: list[Profile]) -> None:
-    """One row a shape, and how many are right."""
-    print("| shape | " + " | ".join(of.name for of in profiles) + " | what is wrong |\n|---" * 1 + "|---" * (len(profiles) + 1) + "|")
-    for name, wrong in found.items():
+def judge(names: list[str], profiles: list[Profile]) -> Wrong:
+    """Print one row a shape and how many are right; what is wrong with each, by profile."""
+    print("| shape | " + " | ".join(of.name for of in profiles) + " | what is wrong |")
+    print("|---" * (len(profiles) + 2) + "|")
+    found: Wrong = {}
+    for name in names:
+        found[name] = wrong = {of.name: misses(SHAPES[name], of) for of in profiles}
         marks = " | ".join("wrong" if wrong[of.name] else "right" for of in profiles)
-        print(f"| {name} | {marks} | {'; '.join(f'{who}: {text}' for who, texts in wrong.items() for text in texts[:1])} |")
+        print(f"| {name} | {marks} | {'; '.join(f'{who}: {texts[0]}' for who, texts in wrong.items() if texts)} |", flush=True)
     totals = " | ".join(f"{sum(not wrong[of.name] for wrong in found.values())} of {len(found)}" for of in profiles)
     print(f"| **right** | {totals} | |")
+    return found
 
 
 def named(parts: list[str]) -> list[str]:
@@ -60,8 +59,7 @@ def main() -> None:
         if len(names) > 1:
             parser.error(f"a picture is of one shape, not of {len(names)}: {'; '.join(names)}")
         return draw(SHAPES[names[0]], profiles, arguments.picture, tuple(arguments.heights))
-    found = judged(names, profiles)
-    print_table(found, profiles)
+    found = judge(names, profiles)
     if arguments.json:
         arguments.json.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 

@@ -14,10 +14,10 @@ from shape import Expectation, Expected, Shape
 from shape_sweeps import PLACEMENTS, Placement, map_of
 
 from explore_command.parameters import read_profile
-from octomap_server_3dnav import planner
 from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, find_frontiers
 from octomap_server_3dnav.map_builder import MapConfig
 from octomap_server_3dnav.octree import SensorModel
+from octomap_server_3dnav.planner import Path as Way
 from octomap_server_3dnav.planner import PlannerConfig, nearest_traversable, plan_path
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
 from rigid_geometry import inverse, transform_points
@@ -85,7 +85,8 @@ class View:
 def view_of(shape: Shape, of: Profile, placement: Placement) -> View:
     """A shape as a profile classifies it, as a whole."""
     builder, T_map_base = map_of(shape, placement, of.config(MapConfig), of.config(SensorModel, "sensor_model"))
-    terrain = classify(builder.runs_around(T_map_base, None), T_map_base, of.config(TerrainConfig, "terrain"), None)
+    runs = builder.runs_around(T_map_base, None)
+    terrain = classify(runs, T_map_base, of.config(TerrainConfig, "terrain"), None, builder.heights)
     nodes = transform_points(inverse(placement.T_map_shape), terrain.centers().astype(np.float64))
     ways = of.config(PlannerConfig, "planner")
     return View(terrain, placement, nodes, find_frontiers(terrain, T_map_base, of.config(FrontierConfig, "frontier"), ways), ways)
@@ -134,13 +135,13 @@ def _not_reached(view: View, low: Array, high: Array, _: Shape) -> str | None:
     return None if shares["traversable"] >= SHARE else _told(shares)
 
 
-def _driven(view: View, low: Array, high: Array, _: Shape | None = None) -> str | None:
+def _driven(view: View, low: Array, high: Array, _: Shape) -> str | None:
     drivable = view.in_box(low, high) & (view.terrain.label == TerrainClass.TRAVERSABLE)
     return f"{np.count_nonzero(drivable)} traversable voxels" if drivable.any() else None
 
 
 def _not_all_along(kind: TerrainClass) -> Callable[[View, Array, Array, Shape], str | None]:
-    def judge(view: View, low: Array, high: Array, _: Shape) -> str | None:
+    def judge(view: View, low: Array, high: Array, shape: Shape) -> str | None:
         axis = int(np.argmax((high - low)[:2]))
         there = view.in_box(low, high) & (view.terrain.label == kind)
         slices = math.ceil((high - low)[axis] / SLICE_M - 1e-9)
@@ -148,7 +149,7 @@ def _not_all_along(kind: TerrainClass) -> Callable[[View, Array, Array, Shape], 
         lacking = (
             None if held >= SLICES * slices else f"{kind.name.lower()} in {held} of {slices} slices; {_told(_shares(view, low, high))}"
         )
-        return _driven(view, low, high) or lacking
+        return _driven(view, low, high, shape) or lacking
 
     return judge
 
@@ -187,7 +188,7 @@ def _no_way(view: View, end: Array, _: Array, shape: Shape) -> str | None:
 
 def _way(view: View, end: Array, _: Array, shape: Shape) -> str | None:
     way = view.path_to(end)
-    return None if way is None else f"there is one of {planner.Path(way).length_m:.1f} m"
+    return None if way is None else f"there is one of {Way(way).length_m:.1f} m"
 
 
 _JUDGES: dict[Expected, Callable[[View, Array, Array, Shape], str | None]] = {

@@ -50,6 +50,11 @@ def run_of(height: float, angle_deg: float) -> float:
     return height / math.tan(math.radians(angle_deg))
 
 
+def rise_of(run: float, angle_deg: float) -> float:
+    """How high a slope gets over a distance."""
+    return run * math.tan(math.radians(angle_deg))
+
+
 def floor_around(x: Pair, y: Pair, top: float = 0.0, bottom: float = -0.5, reach: float = 12.0) -> list[Solid]:
     """Ground with a rectangular hole in it."""
     return [

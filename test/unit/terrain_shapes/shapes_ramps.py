@@ -14,7 +14,7 @@ from shape import (
     seen,
     traversable,
 )
-from shape_parts import GROUND, on_ground, run_of, slope
+from shape_parts import GROUND, on_ground, rise_of, run_of, slope
 
 WIDE = (-2.0, 2.0)
 
@@ -45,7 +45,7 @@ def _first_look_up(angle_deg: float, height: float = 1.0) -> Shape:
         f"ramp up, {angle_deg:g} deg, first look",
         (GROUND, slope((1.0, head), (0.0, height), WIDE), on_ground((head, head + 3.0), WIDE, height)),
         (Stand(-1.2, 0.0),),
-        traversable((1.1, -0.7, 0.0), (2.0, 0.7, run_of(1.0, 90.0 - angle_deg))),
+        traversable((1.1, -0.7, 0.0), (2.0, 0.7, rise_of(1.0, angle_deg))),
         no_cliff((1.0, -1.5, 0.0), (2.5, 1.5, height)),
     )
 
@@ -69,7 +69,7 @@ def _down(angle_deg: float, height: float = 1.0) -> Shape:
 
 def _sideways(angle_deg: float) -> Shape:
     """A hillside along x that begins at y = 0; the robot drives along it."""
-    height = 4.0 / run_of(1.0, angle_deg)
+    height = rise_of(4.0, angle_deg)
     hill = slope((0.0, 4.0), (0.0, height), (-6.0, 6.0))
     turned = type(hill)(hill.name, hill.vertices[:, [1, 0, 2]], hill.triangles[:, ::-1])  # x and y change places
     low, high = (-1.5, 0.8, 0.8 * height / 4), (1.5, 2.4, 2.4 * height / 4)
