@@ -131,7 +131,7 @@ def _read_ply(path: Path) -> CloudFile:
 
 
 def _ascii_rows(file: BinaryIO, count: int, properties: Properties) -> dict[str, Array]:
-    if count == 0 or not properties:
+    if count == 0:
         return {name: np.zeros(0) for name, _ in properties}
     table = np.loadtxt(islice(file, count), ndmin=2, comments=None, usecols=range(len(properties)))
     return {name: table[:, k] for k, (name, _) in enumerate(properties)}
@@ -162,4 +162,6 @@ def _ply_header(parts: tuple[bytes, bytes, bytes]) -> tuple[str, int, Properties
         if len(line) != 3 or line[1] not in _PLY_TYPES:
             raise ValueError(f"its vertices have a {' '.join(line)}, which is not known")
         properties.append((line[2], _PLY_TYPES[line[1]]))
+    if not properties:
+        raise ValueError("its vertices have no properties")
     return form, int(element[2]), properties

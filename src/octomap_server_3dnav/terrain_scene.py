@@ -42,7 +42,8 @@ def _spans_within(x: NDArray[np.float64], y: NDArray[np.float64], radius_m: floa
         return np.tile([0, y.size], (x.size, 1))
     half = np.sqrt(np.maximum(radius_m**2 - x**2, 0.0))
     padded = np.concatenate([[-np.inf], y, [np.inf]])  # the roots may round across a column: the two at each end are asked
-    first, end = np.searchsorted(y, -half), np.searchsorted(y, half, side="right")
+    first = np.minimum(np.searchsorted(y, -half), y.size - 1)
+    end = np.maximum(np.searchsorted(y, half, side="right"), 1)
     first = first - (np.hypot(x, padded[first]) <= radius_m) + (np.hypot(x, padded[first + 1]) > radius_m)
     end = end + (np.hypot(x, padded[end + 1]) <= radius_m) - (np.hypot(x, padded[end]) > radius_m)
     return np.stack([first, np.maximum(first, end)], axis=1)

@@ -78,6 +78,7 @@ def test_sweep_of_a_session_has_its_origins(tmp_path, points):
         ("prose.pcd", b"to whom it may concern"),
         ("prose.npz", b"to whom it may concern"),
         ("strange.ply", b"ply\nformat ebcdic 1.0\nelement vertex 1\nproperty float x\nend_header\n1 2 3\n"),
+        ("bare.ply", b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nend_header\n123"),
         ("faces.ply", b"ply\nformat ascii 1.0\nelement face 1\nproperty list uchar int v\nend_header\n3 0 1 2\n"),
         ("flat.ply", b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nend_header\n1 2\n"),
         (

@@ -61,7 +61,7 @@ def test_slopes_of_open_ground_are_those_of_the_fit(seed, reach):
 def test_spans_are_the_columns_within_the_distance():
     rng = np.random.default_rng(0)
     for radius in (0.5, 5.0, 13.0):
-        for x0, y0 in (*rng.uniform(-15, 0, (20, 2)), (-12.0, -12.0), (1.0, 1.0)):
+        for x0, y0 in (*rng.uniform(-15, 0, (20, 2)), (-12.0, -12.0), (1.0, 1.0), (0.0, -60.0), (0.0, 60.0), (60.0, 0.0)):
             x, y = x0 + np.arange(24.0), y0 + np.arange(26.0)  # 3, 4, 5 and 5, 12, 13 lie on the rim
             spans, inside = terrain_scene._spans_within(x, y, radius), np.hypot(x[:, None], y) <= radius
             assert np.array_equal((np.arange(26) >= spans[:, :1]) & (np.arange(26) < spans[:, 1:]), inside)
