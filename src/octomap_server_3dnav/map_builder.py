@@ -168,10 +168,10 @@ class MapBuilder:
         c = self.config
         x, y, z = T[:3, 3]
         bounds = ((x - c.crop_half_m, y - c.crop_half_m, z - c.crop_below_m), (x + c.crop_half_m, y + c.crop_half_m, z + c.crop_above_m))
-        ends = np.concatenate([b.points, _beyond(b.free_ends, b.free_origins, c.max_range_m)])
-        origins = np.concatenate([b.origins, b.free_origins])
-        voxels = [self._tree.trace_sweep(transform_points(T, ends), transform_points(T, origins), c.max_range_m, bounds)]
-        hits = transform_points(T, b.points)
+        ends = transform_points(T, np.concatenate([b.points, _beyond(b.free_ends, b.free_origins, c.max_range_m)]))
+        origins = transform_points(T, np.concatenate([b.origins, b.free_origins]))
+        voxels = [self._tree.trace_sweep(ends, origins, c.max_range_m, bounds)]
+        hits = ends[: len(b.points)]
         inside = ((hits >= bounds[0]) & (hits <= bounds[1])).all(axis=1)
         if first and c.start_plane_half_m > 0:
             alone = OctreeMap(c.resolution, self._tree.sensor_model)
