@@ -310,4 +310,6 @@ def compile_kernels() -> None:
     T_map_base = np.eye(4)
     T_map_base[:3, 3] = 2.5, 2.5, 0.08 * 5 + TerrainConfig().base_height_m
     ExplorationPlanner().decide(ColumnRuns.from_dense(states), T_map_base)
-    SurfaceHeights(0.08).add(HitHeights.of(np.zeros((1, 3)), 0.08))
+    heights, level = SurfaceHeights(0.08), np.zeros(1, dtype=np.int64)
+    heights.add(HitHeights.of(np.zeros((1, 3)), 0.08))
+    heights.at(level, level, level)

@@ -71,6 +71,37 @@ def _merged(key: Any, total: Any, count: Any, more_key: Any, more_total: Any, mo
     return out_key[:n].copy(), out_total[:n].copy(), out_count[:n].copy()
 
 
+@njit(cache=True)
+def _place_from(key: Any, wanted: Any, place: Any) -> Any:
+    """First index from `place` on whose key is not below `wanted`: steps that double, then halves; near places are found soonest."""
+    step = 1
+    while place + step < key.size and key[place + step] < wanted:
+        step *= 2
+    low, high = place + step // 2, min(place + step, key.size)
+    while low < high:
+        middle = (low + high) // 2
+        if key[middle] < wanted:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@njit(cache=True)
+def _heights(key: Any, total: Any, count: Any, wanted: Any, z: Any) -> Any:
+    """(N,) float32 heights of the voxels with the `wanted` keys and levels z, NaN where they are none; ascending keys are fastest."""
+    out = np.full(wanted.size, np.nan, np.float32)
+    place = 0
+    for i in range(wanted.size):
+        if i and wanted[i] < wanted[i - 1]:
+            place = 0
+        if place < key.size and key[place] < wanted[i]:
+            place = _place_from(key, wanted[i], place)
+        if place < key.size and key[place] == wanted[i]:
+            out[i] = z[i] + total[place] / (_FINE * count[place])
+    return out
+
+
 class SurfaceHeights:
     """The hits of all sweeps of a map, by voxel."""
 
@@ -100,10 +131,4 @@ class SurfaceHeights:
     def at(self, x: NDArray[np.integer], y: NDArray[np.integer], z: NDArray[np.integer]) -> NDArray[np.float32]:
         """(N,) heights in voxels of the surfaces in voxels (N,) of index x, y, z: from z to z + 1, NaN where no beam ended."""
         wanted = _keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64))
-        place = np.minimum(np.searchsorted(self._key, wanted), max(len(self) - 1, 0))
-        height = np.full(wanted.size, np.nan, dtype=np.float32)
-        if len(self):
-            found = self._key[place] == wanted
-            mean = self._total[place[found]] / (_FINE * self._count[place[found]])
-            height[found] = z[found] + mean
-        return height
+        return np.asarray(_heights(self._key, self._total, self._count, wanted, z.astype(np.int64)))

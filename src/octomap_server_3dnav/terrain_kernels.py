@@ -89,12 +89,13 @@ def look(columns: Any, start: Any, z: Any, c: Any, level: Any, k: Any, clearance
 
 
 @njit(cache=True)
-def _judge_sides(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: Any, clearance: Any, shape: Any, seen: Any) -> Any:
+def _judge_sides(
+    columns: Any, start: Any, z: Any, level: Any, near: Any, graph: Any, s: Any, c: Any, clearance: Any, shape: Any, seen: Any
+) -> Any:
     """Cliff where a drop was seen beside node s of column c, else traversable; what was seen where no edge leads goes into `seen`.
 
     Lower ground whose top was not seen may be higher than it looks: a wall under a deck that was seen from below only.
     """
-    start, z, level = surfaces.start, surfaces.z, surfaces.level
     for k in range(4):
         n = near[s, k]
         if n < 0:
@@ -118,7 +119,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, clea
     Nodes are traversable, obstacles (too steep) or cliffs. Only traversable ones are expanded, and only into columns that are `inside`
     (bool per column).
     """
-    column, z = surfaces.column, surfaces.z  # arrays of a tuple are counted at every use
+    start, column, z, level = surfaces.start, surfaces.column, surfaces.z, surfaces.level  # arrays of a tuple are counted at every use
     near, graph, slope = links.near, links.graph, links.slope
     label, seen = np.full(column.size, UNREACHED, np.uint8), np.empty((column.size, 4), np.uint8)
     queued = np.zeros(column.size, np.bool_)
@@ -136,7 +137,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, clea
         label[s] = TRAVERSABLE
         for k in range(4):
             if graph[s, k] < 0:
-                label[s] = _judge_sides(columns, surfaces, near, graph, s, c, clearance, shape, seen)
+                label[s] = _judge_sides(columns, start, z, level, near, graph, s, c, clearance, shape, seen)
                 break
         if label[s] != TRAVERSABLE:
             continue

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from terrain_worlds import grid_of_heights, runs_of
 
-from octomap_server_3dnav import terrain, terrain_kernels
+from octomap_server_3dnav import terrain_judgement, terrain_kernels, terrain_scene
 from octomap_server_3dnav.column_runs import VoxelState
 from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, find_node, surfaces_of
 from octomap_server_3dnav.surface_graph import STEEP, UNFITTED, nearest_neighbours, slope_at, slopes_of_open_ground, steppable_neighbours
@@ -63,7 +63,7 @@ def test_spans_are_the_columns_within_the_distance():
     for radius in (0.5, 5.0, 13.0):
         for x0, y0 in (*rng.uniform(-15, 0, (20, 2)), (-12.0, -12.0), (1.0, 1.0)):
             x, y = x0 + np.arange(24.0), y0 + np.arange(26.0)  # 3, 4, 5 and 5, 12, 13 lie on the rim
-            spans, inside = terrain._spans_within(x, y, radius), np.hypot(x[:, None], y) <= radius
+            spans, inside = terrain_scene._spans_within(x, y, radius), np.hypot(x[:, None], y) <= radius
             assert np.array_equal((np.arange(26) >= spans[:, :1]) & (np.arange(26) < spans[:, 1:]), inside)
 
 
@@ -73,7 +73,7 @@ def test_inflation_takes_what_is_near_at_the_level_of_the_barrier(shape):
     ny, radius, band = columns.ny, 0.42, 3
     barriers = np.random.default_rng(2).choice(surfaces.z.size, 9)
     label = np.zeros(surfaces.z.size, dtype=np.uint8)
-    widths = terrain._half_widths(radius, shape, 0.08)
+    widths = terrain_judgement._half_widths(radius, shape, 0.08)
     at, level = surfaces.column[barriers].astype(np.int64), surfaces.z[barriers].astype(np.int64)
     terrain_kernels.inflate(label, surfaces, at, level, widths, band, columns.nx, ny)
     dx, dy = surfaces.column[:, None] // ny - at // ny, surfaces.column[:, None] % ny - at % ny

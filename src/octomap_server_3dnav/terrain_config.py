@@ -1,0 +1,94 @@
+"""What the terrain analysis is told, in metres, and the same in voxels of one resolution."""
+
+import math
+from dataclasses import dataclass
+
+from stage_config import check_ranges, parameter
+
+
+@dataclass(frozen=True)
+class TerrainConfig:
+    """What the robot can drive on and how carefully the map is read."""
+
+    robot_height_m: float = parameter(1.0, "m", "height of the robot above the ground", low=0.1, high=5.0)
+    clearance_margin_m: float = parameter(0.10, "m", "room wanted above the robot", low=0.0, high=2.0)
+    base_height_m: float = parameter(0.132, "m", "height of base_link above the ground", low=0.0, high=2.0)
+    max_step_m: float = parameter(0.10, "m", "highest step the robot climbs", low=0.01, high=0.5)
+    step_heights: str = parameter(
+        "measured",
+        "-",
+        "steps by where beams ended in the voxels, where that is known; voxels: by the voxels alone",
+        choices=("measured", "voxels"),
+    )
+    step_margin_m: float = parameter(0.01, "m", "how much lower than the highest step a measured one must be", low=0.0, high=0.2)
+    max_slope_rad: float = parameter(math.radians(25.0), "rad", "steepest slope the robot drives", low=0.05, high=0.8)
+    slope_radius_m: float = parameter(0.35, "m", "ground around a voxel that its slope is fitted to", low=0.1, high=1.0)
+    hole_bridge_voxels: int = parameter(3, "voxels", "widest unknown gap in a level floor that counts as floor", low=0, high=8)
+    cliff_look_m: float = parameter(0.8, "m", "how far beyond an edge a drop is looked for", low=0.08, high=3.0)
+    cliff_evidence: str = parameter(
+        "seen", "-", "a cliff is a drop that was seen; assumed: any edge that was looked across (thesis 7.3)", choices=("seen", "assumed")
+    )
+    cliff_area_voxels: int = parameter(2, "voxels", "half width of the areas of the cliff check (thesis figure 5.12)", low=0, high=6)
+    inflation_radius_m: float = parameter(0.60, "m", "distance kept from obstacles by the robot's centre", low=0.0, high=3.0)
+    cliff_inflation_radius_m: float = parameter(0.60, "m", "distance kept from cliffs by the robot's centre", low=0.0, high=3.0)
+    inflation_shape: str = parameter("circle", "-", "exact distance, or the square cuboid of the thesis", choices=("circle", "square"))
+    start_search_radius_m: float = parameter(0.5, "m", "where around the robot the start voxel is looked for", low=0.05, high=2.0)
+    start_height_tolerance_m: float = parameter(0.30, "m", "how far the start voxel may lie off the wheels' plane", low=0.05, high=2.0)
+    min_traversable_voxels: int = parameter(50, "voxels", "a start voxel with less ground around it is discarded", low=1, high=100000)
+    soft_clearance_m: float = parameter(0.5, "m", "width of the strip beyond the inflation that costs more", low=0.0, high=3.0)
+    soft_clearance_weight: float = parameter(2.0, "-", "extra cost a metre at the inner edge of that strip", low=0.0, high=50.0)
+
+    unknown_margin_m: float = parameter(
+        0.56, "m", "width of the strip beside unknown floor where driving costs much more", low=0.0, high=3.0
+    )
+    unknown_weight: float = parameter(
+        15.0, "-", "factor of the cost in that strip: an edge that was not seen may be a cliff", low=1.0, high=1000.0
+    )
+
+    kerb_rise_m: float = parameter(
+        0.045, "m", "measured rise from one column to the next that a turning wheel would scrape along", low=0.0, high=0.5
+    )
+    kerb_margin_m: float = parameter(0.6, "m", "distance from such a rise within which the robot should not turn", low=0.0, high=3.0)
+    kerb_weight: float = parameter(3.0, "-", "factor of the cost within it: kerbs are driven over, not along", low=1.0, high=1000.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        problems = check_ranges(self)
+        if self.cliff_look_m < self.max_step_m:
+            problems.append(f"cliff_look_m = {self.cliff_look_m!r} is below max_step_m = {self.max_step_m!r}")
+        return problems
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The configuration in voxels of one resolution."""
+
+    resolution: float
+    step: int
+    max_step: float
+    max_measured_step: float
+    clearance: int
+    slope_reach: int
+    max_slope: float
+    look: int
+    inflation: int
+
+    @classmethod
+    def of(cls, config: TerrainConfig, resolution: float) -> "Limits":
+        largest = max(config.inflation_radius_m, config.cliff_inflation_radius_m)
+        return cls(
+            resolution=resolution,
+            step=max(1, math.ceil(config.max_step_m / resolution - 1e-9)),
+            max_step=(config.max_step_m + 0.01) / resolution,
+            max_measured_step=(config.max_step_m - config.step_margin_m) / resolution,
+            clearance=math.ceil((config.robot_height_m + config.clearance_margin_m) / resolution - 1e-9),
+            slope_reach=max(2, round(config.slope_radius_m / resolution)),
+            max_slope=math.tan(config.max_slope_rad),
+            look=max(1, round(config.cliff_look_m / resolution)),
+            inflation=math.ceil(largest / resolution - 1e-9),
+        )
+
+    @property
+    def margin(self) -> int:
+        """Columns around every node of the flood that the analysis may look at."""
+        return max(self.look, self.inflation, 4) + 8

@@ -1,0 +1,150 @@
+"""The judgements of the terrain analysis, in the order of algorithm 3: start, flood, inflation, departure, frontiers, costs."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from octomap_server_3dnav import terrain_kernels as kernels
+from octomap_server_3dnav.classified_terrain import TerrainClass
+from octomap_server_3dnav.surface_graph import kerbs
+from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
+from octomap_server_3dnav.terrain_scene import Scene
+from rigid_geometry.transforms import Transform
+
+
+def start_candidates(scene: Scene, T_map_base: Transform, config: TerrainConfig, limits: Limits) -> NDArray[np.int64]:
+    """Surface nodes beneath the robot, the nearest to the wheels' contact plane first (thesis: getStartingVoxel)."""
+    ground = T_map_base[:3, 3] - config.base_height_m * T_map_base[:3, 2]
+    up = T_map_base[:3, 2]
+    if up[2] < 0.5:
+        return np.empty(0, dtype=np.int64)  # on its side: there is no ground beneath the wheels
+    column = scene.surfaces.column
+    nodes = scene.nodes_within(config.start_search_radius_m)
+    dx = (column[nodes] // scene.columns.ny + scene.key[0] + 0.5) * limits.resolution - ground[0]
+    dy = (column[nodes] % scene.columns.ny + scene.key[1] + 0.5) * limits.resolution - ground[1]
+    expected = ground[2] - (up[0] * dx + up[1] * dy) / up[2]
+    miss = np.abs((scene.surfaces.z[nodes] + 0.5) * limits.resolution - expected)
+    fits = miss <= config.start_height_tolerance_m
+    order = np.lexsort((nodes[fits], np.round(np.hypot(dx, dy)[fits] + miss[fits], 6)))
+    return np.asarray(nodes[fits][order])
+
+
+def first_flood(
+    scene: Scene, candidates: NDArray[np.int64], reach_m: float | None, config: TerrainConfig, limits: Limits
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8], int | None]:
+    """Labels of the first candidate with enough ground around it (algorithm 3 lines 8-16) and what its nodes see, or none and None."""
+    inside = scene.within(reach_m)
+    shape = _shape(config, limits)
+    tried = np.zeros(scene.surfaces.z.size, dtype=bool)
+    for first in candidates:
+        if tried[first]:
+            continue
+        label, traversable, seen = kernels.flood(
+            scene.columns, scene.surfaces, scene.links, first, inside, limits.clearance, limits.slope_reach, shape
+        )
+        if traversable >= config.min_traversable_voxels:
+            return label, seen, int(first)
+        tried |= label == TerrainClass.TRAVERSABLE
+    unreached = np.full(scene.surfaces.z.size, kernels.UNREACHED, dtype=np.uint8)
+    return unreached, np.empty((unreached.size, 4), dtype=np.uint8), None
+
+
+def _shape(config: TerrainConfig, limits: Limits) -> tuple[int, int, int, float, bool]:
+    return limits.step, config.cliff_area_voxels, limits.look, limits.max_slope, config.cliff_evidence == "assumed"
+
+
+def _half_widths(radius_m: float, shape: str, resolution: float) -> NDArray[np.int64]:
+    """(2 * R + 1,) columns to both sides that an inflation takes in the rows from -R to R around a barrier."""
+    reach = int(radius_m / resolution + 1e-9)
+    steps = np.arange(-reach, reach + 1)
+    if shape == "square":
+        return np.full(steps.size, reach, dtype=np.int64)
+    inside = (steps[:, None] ** 2 + steps**2) * resolution**2 <= radius_m**2 + 1e-9
+    return np.asarray(inside.sum(axis=1) // 2, dtype=np.int64)
+
+
+def unique_pairs(column: NDArray[np.int64], z: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(M, 2) sorted distinct pairs; as single numbers they sort ten times faster than as rows."""
+    keys = np.unique(column * 2**16 + z + 2**15)
+    return np.stack([keys >> 16, (keys & 0xFFFF) - 2**15], axis=1)
+
+
+def inflate(scene: Scene, label: NDArray[np.uint8], obstacles: NDArray[np.int64], config: TerrainConfig, limits: Limits) -> None:
+    """addRobotPadding: obstacles and cliffs take the ground around them at their own level out of the graph."""
+    column, z = scene.surfaces.column, scene.surfaces.z
+    own, cliff = np.flatnonzero(label == TerrainClass.OBSTACLE), np.flatnonzero(label == TerrainClass.CLIFF)
+    groups = (
+        (np.r_[column[own], obstacles[:, 0]], np.r_[z[own], obstacles[:, 2]], config.inflation_radius_m),
+        (column[cliff].astype(np.int64), z[cliff].astype(np.int64), config.cliff_inflation_radius_m),
+    )
+    for columns, levels, radius in groups:
+        pairs = unique_pairs(columns, levels)
+        band = limits.step + math.ceil(radius / limits.resolution * limits.max_slope)
+        widths = _half_widths(radius, config.inflation_shape, limits.resolution)
+        kernels.inflate(label, scene.surfaces, pairs[:, 0].copy(), pairs[:, 1].copy(), widths, band, scene.columns.nx, scene.columns.ny)
+
+
+def departure_of(scene: Scene, label: NDArray[np.uint8], start: int, config: TerrainConfig) -> tuple[int | None, NDArray[np.bool_]]:
+    """changeStartingPointIfInsidePadding: the nearest traversable node over the ground, and (N,) the nodes connected with it."""
+    component, sizes = kernels.components(label, scene.links.graph, start, config.min_traversable_voxels)
+    if component[start] >= 0 and sizes[0] >= config.min_traversable_voxels:
+        return start, component == 0
+    if not sizes.size:
+        return None, np.zeros(label.size, dtype=bool)
+    large = component >= 0
+    if sizes.max() >= config.min_traversable_voxels:
+        large &= sizes[component] >= config.min_traversable_voxels
+    passable = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
+    seeds = np.zeros(label.size, dtype=bool)
+    seeds[start] = True
+    far = label.size + 1
+    hops = kernels.hops_from(seeds, passable, scene.links.graph, far)
+    hops[~large] = far
+    nearest = int(np.argmin(hops))
+    if hops[nearest] == far:
+        return None, np.zeros(label.size, dtype=bool)
+    return nearest, component == component[nearest]
+
+
+def frontier_edges(
+    scene: Scene, label: NDArray[np.uint8], seen: NDArray[np.uint8], radius_m: float | None, limits: Limits
+) -> NDArray[np.int64]:
+    """searchFrontiers: `terrain_kernels.frontier_edges` from the ground within `radius_m` of the robot."""
+    sources = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
+    if radius_m is not None:
+        sources &= scene.within(radius_m)[scene.surfaces.column]
+    graph, clearance = scene.links.graph, limits.clearance
+    return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, label, graph, sources, seen, clearance, limits.step))
+
+
+def near_kerbs(scene: Scene, label: NDArray[np.uint8], config: TerrainConfig, limits: Limits) -> NDArray[np.bool_]:
+    """(N,) whether a wheel of a robot that turns there would scrape along a rise that is too low to be an obstacle."""
+    ground = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
+    edge = ground & kerbs(scene.links.graph, scene.surfaces, config.kerb_rise_m / limits.resolution)
+    reach = round(config.kerb_margin_m / limits.resolution)
+    return np.asarray(kernels.hops_from(edge, ground, scene.links.graph, reach + 1) <= reach)
+
+
+def soft_cost(
+    scene: Scene,
+    label: NDArray[np.uint8],
+    near_kerb: NDArray[np.bool_],
+    edges: NDArray[np.int64],
+    config: TerrainConfig,
+    limits: Limits,
+) -> NDArray[np.float32]:
+    """Cost factor of every node: 1 in the open, more towards inflation, kerbs and the unknown, inf in it and on what cannot be driven."""
+    width = max(1, round(config.soft_clearance_m / limits.resolution))
+    free = label == TerrainClass.TRAVERSABLE
+    hops = kernels.hops_from(label == TerrainClass.INFLATION, free, scene.links.graph, width)
+    cost_at = 1.0 + config.soft_clearance_weight * (1.0 - np.arange(width + 1) / width)
+    cost: NDArray[np.float32] = cost_at.astype(np.float32)[hops]
+    cost[near_kerb] *= np.float32(config.kerb_weight)
+    beside = round(config.unknown_margin_m / limits.resolution)
+    seen_from = np.zeros(label.size, dtype=bool)
+    seen_from[edges[:, 2]] = True
+    near_unknown = kernels.hops_from(seen_from, free | (label == TerrainClass.INFLATION), scene.links.graph, beside + 1) <= beside
+    cost[near_unknown] = (cost_at * config.unknown_weight).astype(np.float32)[hops[near_unknown]]
+    cost[~free] = np.inf
+    return cost
