@@ -27,6 +27,9 @@ _MOST_STEPS = 120
 _ITERATIONS_A_STEP = 3
 _MOST_ROUNDS = 10
 _TIE = 0.5
+"""Solutions whose costs differ by less, in limits, are alike."""
+_BELIEVED_CREDIT = 0.2
+"""What has been believed may cost so much more, in limits, than what would replace it."""
 
 
 def trusted_edges(vertices: int, edges: Sequence[Edge]) -> Mask:
@@ -59,22 +62,34 @@ def consistent_edges(
 
     Edges in `trusted` are never left out; `limit`: half of the squared Mahalanobis distance beyond which any other edge is; `report`
     hears of progress.
-    problem.poses are the start. Where they lead to edges left out, two more are tried, for poses that a false edge has bent may not find
-    back: what a spanning tree of the trusted edges gives, and just the edges `believed` until now. The cheapest end counts,
-    and of those that cost nearly the same the one that leaves out least.
+    problem.poses are the start. Where they lead to edges left out, others are tried, for poses that a false edge has bent may not find
+    back: what a spanning tree of the trusted edges gives, and for a graph that grows the compromise between all edges, and just those
+    `believed` until now. The cheapest end counts, and of those that cost nearly the same the one that leaves out least. Where the rest does
+    not tell an old edge from a new one that contradicts it, the old one stays.
     """
-    ends = [settled(problem, trusted, limit, *_annealed(problem, trusted, limit, problem.values(), report))]
+
+    def end_from(start: gtsam.Values) -> tuple[Mask, gtsam.Values]:
+        return settled(problem, trusted, limit, *_annealed(problem, trusted, limit, start, report))
+
+    ends = [end_from(problem.values())]
     if bool(ends[0][0].all()):
         return ends[0]
-    if believed is not None:
-        ends.append(settled(problem, trusted, limit, believed | trusted, problem.values()))
     tree = tree_poses(len(problem.poses), problem.edges, {k: problem.poses[k] for k in problem.fixed})
     if not np.allclose(tree, problem.poses, rtol=0.0, atol=1e-6):
-        start = dataclasses.replace(problem, poses=tree).values()
-        ends.append(settled(problem, trusted, limit, *_annealed(problem, trusted, limit, start, report)))
-    costs = [truncated_cost(problem, *end, limit) for end in ends]
-    nearly_best = [end for end, cost in zip(ends, costs, strict=True) if cost <= min(costs) + _TIE * limit]
-    return min(nearly_best, key=lambda end: int(np.count_nonzero(~end[0])))
+        ends.append(end_from(dataclasses.replace(problem, poses=tree).values()))
+    credit = [0.0] * len(ends)
+    if believed is not None:
+        ends.append(end_from(minimised(problem.factors(), problem.values())))
+        ends.append(settled(problem, trusted, limit, believed | trusted, problem.values()))
+        credit += [0.0, _BELIEVED_CREDIT * limit]
+    costs = [truncated_cost(problem, *end, limit) - less for end, less in zip(ends, credit, strict=True)]
+    return ends[_best([np.count_nonzero(~kept) for kept, _ in ends], costs, _TIE * limit)]
+
+
+def _best(left_out: Sequence[int], costs: Sequence[float], alike: float) -> int:
+    """Of those that cost nearly as little as the cheapest, the one that leaves out least; of several, the cheapest."""
+    nearly_best = [k for k, cost in enumerate(costs) if cost <= min(costs) + alike]
+    return min(nearly_best, key=lambda k: (left_out[k], costs[k]))
 
 
 def settled(problem: GraphProblem, trusted: Mask, limit: float, kept: Mask, values: gtsam.Values) -> tuple[Mask, gtsam.Values]:

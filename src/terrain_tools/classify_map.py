@@ -32,9 +32,9 @@ argument is wrong, or the map takes too much memory."""
 
 
 def parser() -> argparse.ArgumentParser:
-    p = OneLineParser(prog="./classify_map", usage="./classify_map FILE --start X Y Z --out DIR [options]", description=_DESCRIPTION)
-    p.epilog = _EPILOG
-    p.add_argument("map", type=Path, metavar="FILE")
+    usage = "./classify_map FILE --start X Y Z --out DIR [options]"
+    p = OneLineParser(prog="./classify_map", usage=usage, description=_DESCRIPTION, epilog=_EPILOG)
+    p.add_argument("map", type=Path, metavar="FILE", help="it is only read")
     point = ("X", "Y", "Z")
     p.add_argument(
         "--start",
@@ -134,7 +134,7 @@ def _write(options: argparse.Namespace, robot: RobotConfig, found: Analysis, tim
 
 def summary(found: Analysis, terrain: Terrain) -> str:
     """What is printed of a map with a start."""
-    lines = [f"{terrain.traversable_area_m2:,.1f} m2 of ground in reach, {len(found.frontiers)} frontiers, {_times(found)}"]
+    lines = [f"{terrain.traversable_area_m2:,.1f} m2 of ground in reach; frontiers: {len(found.frontiers)}; {_times(found)}"]
     if found.path is not None:
         rise = found.path.points[-1, 2] - found.path.points[0, 2]
         lines.append(f"path of {found.path.length_m:,.1f} m, its end {abs(rise):.1f} m {'above' if rise >= 0 else 'below'} its start")

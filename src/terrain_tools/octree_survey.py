@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 _DEPTH = 16  # levels of an octomap tree
 _REGION_DEPTH = 10  # nodes of 64^3 voxels, whose states the octree keeps beside its nodes
 _REGION_BYTES = 1 << 16
-# Measured on a building storey laid out side by side, 0.4 to 62 million leaves, and rounded up.
-_NODE_BYTES, _COLUMN_BYTES, _RUN_BYTES, _SURFACE_BYTES, _FILE_COPIES = 60, 40, 12, 100, 5
+# Measured on a building storey laid out side by side, 0.4 to 62 million leaves, and on a garage that is all ground; rounded up.
+_NODE_BYTES, _COLUMN_BYTES, _RUN_BYTES, _SURFACE_BYTES, _FILE_COPIES = 60, 40, 12, 150, 5
 INNER = 3  # octomap's code of a child that has children; 1 is a free, 2 an occupied leaf
 
 

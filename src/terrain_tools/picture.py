@@ -28,7 +28,7 @@ Image = NDArray[np.float32]
 _WALL_RGB, _GROUND_RGB = (0.45, 0.47, 0.50), (0.86, 0.87, 0.89)
 _WALL_M = 0.5  # what stands so high within a storey is drawn as a wall
 _INK, _MARGIN_M, _DPI, _SIZE_IN = "#20242b", 1.0, 100, (15.0, 10.0)
-_FOOT_IN, _HEAD_IN, _GAP_IN = 0.55, 0.75, 0.35
+_FOOT_IN, _HEAD_IN, _GAP_IN = 0.55, 0.60, 0.35
 _MOST_PIXELS = 1400  # on an edge of a panel
 _LIGHTER, _LIT_M = 0.45, 2.0  # what lies so far above the lowest of a storey, or is its highest if that is more
 
@@ -193,7 +193,7 @@ def _draw_scale_bar(axes: Axes, canvas: _Canvas) -> None:
 
 def _draw_titles(figure: Figure, name: str, found: Analysis, terrain: Terrain, has_goal: bool) -> None:
     width, height = figure.get_size_inches()
-    facts = [f"{terrain.traversable_area_m2:,.0f} m² of ground in reach", f"{len(found.frontiers)} frontiers"]
+    facts = [f"{terrain.traversable_area_m2:,.1f} m² of ground in reach", f"frontiers: {len(found.frontiers)}"]
     if found.path is not None:
         facts.append(f"path {found.path.length_m:,.1f} m")
     if found.problem is not None:

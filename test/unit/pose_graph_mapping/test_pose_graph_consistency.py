@@ -105,6 +105,44 @@ def test_right_loop_that_was_left_out_comes_back_when_others_agree_with_it():
     assert worst_error(graph, poses) < 1.0
 
 
+def hanging_by_a_match(odometry_off_m, match_off_m):
+    """Ten vertices 2 m apart, the first two tied to the others by one step alone; how much too long odometry and match measure it."""
+    graph = PoseGraph()
+    graph.add_vertex(np.eye(4))
+    for k in range(1, 10):
+        odometry, match = (transform_from_rpy((2.0 + (off if k == 2 else 0.0), 0.0, 0.0)) for off in (odometry_off_m, match_off_m))
+        graph.add_vertex(graph.pose(k - 1) @ match)
+        graph.add_edge(k - 1, k, odometry, ODOMETRY, EdgeKind.ODOMETRY)
+        graph.add_edge(k - 1, k, match, MATCH, EdgeKind.MATCH)
+        graph.optimise()
+    for i, j in ((2, 6), (3, 7), (4, 8), (2, 8), (5, 9)):
+        add_loop(graph, i, j, 0.0)
+    return graph
+
+
+def add_loop(graph, i, j, off_m):
+    graph.add_edge(i, j, transform_from_rpy((2.0 * (j - i) + off_m, 0.0, 0.0)), MATCH, EdgeKind.LOOP)
+    graph.optimise()
+    return [(edge.i, edge.j) for edge in graph.rejected()]
+
+
+def test_one_new_loop_does_not_overturn_a_match_where_odometry_hardly_tells():
+    graph = hanging_by_a_match(odometry_off_m=0.25, match_off_m=0.0)
+    assert add_loop(graph, 1, 6, 0.45) == [(1, 6)]
+    graph.solve()
+    assert [(edge.i, edge.j) for edge in graph.rejected()] == [(1, 6)]
+
+
+def test_one_new_loop_overturns_a_match_that_odometry_contradicts():
+    assert add_loop(hanging_by_a_match(odometry_off_m=0.0, match_off_m=0.7), 1, 6, 0.0) == [(1, 2)]
+
+
+def test_two_new_loops_overturn_a_match_that_odometry_agrees_with():
+    graph = hanging_by_a_match(odometry_off_m=0.2, match_off_m=0.4)
+    add_loop(graph, 1, 6, 0.0)
+    assert add_loop(graph, 0, 5, 0.0) == [(1, 2)]
+
+
 def test_same_calls_give_the_same_bits():
     def run():
         graph = driven(drive(), seed=3)
