@@ -9,6 +9,7 @@
 #include <mutex>
 
 #include "occupancy_tree.h"
+#include "sweep_voxels.h"
 
 namespace py = pybind11;
 using namespace octree_binding;
@@ -53,17 +54,30 @@ std::unique_ptr<Tree> make_tree(double resolution, double hit, double miss, doub
   return made;
 }
 
-py::tuple insert_sweep(Tree& self, const Array& points, const Array& origins, double max_range, double grazing, const Corner& lo, const Corner& hi) {
+using Sweeps = std::vector<const SweepVoxels*>;
+
+SweepVoxels trace(const Array& points, const Array& origins, double resolution, double max_range, double grazing, const Corner& lo, const Corner& hi) {
   const float* p = points.data();
   const float* o = origins.data();
   const auto n = static_cast<std::size_t>(points.shape(0));
-  std::size_t free, occupied, dropped;
-  locked(self, [&](OccupancyTree& tree) {
-    SweepVoxels sweep = trace_sweep(p, o, n, {tree.getResolution(), max_range, grazing, box_of(lo, hi)});
-    tree.apply(sweep.voxels.blocks());
-    free = sweep.free, occupied = sweep.occupied, dropped = sweep.dropped;
-  });
-  return py::make_tuple(free, occupied, dropped);
+  const py::gil_scoped_release release;
+  return trace_sweep(p, o, n, {resolution, max_range, grazing, box_of(lo, hi)});
+}
+
+SweepVoxels unknown_hit(Tree& self, const Corner& lo, const Corner& hi) {
+  SweepVoxels out;
+  out.blocks = locked(self, [&](const OccupancyTree& tree) { return tree.unknown(box_of(lo, hi)); });
+  for (const VoxelBlock& block : out.blocks) out.occupied += count(block.hit);
+  return out;
+}
+
+void redraw(Tree& self, const Sweeps& changed, const Sweeps& all) {
+  const auto blocks_of = [](const Sweeps& sweeps) {
+    std::vector<const OccupancyTree::Blocks*> out;
+    for (const SweepVoxels* sweep : sweeps) out.push_back(&sweep->blocks);
+    return out;
+  };
+  locked(self, [&](OccupancyTree& tree) { tree.redraw(blocks_of(changed), blocks_of(all)); });
 }
 
 py::tuple column_runs(Tree& self, const Corner& lo, const Corner& hi) {
@@ -99,16 +113,20 @@ py::array_t<std::uint8_t> states(Tree& self, const py::array_t<int, py::array::c
 }  // namespace
 
 PYBIND11_MODULE(_octree_binding, m) {
+  py::class_<SweepVoxels>(m, "SweepVoxels")
+      .def_readonly("free", &SweepVoxels::free)
+      .def_readonly("occupied", &SweepVoxels::occupied)
+      .def_readonly("dropped", &SweepVoxels::dropped)
+      .def("memory_bytes", [](const SweepVoxels& self) { return self.blocks.size() * sizeof(VoxelBlock); });
+  m.def("trace_sweep", &trace);
   py::class_<Tree>(m, "Tree")
       .def(py::init(&make_tree), py::arg("resolution"), py::arg("hit"), py::arg("miss"), py::arg("min"), py::arg("max"))
-      .def("insert_sweep", &insert_sweep)
+      .def("apply", [](Tree& self, const SweepVoxels& sweep) { locked(self, [&](OccupancyTree& tree) { tree.apply(sweep.blocks); }); })
+      .def("redraw", &redraw)
       .def("column_runs", &column_runs)
       .def("occupied_leaves", &occupied_leaves)
       .def("states", &states)
-      .def("occupy_unknown",
-           [](Tree& self, const Corner& lo, const Corner& hi) {
-             return locked(self, [&](OccupancyTree& tree) { return tree.occupy_unknown(box_of(lo, hi)); });
-           })
+      .def("unknown_hit", &unknown_hit)
       .def("free_known",
            [](Tree& self, const Corner& lo, const Corner& hi) {
              locked(self, [&](OccupancyTree& tree) { tree.free_known(box_of(lo, hi)); });

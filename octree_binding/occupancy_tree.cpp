@@ -31,19 +31,6 @@ bool inside(const Voxel& corner, int size, const VoxelBox& box) {
   return box.contains(corner) && box.contains({corner.x + size - 1, corner.y + size - 1, corner.z + size - 1});
 }
 
-// `bits` (1, 8, 64 or 512) bits from `first` on: is there one, are there all?
-bool any(const BlockBits& block, unsigned first, unsigned bits) {
-  if (bits == 512) return std::any_of(block.begin(), block.end(), [](std::uint64_t word) { return word != 0; });
-  const std::uint64_t mask = bits == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits) - 1;
-  return (block[first >> 6] >> (first & 63) & mask) != 0;
-}
-
-bool all(const BlockBits& block, unsigned first, unsigned bits) {
-  if (bits == 512) return std::all_of(block.begin(), block.end(), [](std::uint64_t word) { return ~word == 0; });
-  const std::uint64_t mask = bits == 64 ? ~std::uint64_t{0} : (std::uint64_t{1} << bits) - 1;
-  return (block[first >> 6] >> (first & 63) & mask) == mask;
-}
-
 int edge_of(unsigned bits) { return bits == 512 ? 8 : bits == 64 ? 4 : bits == 8 ? 2 : 1; }
 
 }  // namespace
@@ -61,22 +48,133 @@ void OccupancyTree::create_root() {
   ++tree_size;
 }
 
-void OccupancyTree::apply(const std::vector<VoxelBlock>& blocks) {
-  if (blocks.empty()) return;
+void OccupancyTree::apply(const Blocks& blocks) {
+  std::vector<Order> orders;
+  for (const VoxelBlock& block : blocks) orders.push_back(block.order);
+  auto next = blocks.begin();
+  change(orders, [&, rule = rule()](Order, BlockValues& values) { values.update(*next++, rule); });
+}
+
+void OccupancyTree::redraw(const std::vector<const Blocks*>& changed, const std::vector<const Blocks*>& all) {
+  std::vector<Order> orders;
+  for (const Blocks* blocks : changed) {
+    for (const VoxelBlock& block : *blocks) orders.push_back(block.order);
+  }
+  std::sort(orders.begin(), orders.end());
+  orders.erase(std::unique(orders.begin(), orders.end()), orders.end());
+  std::vector<std::size_t> next(all.size(), 0);
+  change(orders, [&, rule = rule()](Order order, BlockValues& values) {
+    values = BlockValues();
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      const Blocks& blocks = *all[i];
+      while (next[i] < blocks.size() && blocks[next[i]].order < order) ++next[i];
+      if (next[i] < blocks.size() && blocks[next[i]].order == order) values.update(blocks[next[i]], rule);
+    }
+  });
+}
+
+// Puts what f makes of them in place of the blocks.
+void OccupancyTree::change(const std::vector<Order>& sorted, const Change& f) {
+  if (sorted.empty()) return;
   const bool fresh = root == nullptr;
   create_root();
-  apply_blocks(root, fresh, kTreeCorner, 0, blocks.data(), blocks.data() + blocks.size());
+  if (!change(root, fresh, kTreeCorner, 0, sorted.data(), sorted.data() + sorted.size(), f)) clear();
   size_changed = true;
 }
 
-// Whether updates of these kinds would change nothing in a leaf, because its value is clamped.
-bool OccupancyTree::is_settled(const Node* leaf, bool any_free, bool any_hit) const {
-  return (!any_free || leaf->getLogOdds() <= clamping_thres_min) && (!any_hit || leaf->getLogOdds() >= clamping_thres_max);
+// The blocks below a node; false when nothing is left below it, which is then for the caller to remove. `fresh`: the node was
+// just made and has no value yet.
+bool OccupancyTree::change(Node* node, bool fresh, const Voxel& corner, unsigned level, const Order* begin, const Order* end, const Change& f) {
+  if (level == kBlockLevel) return change_block(node, fresh, corner, *begin, f);
+  if (level == kRegionLevel) region_ = region_of(node, corner, fresh);
+  if (!fresh && !nodeHasChildren(node)) expandNode(node);
+  const unsigned shift = 3 * (kBlockLevel - 1 - level);
+  bool emptied[8] = {};
+  while (begin != end) {
+    const unsigned i = *begin >> shift & 7;
+    const Order* next = std::find_if(begin, end, [=](Order order) { return (order >> shift & 7) != i; });
+    bool child_fresh;
+    Node* child = child_of(node, i, child_fresh);
+    emptied[i] = !change(child, child_fresh, child_corner(corner, kTreeSize >> (level + 1), i), level + 1, begin, next, f);
+    begin = next;
+  }
+  bool any_left = false;
+  for (unsigned i = 0; i < 8; ++i) any_left |= !emptied[i] && nodeChildExists(node, i);
+  if (!any_left && level == kRegionLevel) states_.erase(corner);
+  if (!any_left) return false;
+  for (unsigned i = 0; i < 8; ++i) {
+    if (emptied[i]) remove_child(node, i);
+  }
+  finish(node);
+  return true;
 }
 
-OccupancyTree::Node* OccupancyTree::child_for_update(Node* parent, unsigned i, bool& fresh) {
+bool OccupancyTree::change_block(Node* node, bool fresh, const Voxel& corner, Order order, const Change& f) {
+  BlockValues before;
+  if (!fresh) read(node, 0, 512, before);
+  BlockValues after = before;
+  f(order, after);
+  const bool any_left = any(after.known, 0, 512);
+  if (any_left) {
+    draw(node, fresh, corner, before, after, 0, 512);
+  } else {
+    region_->fill(corner, edge_of(512), kUnknown);
+  }
+  return any_left;
+}
+
+void OccupancyTree::read(const Node* node, unsigned first, unsigned bits, BlockValues& out) const {
+  if (!nodeHasChildren(node)) return out.set(first, bits, node->getLogOdds());
+  for (unsigned i = 0; i < 8; ++i) {
+    if (nodeChildExists(node, i)) read(getNodeChild(node, i), first + i * bits / 8, bits / 8, out);
+  }
+}
+
+// Makes of a node that is as `before` says one that is as `after` says, of whose voxels some are known.
+void OccupancyTree::draw(Node* node, bool fresh, const Voxel& corner, const BlockValues& before, const BlockValues& after, unsigned first, unsigned bits) {
+  if (!fresh && after.equals(before, first, bits)) return;
+  const int size = edge_of(bits);
+  if (after.is_uniform(first, bits)) {
+    collapse(node);
+    node->setLogOdds(after.log_odds[first]);
+    return region_->fill(corner, size, state_of(node));
+  }
+  if (!fresh && !nodeHasChildren(node)) expandNode(node);
+  for (unsigned i = 0; i < 8; ++i) {
+    const unsigned part = first + i * bits / 8;
+    const Voxel part_corner = child_corner(corner, size / 2, i);
+    if (any(after.known, part, bits / 8)) {
+      bool child_fresh;
+      Node* child = child_of(node, i, child_fresh);
+      draw(child, child_fresh, part_corner, before, after, part, bits / 8);
+    } else if (nodeChildExists(node, i)) {
+      remove_child(node, i);
+      region_->fill(part_corner, size / 2, kUnknown);
+    }
+  }
+  node->updateOccupancyChildren();
+}
+
+OccupancyTree::Node* OccupancyTree::child_of(Node* parent, unsigned i, bool& fresh) {
   fresh = !nodeChildExists(parent, i);
   return fresh ? createNodeChild(parent, i) : getNodeChild(parent, i);
+}
+
+void OccupancyTree::remove_child(Node* parent, unsigned i) {
+  collapse(getNodeChild(parent, i));
+  deleteNodeChild(parent, i);
+}
+
+// Makes a node a leaf of whatever value: octomap takes away children only where all eight are alike.
+void OccupancyTree::collapse(Node* node) {
+  if (!nodeHasChildren(node)) return;
+  for (unsigned i = 0; i < 8; ++i) {
+    bool fresh;
+    Node* child = child_of(node, i, fresh);
+    collapse(child);
+    child->setLogOdds(0);
+  }
+  pruneNode(node);
 }
 
 void OccupancyTree::finish(Node* node) {
@@ -85,69 +183,20 @@ void OccupancyTree::finish(Node* node) {
 
 // The states of a node of kRegionEdge voxels; made from those of the node, which is new or a leaf, where there are none.
 StateRegion* OccupancyTree::region_of(const Node* node, const Voxel& corner, bool fresh) {
-  return &states_.make(corner, fresh ? kUnknown : isNodeOccupied(node) ? kOccupied : kFree);
+  return &states_.make(corner, fresh ? kUnknown : state_of(node));
 }
 
-// Applies the sorted blocks below an inner node. `fresh`: the node was just made and has no value yet.
-void OccupancyTree::apply_blocks(Node* node, bool fresh, const Voxel& corner, unsigned level, Blocks begin, Blocks end) {
-  if (level == kBlockLevel) return apply_bits(node, fresh, corner, *begin, 0, 512);
-  if (level == kRegionLevel) region_ = region_of(node, corner, fresh);
-  if (!fresh && !nodeHasChildren(node)) expandNode(node);
-  const unsigned shift = 3 * (kBlockLevel - 1 - level);
-  while (begin != end) {
-    const unsigned i = begin->order >> shift & 7;
-    const Blocks next = std::find_if(begin, end, [=](const VoxelBlock& block) { return (block.order >> shift & 7) != i; });
-    bool child_fresh;
-    Node* child = child_for_update(node, i, child_fresh);
-    apply_blocks(child, child_fresh, child_corner(corner, kTreeSize >> (level + 1), i), level + 1, begin, next);
-    begin = next;
-  }
-  finish(node);
-}
-
-// Applies one block, or an octant of it, to the node that covers just this.
-void OccupancyTree::apply_bits(Node* node, bool fresh, const Voxel& corner, const VoxelBlock& block, unsigned first, unsigned bits) {
-  const bool any_free = any(block.free, first, bits), any_hit = any(block.hit, first, bits);
-  const bool is_leaf = !nodeHasChildren(node);
-  if (!any_free && !any_hit) return;
-  if (is_leaf && !fresh && is_settled(node, any_free, any_hit)) return;
-  const int size = edge_of(bits);
-  if (is_leaf && (all(block.free, first, bits) || all(block.hit, first, bits))) {
-    return update_leaf(node, fresh, corner, size, any_hit ? prob_hit_log : prob_miss_log);  // the whole cube at once
-  }
-  if (is_leaf && !fresh) expandNode(node);
-  for (unsigned i = 0; i < 8; ++i) {
-    const unsigned part = first + i * bits / 8;
-    if (!any(block.free, part, bits / 8) && !any(block.hit, part, bits / 8)) continue;
-    bool child_fresh;
-    Node* child = child_for_update(node, i, child_fresh);
-    apply_bits(child, child_fresh, child_corner(corner, size / 2, i), block, part, bits / 8);
-  }
-  finish(node);
-}
-
-void OccupancyTree::update_leaf(Node* leaf, bool fresh, const Voxel& corner, int size, float log_odds) {
-  const bool was_occupied = isNodeOccupied(leaf);
-  updateNodeLogOdds(leaf, log_odds);
-  if (fresh || isNodeOccupied(leaf) != was_occupied) region_->fill(corner, size, isNodeOccupied(leaf));
-}
-
-std::size_t OccupancyTree::occupy_unknown(const VoxelBox& box) {
-  VoxelBlocks unknown;
-  std::size_t count = 0;
+OccupancyTree::Blocks OccupancyTree::unknown(const VoxelBox& box) const {
+  VoxelBlocks found;
   for (int x = box.lo.x; x <= box.hi.x; ++x) {
     for (int y = box.lo.y; y <= box.hi.y; ++y) {
       for (int z = box.lo.z; z <= box.hi.z; ++z) {
         const Voxel v{x, y, z};
-        if (state(v) != kUnknown) continue;
-        VoxelBlocks::set(unknown.at(v).hit, VoxelBlocks::bit(v));
-        ++count;
+        if (state(v) == kUnknown) VoxelBlocks::set(found.at(v).hit, VoxelBlocks::bit(v));
       }
     }
   }
-  unknown.sort();
-  apply(unknown.blocks());
-  return count;
+  return found.take_sorted();
 }
 
 void OccupancyTree::free_known(const VoxelBox& box) {
@@ -174,7 +223,7 @@ State OccupancyTree::state(const Voxel& v) const {
   const auto key = [](int index) { return static_cast<octomap::key_type>(index + kKeyOffset); };
   const Node* node = search(octomap::OcTreeKey(key(v.x), key(v.y), key(v.z)));
   if (!node) return kUnknown;
-  return isNodeOccupied(node) ? kOccupied : kFree;
+  return state_of(node);
 }
 
 std::vector<Leaf> OccupancyTree::leaves(const VoxelBox& box) const {
@@ -213,7 +262,7 @@ ColumnRuns OccupancyTree::column_runs(const VoxelBox& box) const {
 void OccupancyTree::add_cubes(const Node* node, const Voxel& corner, int size, const VoxelBox& box, std::vector<StateCube>& out) const {
   if (disjoint(corner, size, box)) return;
   const bool is_leaf = !nodeHasChildren(node);
-  if (is_leaf) return out.push_back({corner, size, &StateRegion::uniform(isNodeOccupied(node) ? kOccupied : kFree)});
+  if (is_leaf) return out.push_back({corner, size, &StateRegion::uniform(state_of(node))});
   if (size == kRegionEdge) return out.push_back({corner, size, states_.find(corner)});
   for (unsigned i = 0; i < 8; ++i) {
     if (nodeChildExists(node, i)) add_cubes(getNodeChild(node, i), child_corner(corner, size / 2, i), size / 2, box, out);
@@ -327,7 +376,7 @@ void OccupancyTree::read_full(const std::string& data) {
 // Into the region, or where there is none yet into new ones for the nodes of their size that have children.
 void OccupancyTree::copy_states(const Node* node, const Voxel& corner, int size, StateRegion* region) {
   const bool is_leaf = !nodeHasChildren(node);
-  if (is_leaf && region) region->fill(corner, size, isNodeOccupied(node));
+  if (is_leaf && region) region->fill(corner, size, state_of(node));
   if (is_leaf) return;
   if (size == kRegionEdge) region = region_of(node, corner, true);
   for (unsigned i = 0; i < 8; ++i) {

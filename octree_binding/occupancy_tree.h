@@ -1,15 +1,16 @@
-// octomap's OcTree with bulk operations: applied voxel sets, boxes, column runs, checked reading.
+// octomap's OcTree with bulk operations: applied and replaced voxel sets, boxes, column runs, checked reading.
 // Change it by what is declared here only: the states of all voxels are kept beside the nodes.
 #pragma once
 
 #include <octomap/OcTree.h>
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
+#include "block_values.h"
 #include "column_scan.h"
-#include "sweep_voxels.h"
 #include "voxel_states.h"
 
 namespace octree_binding {
@@ -33,8 +34,12 @@ class OccupancyTree : public octomap::OcTree {
  public:
   using octomap::OcTree::OcTree;
 
-  void apply(const std::vector<VoxelBlock>& sorted_blocks);     // one hit or miss for every voxel of the set
-  std::size_t occupy_unknown(const VoxelBox& box);              // one hit for every unknown voxel; their number
+  using Blocks = std::vector<VoxelBlock>;                       // in the octree's order
+
+  void apply(const Blocks& blocks);                             // one hit or miss for every voxel of the set
+  // Leaves in all blocks that `changed` hold what applying `all`, one after the other, to an empty tree leaves there.
+  void redraw(const std::vector<const Blocks*>& changed, const std::vector<const Blocks*>& all);
+  Blocks unknown(const VoxelBox& box) const;                    // one hit for every unknown voxel
   void free_known(const VoxelBox& box);                         // as octomap_server's clear_bbx
   void clear() override;
   State state(const Voxel& v) const;
@@ -55,14 +60,20 @@ class OccupancyTree : public octomap::OcTree {
 
  private:
   using Node = octomap::OcTreeNode;
-  using Blocks = const VoxelBlock*;
+  using Order = std::uint64_t;  // of a block
+  using Change = std::function<void(Order, BlockValues&)>;
 
+  UpdateRule rule() const { return {prob_hit_log, prob_miss_log, clamping_thres_min, clamping_thres_max}; }
+  State state_of(const Node* leaf) const { return isNodeOccupied(leaf) ? kOccupied : kFree; }
   void create_root();
-  void apply_blocks(Node* node, bool fresh, const Voxel& corner, unsigned level, Blocks begin, Blocks end);
-  void apply_bits(Node* node, bool fresh, const Voxel& corner, const VoxelBlock& block, unsigned first, unsigned bits);
-  void update_leaf(Node* leaf, bool fresh, const Voxel& corner, int size, float log_odds);
-  bool is_settled(const Node* node, bool any_free, bool any_hit) const;
-  Node* child_for_update(Node* parent, unsigned i, bool& fresh);
+  void change(const std::vector<Order>& sorted, const Change& f);
+  bool change(Node* node, bool fresh, const Voxel& corner, unsigned level, const Order* begin, const Order* end, const Change& f);
+  bool change_block(Node* node, bool fresh, const Voxel& corner, Order order, const Change& f);
+  void read(const Node* node, unsigned first, unsigned bits, BlockValues& out) const;
+  void draw(Node* node, bool fresh, const Voxel& corner, const BlockValues& before, const BlockValues& after, unsigned first, unsigned bits);
+  Node* child_of(Node* parent, unsigned i, bool& fresh);
+  void remove_child(Node* parent, unsigned i);
+  void collapse(Node* node);
   void finish(Node* node);
   void free_known(Node* node, const Voxel& corner, int size, const VoxelBox& box);
   StateRegion* region_of(const Node* node, const Voxel& corner, bool fresh);
@@ -73,7 +84,7 @@ class OccupancyTree : public octomap::OcTree {
 
   // A node of kRegionEdge voxels with children has a region; whatever has none is unknown or part of a larger leaf.
   VoxelStates states_;
-  StateRegion* region_ = nullptr;  // that of the node which apply() is in
+  StateRegion* region_ = nullptr;  // that of the node which change() is in
 };
 
 }  // namespace octree_binding

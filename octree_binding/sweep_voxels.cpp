@@ -58,8 +58,16 @@ bool VoxelBlocks::is_hit(const Voxel& v) const {
   return block && test(block->hit, bit(v));
 }
 
-void VoxelBlocks::sort() {
-  std::sort(blocks_.begin(), blocks_.end(), [](const VoxelBlock& a, const VoxelBlock& b) { return a.order < b.order; });
+std::vector<VoxelBlock> VoxelBlocks::take_sorted() {
+  const auto holds = [](std::uint64_t word) { return word != 0; };
+  std::vector<VoxelBlock> taken;
+  taken.reserve(blocks_.size());
+  for (const VoxelBlock& block : blocks_) {
+    if (std::any_of(block.free.begin(), block.free.end(), holds) || std::any_of(block.hit.begin(), block.hit.end(), holds)) taken.push_back(block);
+  }
+  std::sort(taken.begin(), taken.end(), [](const VoxelBlock& a, const VoxelBlock& b) { return a.order < b.order; });
+  *this = VoxelBlocks();
+  return taken;
 }
 
 // ---- rays
@@ -194,18 +202,18 @@ void carve(const Ray& ray, const SweepRules& rules, VoxelBlocks& voxels) {
 }
 
 // The first ray to every end voxel; hits are marked on the way.
-std::vector<Ray> rays_of(const float* points, const float* origins, std::size_t n, const SweepRules& rules, SweepVoxels& out) {
+std::vector<Ray> rays_of(const float* points, const float* origins, std::size_t n, const SweepRules& rules, VoxelBlocks& voxels, std::size_t& dropped) {
   const auto finite = [](const float* p) { return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]); };
   std::vector<Ray> rays;
+  VoxelBlocks carved_to;  // ends of rays without a hit
   Ray ray;
   for (std::size_t i = 0; i < n; ++i, points += 3, origins += 3) {
     if (!finite(points) || !finite(origins)) {
-      ++out.dropped;
+      ++dropped;
       continue;
     }
     if (!make_ray(origins, points, rules, ray)) continue;
-    VoxelBlock& block = out.voxels.at(ray.last);
-    BlockBits& ends = ray.hit ? block.hit : block.carved_to;
+    BlockBits& ends = ray.hit ? voxels.at(ray.last).hit : carved_to.at(ray.last).hit;
     const unsigned bit = VoxelBlocks::bit(ray.last);
     if (VoxelBlocks::test(ends, bit)) continue;
     VoxelBlocks::set(ends, bit);
@@ -214,23 +222,18 @@ std::vector<Ray> rays_of(const float* points, const float* origins, std::size_t 
   return rays;
 }
 
-std::size_t count(const BlockBits& bits) {
-  std::size_t sum = 0;
-  for (std::uint64_t word : bits) sum += __builtin_popcountll(word);
-  return sum;
-}
-
 }  // namespace
 
 SweepVoxels trace_sweep(const float* points, const float* origins, std::size_t n, const SweepRules& rules) {
   SweepVoxels out;
-  for (const Ray& ray : rays_of(points, origins, n, rules, out)) carve(ray, rules, out.voxels);
-  for (VoxelBlock& block : out.voxels.blocks()) {
+  VoxelBlocks voxels;
+  for (const Ray& ray : rays_of(points, origins, n, rules, voxels, out.dropped)) carve(ray, rules, voxels);
+  out.blocks = voxels.take_sorted();
+  for (VoxelBlock& block : out.blocks) {
     for (int word = 0; word < 8; ++word) block.free[word] &= ~block.hit[word];
     out.free += count(block.free);
     out.occupied += count(block.hit);
   }
-  out.voxels.sort();
   return out;
 }
 

@@ -15,10 +15,10 @@ struct SweepRules {
 };
 
 struct SweepVoxels {
-  VoxelBlocks voxels;        // `free` and `hit` are disjoint, sorted in octree order
-  std::size_t free = 0;      // voxels
-  std::size_t occupied = 0;  // voxels
-  std::size_t dropped = 0;   // points or origins that are not finite
+  std::vector<VoxelBlock> blocks;  // `free` and `hit` are disjoint; none is empty; in octree order
+  std::size_t free = 0;            // voxels
+  std::size_t occupied = 0;        // voxels
+  std::size_t dropped = 0;         // points or origins that are not finite
 };
 
 // points, origins: n triples of metres. One ray is cast for every end voxel, that of its first point; occupied wins over free.

@@ -30,11 +30,16 @@ struct VoxelBox {
 // 512 bits in octree order, so that every octant is a contiguous range of bits: 8 words of 4^3 voxels, bytes of 2^3.
 using BlockBits = std::array<std::uint64_t, 8>;
 
+inline std::size_t count(const BlockBits& bits) {
+  std::size_t sum = 0;
+  for (std::uint64_t word : bits) sum += __builtin_popcountll(word);
+  return sum;
+}
+
 struct VoxelBlock {
   std::uint64_t order = 0;  // position of the block along the octree's own (Morton) order
   BlockBits free{};
   BlockBits hit{};
-  BlockBits carved_to{};  // end voxels of rays without a hit, to cast one ray for each
 };
 
 // The blocks that were touched, found by a hash of their position.
@@ -54,8 +59,8 @@ class VoxelBlocks {
   static bool test(const BlockBits& bits, unsigned bit) { return bits[bit >> 6] >> (bit & 63) & 1; }
   static void set(BlockBits& bits, unsigned bit) { bits[bit >> 6] |= std::uint64_t{1} << (bit & 63); }
 
-  std::vector<VoxelBlock>& blocks() { return blocks_; }
-  void sort();  // into the octree's order; nothing may be looked up afterwards
+  // The blocks that hold something, in the octree's order; nothing is left.
+  std::vector<VoxelBlock> take_sorted();
 
  private:
   static constexpr std::uint32_t kNone = 0xffffffff;

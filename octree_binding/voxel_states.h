@@ -21,13 +21,13 @@ struct StateRegion {
   static int word_of(const Voxel& v) { return (v.x & (kRegionEdge - 1)) * kRegionEdge + (v.y & (kRegionEdge - 1)); }
   static const StateRegion& uniform(State state);  // 64^3 voxels of one state
 
-  // The cube of `edge` voxels whose lowest is `corner`, all of it in the region, is free or occupied.
-  void fill(const Voxel& corner, int edge, bool is_occupied) {
+  // The cube of `edge` voxels whose lowest is `corner`, all of it in the region, is of one state.
+  void fill(const Voxel& corner, int edge, State state) {
     const Word layers = (edge == kRegionEdge ? ~Word{0} : (Word{1} << edge) - 1) << (corner.z & (kRegionEdge - 1));
     for (int x = 0; x < edge; ++x) {
       for (int word = word_of(corner) + x * kRegionEdge, end = word + edge; word < end; ++word) {
-        known[word] |= layers;
-        occupied[word] = is_occupied ? occupied[word] | layers : occupied[word] & ~layers;
+        known[word] = state == kUnknown ? known[word] & ~layers : known[word] | layers;
+        occupied[word] = state == kOccupied ? occupied[word] | layers : occupied[word] & ~layers;
       }
     }
   }
@@ -49,6 +49,7 @@ class VoxelStates {
   const StateRegion* find(const Voxel& v) const;
   StateRegion& make(const Voxel& v, State state);  // the region of v, of one state if it is new
   void free_known(const VoxelBox& box);            // every occupied voxel of the box is free
+  void erase(const Voxel& v) { regions_.erase(position(v)); }
   void clear() { regions_.clear(); }
   std::size_t memory_bytes() const { return regions_.size() * sizeof(StateRegion); }
 

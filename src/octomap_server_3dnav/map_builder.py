@@ -1,18 +1,20 @@
 """From placed sweeps to an octree that follows the pose graph (thesis 5.5, 6.2.2).
 
-Between pose_graph_mapping and the terrain analysis: each sweep is cropped to the dense cuboid around the robot and inserted; when the
-graph moves older sweeps by more than half a voxel, the tree is built anew from all of them.
+Between pose_graph_mapping and the terrain analysis: each sweep is cropped to the dense cuboid around the robot and inserted; what the
+graph moves by more than half a voxel is drawn anew.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from octomap_server_3dnav.column_runs import ColumnRuns
-from octomap_server_3dnav.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.octree import OctreeMap, SensorModel, SweepVoxels
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from rigid_geometry import as_transform, rotation_angle, transform_points
+from rigid_geometry.transforms import Transform
 from stage_config import check_ranges, parameter
 
 _LEVER_M = 4.0  # a turned sweep counts as moved by what its points at this distance move
@@ -53,76 +55,129 @@ class Beams:
 
 
 @dataclass(frozen=True, eq=False)
+class _Seen:
+    """What a sweep adds to tree and heights."""
+
+    voxels: list[SweepVoxels]
+    hits: HitHeights
+
+
+@dataclass(eq=False)
 class _PlacedSweep:
     vertex_id: int
     beams: Beams
-    T_map_base: NDArray[np.float64]
+    T_map_base: Transform  # where the tree has it
+    seen: _Seen  # from there
 
 
 class MapBuilder:
-    """Owns the octree and the sweeps it was made of."""
+    """Owns the octree, the surface heights beside it, and the sweeps they were made of.
+
+    A sweep whose vertex has moved by more than half a voxel is drawn anew, and tree and heights become, bit by bit, those that it was
+    given to there. That is done when what it touches is asked for: a robot that decides by its surroundings does not wait for the rest
+    of a large map, and no answer depends on how far the work has come. `heights` are true wherever the tree was asked for.
+    """
 
     def __init__(self, config: MapConfig, sensor_model: SensorModel) -> None:
         """ValueError lists what is wrong with the configuration."""
         if problems := config.validate():
             raise ValueError("; ".join(problems))
         self.config = config
-        self.tree = OctreeMap(config.resolution, sensor_model)
         self.heights = SurfaceHeights(config.resolution)
+        self._tree = OctreeMap(config.resolution, sensor_model)
         self._sweeps: list[_PlacedSweep] = []
+        self._moved: dict[int, tuple[_PlacedSweep, Transform]] = {}  # by vertex: what the tree has elsewhere than it is now
 
     def __len__(self) -> int:
         return len(self._sweeps)
 
     def add_sweep(self, beams: Beams, vertex_id: int, vertex_poses: ArrayLike) -> bool:
-        """Adds the newest vertex's sweep, given the (V, 4, 4) poses of all; True when older ones had moved and the tree was built anew.
+        """Adds the newest vertex's sweep, given the (V, 4, 4) poses of all; True when older ones have to be drawn anew.
 
         Vertices whose sweep was lost on the way are no trouble. ValueError when `vertex_id` is not V - 1, its sweep is there already,
         or a pose is not rigid; nothing is changed then.
         """
-        poses = [as_transform(T) for T in np.asarray(vertex_poses, dtype=np.float64)]
+        poses = [as_transform(T) for T in np.array(vertex_poses, dtype=np.float64)]  # a copy: they are kept
         if vertex_id != len(poses) - 1 or any(s.vertex_id >= vertex_id for s in self._sweeps):
             raise ValueError(
                 f"sweep of vertex {vertex_id} with {len(poses)} poses, after that of {[s.vertex_id for s in self._sweeps[-1:]]}"
             )
-        moved = any(self._moved(s.T_map_base, poses[s.vertex_id]) for s in self._sweeps)
-        self._sweeps.append(_PlacedSweep(vertex_id, beams, poses[vertex_id]))
-        if moved:
-            self._rebuild(poses)
-        else:
-            self._insert(self._sweeps[-1], first=len(self._sweeps) == 1)
-        return moved
+        self._moved = {s.vertex_id: (s, poses[s.vertex_id]) for s in self._sweeps if self._is_moved(s.T_map_base, poses[s.vertex_id])}
+        seen = self._trace(beams, poses[vertex_id], first=not self._sweeps)
+        self._sweeps.append(_PlacedSweep(vertex_id, beams, poses[vertex_id], seen))
+        for voxels in seen.voxels:
+            self._tree.insert(voxels)
+        self.heights.add(seen.hits)
+        return bool(self._moved)
 
-    def runs_around(self, T_map_base: NDArray[np.float64], radius_m: float | None) -> ColumnRuns:
+    @property
+    def sweep_bytes(self) -> int:
+        """What is kept of the sweeps besides tree and heights: beams, to trace them anew, and what they saw."""
+        arrays = (array for s in self._sweeps for part in (s.beams, s.seen.hits) for array in vars(part).values())
+        return sum(int(array.nbytes) for array in arrays) + sum(voxels.memory_bytes() for s in self._sweeps for voxels in s.seen.voxels)
+
+    @property
+    def tree(self) -> OctreeMap:
+        """The octree, with every sweep where it is now; the same object until the builder goes."""
+        self._redraw(list(self._moved))
+        return self._tree
+
+    def runs_around(self, T_map_base: Transform, radius_m: float | None) -> ColumnRuns:
         """The known columns within a square of half side `radius_m` around the robot, or of the whole map."""
         if radius_m is None:
             return self.tree.column_runs()
+        self._redraw(self._moved_within(T_map_base, radius_m))
         x, y = T_map_base[:2, 3]
-        return self.tree.column_runs((x - radius_m, y - radius_m, -np.inf), (x + radius_m, y + radius_m, np.inf))
+        return self._tree.column_runs((x - radius_m, y - radius_m, -np.inf), (x + radius_m, y + radius_m, np.inf))
 
-    def _moved(self, old: NDArray[np.float64], new: NDArray[np.float64]) -> bool:
+    def binary_around(self, T_map_base: Transform, radius_m: float) -> bytes:
+        """`OctreeMap.to_binary` of a cube of half side `radius_m` around the robot."""
+        self._redraw(self._moved_within(T_map_base, radius_m))
+        return self._tree.to_binary(T_map_base[:3, 3] - radius_m, T_map_base[:3, 3] + radius_m)
+
+    def _is_moved(self, old: Transform, new: Transform) -> bool:
         turned = rotation_angle(np.linalg.inv(old) @ new)
         return float(np.linalg.norm(old[:3, 3] - new[:3, 3])) + _LEVER_M * turned > 0.5 * self.config.resolution
 
-    def _rebuild(self, poses: list[NDArray[np.float64]]) -> None:
-        self.tree.reset()
-        self.heights.reset()
-        self._sweeps = [_PlacedSweep(s.vertex_id, s.beams, poses[s.vertex_id]) for s in self._sweeps]
-        for i, sweep in enumerate(self._sweeps):
-            self._insert(sweep, first=i == 0)
+    def _moved_within(self, T_map_base: Transform, radius_m: float) -> list[int]:
+        """Vertices whose sweep touches the square around the robot, where it was drawn or where it is now."""
+        c = self.config
+        # The plane of the first sweep lies up to base_height_m beside a tilted robot; a voxel more is what boxes are rounded by.
+        reach = radius_m + max(c.crop_half_m, c.start_plane_half_m + c.base_height_m) + c.resolution
+        return [
+            vertex
+            for vertex, (sweep, T_now) in self._moved.items()
+            if any((np.abs(T[:2, 3] - T_map_base[:2, 3]) <= reach).all() for T in (sweep.T_map_base, T_now))
+        ]
 
-    def _insert(self, sweep: _PlacedSweep, *, first: bool) -> None:
-        T, c = sweep.T_map_base, self.config
+    def _redraw(self, vertices: Iterable[int]) -> None:
+        due = [self._moved.pop(vertex) for vertex in vertices]
+        if not due:
+            return
+        before = [sweep.seen for sweep, _ in due]
+        for sweep, T_now in due:
+            sweep.T_map_base, sweep.seen = T_now, self._trace(sweep.beams, T_now, first=sweep is self._sweeps[0])
+        after = [sweep.seen for sweep, _ in due]
+        changed = [voxels for seen in (*before, *after) for voxels in seen.voxels]
+        self._tree.redraw(changed, [voxels for sweep in self._sweeps for voxels in sweep.seen.voxels])
+        self.heights.remove(HitHeights.together([seen.hits for seen in before]))
+        self.heights.add(HitHeights.together([seen.hits for seen in after]))
+
+    def _trace(self, b: Beams, T: Transform, *, first: bool) -> _Seen:
+        """What a sweep at T_map_base saw; of the first one also the plane under the robot, where it saw nothing."""
+        c = self.config
         x, y, z = T[:3, 3]
         bounds = ((x - c.crop_half_m, y - c.crop_half_m, z - c.crop_below_m), (x + c.crop_half_m, y + c.crop_half_m, z + c.crop_above_m))
-        b = sweep.beams
-        ends = np.concatenate([b.points, _beyond(b.free_ends, b.free_origins, c.max_range_m)])
-        origins = np.concatenate([b.origins, b.free_origins])
-        self.tree.insert_sweep(transform_points(T, ends), transform_points(T, origins), c.max_range_m, bounds)
-        hits = transform_points(T, b.points)
-        self.heights.add(HitHeights.of(hits[((hits >= bounds[0]) & (hits <= bounds[1])).all(axis=1)], c.resolution))
+        ends = transform_points(T, np.concatenate([b.points, _beyond(b.free_ends, b.free_origins, c.max_range_m)]))
+        origins = transform_points(T, np.concatenate([b.origins, b.free_origins]))
+        voxels = [self._tree.trace_sweep(ends, origins, c.max_range_m, bounds)]
+        hits = ends[: len(b.points)]
+        inside = ((hits >= bounds[0]) & (hits <= bounds[1])).all(axis=1)
         if first and c.start_plane_half_m > 0:
-            self.tree.insert_plane(T[:3, 3] - c.base_height_m * T[:3, 2] - (0, 0, 0.25 * c.resolution), c.start_plane_half_m)
+            alone = OctreeMap(c.resolution, self._tree.sensor_model)
+            alone.insert(voxels[0])
+            voxels.append(alone.trace_plane(T[:3, 3] - c.base_height_m * T[:3, 2] - (0, 0, 0.25 * c.resolution), c.start_plane_half_m))
+        return _Seen(voxels, HitHeights.of(hits[inside], c.resolution))
 
 
 def _beyond(ends: NDArray[np.float32], origins: NDArray[np.float32], max_range_m: float) -> NDArray[np.float32]:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import _octree_binding
 import numpy as np
+from _octree_binding import SweepVoxels as SweepVoxels  # given out by trace_sweep, taken by insert and redraw
 from numpy.typing import ArrayLike, NDArray
 
 from octomap_server_3dnav.column_runs import ColumnRuns
@@ -119,13 +120,24 @@ class OctreeMap:
         passes through it, and the layer of the surface just before a hit is not freed (`SensorModel.grazing_m`): a flat ray
         crosses the upper part of several ground voxels that the ground lies in. ValueError for wrong shapes.
         """
+        return self.insert(self.trace_sweep(points_map, origins_map, max_range_m, bounds))
+
+    def trace_sweep(
+        self, points_map: NDArray[np.float32], origins_map: NDArray[np.float32], max_range_m: float = math.inf, bounds: Bounds | None = None
+    ) -> SweepVoxels:
+        """What `insert_sweep` would insert. Neither asks the map nor changes it."""
         points, origins = _rows_of_three("points_map", points_map), _rows_of_three("origins_map", origins_map)
         if points.shape != origins.shape:
             raise ValueError(f"points_map and origins_map must have one row a beam each, not {points.shape} and {origins.shape}")
         if not max_range_m > 0:
             raise ValueError(f"max_range_m must be positive, not {max_range_m!r}")
         lo, hi = self._box(*(bounds or (None, None)))
-        return InsertionReport(*self._tree.insert_sweep(points, origins, max_range_m, self._model.grazing_m, lo, hi))
+        return _octree_binding.trace_sweep(points, origins, self._resolution, max_range_m, self._model.grazing_m, lo, hi)
+
+    def insert(self, voxels: SweepVoxels) -> InsertionReport:
+        """Count one observation of every voxel of a sweep or plane that was traced for a map like this one."""
+        self._tree.apply(voxels)
+        return InsertionReport(voxels.free, voxels.occupied, voxels.dropped)
 
     def insert_plane(self, center_xyz: ArrayLike, half_size: float) -> int:
         """Count one hit for every unknown voxel of a level square, and say how many these were (thesis 5.5, Alg. 3 line 2).
@@ -133,11 +145,23 @@ class OctreeMap:
         `center_xyz` (3,) and `half_size` in metres; for the blind spot under the robot at the start. What beams have seen,
         free or occupied, stays as it is, and later beams overrule the guess.
         """
+        return self.insert(self.trace_plane(center_xyz, half_size)).occupied
+
+    def trace_plane(self, center_xyz: ArrayLike, half_size: float) -> SweepVoxels:
+        """What `insert_plane` would insert."""
         center = _corner("center_xyz", center_xyz)
         if not (np.isfinite(center).all() and half_size > 0 and math.isfinite(half_size)):
             raise ValueError(f"center_xyz must be finite and half_size positive, not {center_xyz!r}, {half_size!r}")
         reach = np.array([half_size, half_size, 0.0])
-        return int(self._tree.occupy_unknown(*self._box(center - reach, center + reach)))
+        return self._tree.unknown_hit(*self._box(center - reach, center + reach))
+
+    def redraw(self, changed: Sequence[SweepVoxels], inserted: Sequence[SweepVoxels]) -> None:
+        """Make the map what inserting `inserted`, in this order, into an empty one gives, bit by bit.
+
+        `changed` is what was inserted and is not in `inserted` any more, and what is in it now and was not: only blocks of 8
+        cubed voxels that these touch are made anew. All else has to be in the map as `inserted` has it.
+        """
+        self._tree.redraw(changed, inserted)
 
     def clear_box(self, lo: ArrayLike, hi: ArrayLike) -> None:
         """Make all known voxels in the box free, as octomap_server's `~clear_bbx` does; unknown ones stay unknown."""

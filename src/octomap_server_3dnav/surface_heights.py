@@ -4,6 +4,7 @@ Beside the octree, whose voxels tell a floor's height to 8 cm only: a kerb of 5 
 whole numbers, so that what a sweep has added can be taken out again, bit by bit, when the sweep moves.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,11 +31,18 @@ class HitHeights:
         scaled = scaled[(np.abs(scaled) < _OFFSET - 1).all(axis=1)]
         floor = np.floor(scaled)
         keys = _keys(*floor.astype(np.int64).T)
+        heights = ((scaled[:, 2] - floor[:, 2]) * _FINE).astype(np.int64)
+        return cls.together([cls(keys, heights, np.ones_like(keys))])
+
+    @classmethod
+    def together(cls, parts: Sequence["HitHeights"]) -> "HitHeights":
+        """The hits of one or more sweeps."""
+        keys, total, count = (np.concatenate([getattr(part, name) for part in parts]) for name in ("key", "total", "count"))
         order = np.argsort(keys)
-        keys, heights = keys[order], ((scaled[:, 2] - floor[:, 2]) * _FINE).astype(np.int64)[order]
+        keys = keys[order]
         first = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]]) if keys.size else np.zeros(0, dtype=np.int64)
-        total = np.add.reduceat(heights, first) if keys.size else heights
-        return cls(keys[first], total, np.diff(np.r_[first, keys.size]))
+        sums = (np.add.reduceat(part[order], first) if keys.size else part for part in (total, count))
+        return cls(keys[first], *sums)
 
 
 def _keys(x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]) -> NDArray[np.int64]:

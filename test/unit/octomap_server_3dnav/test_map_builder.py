@@ -1,13 +1,16 @@
-"""From placed sweeps to the octree: insertion, the plane at the start, moved vertices, lost sweeps, beams that met nothing."""
+"""From placed sweeps to the octree: insertion, the plane at the start, moved vertices, lost sweeps, beams that met nothing.
+
+A map that follows moved vertices is compared, bit by bit, with one that was given the moved poses from the start.
+"""
 
 import math
 
 import numpy as np
 import pytest
 
-from octomap_server_3dnav.column_runs import VoxelState
+from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.map_builder import Beams, MapBuilder, MapConfig
-from octomap_server_3dnav.octree import SensorModel
+from octomap_server_3dnav.octree import OctreeMap, SensorModel
 from rigid_geometry import transform_from_rpy
 
 SENSOR = (0.2, 0.0, 0.75)
@@ -67,7 +70,118 @@ def test_heights_follow_moved_vertices():
     before, after = (np.array([[math.floor(x / 0.08)], [0], [10]]) for x in (3.0, 3.3))
     assert not np.isnan(built.heights.at(*before)) and np.isnan(built.heights.at(*after))
     built.add_sweep(wall(1.0), 1, [pose(0.3), pose(0.5)])
+    built.runs_around(pose(0.5), 5.0)
     assert np.isnan(built.heights.at(*before)) and not np.isnan(built.heights.at(*after))
+
+
+def random_beams(rng: np.random.Generator) -> Beams:
+    """A few hundred beams all around, to anything, some of them to nothing."""
+    ends = (rng.normal(size=(400, 3)) * [3.0, 3.0, 0.7]).astype(np.float32)
+    origins = np.tile(np.float32(SENSOR), (400, 1))
+    return Beams(ends[:300], origins[:300], ends[300:], origins[300:])
+
+
+def random_pose(rng: np.random.Generator, spread_m: float = 6.0) -> np.ndarray:
+    x, y = rng.uniform(-spread_m, spread_m, 2)
+    return transform_from_rpy((x, y, 0.132 + rng.uniform(-0.5, 0.5)), (*rng.uniform(-0.2, 0.2, 2), rng.uniform(-3, 3)))
+
+
+def from_scratch(beams: list[Beams], poses: np.ndarray) -> MapBuilder:
+    built = builder()
+    for i, sweep in enumerate(beams):
+        built.add_sweep(sweep, i, poses[: i + 1])
+    return built
+
+
+def same_runs(a: ColumnRuns, b: ColumnRuns) -> bool:
+    same_block = (a.origin_key, a.nx, a.ny) == (b.origin_key, b.nx, b.ny)
+    return same_block and all(np.array_equal(getattr(a, name), getattr(b, name)) for name in ("start", "z_lo", "z_hi", "occupied"))
+
+
+def same_heights(a: MapBuilder, b: MapBuilder, runs: ColumnRuns | None = None) -> bool:
+    """At the tops of the runs, or of all."""
+    runs = runs or b.tree.column_runs()
+    x, y = np.divmod(runs.columns, runs.ny)
+    tops = x + runs.origin_key[0], y + runs.origin_key[1], runs.z_hi
+    return np.array_equal(a.heights.at(*tops), b.heights.at(*tops), equal_nan=True)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_whatever_moves_the_map_is_the_one_from_scratch_bit_by_bit(seed):
+    rng = np.random.default_rng(seed)
+    built, beams, poses = builder(), [], np.zeros((0, 4, 4))
+    for step in range(12):
+        poses = np.concatenate([poses, [random_pose(rng)]])
+        beams.append(random_beams(rng))
+        for vertex in np.flatnonzero(rng.random(step) < rng.choice([0.0, 0.2, 1.0])):
+            poses[vertex] = random_pose(rng)
+        built.add_sweep(beams[-1], step, poses)
+        if rng.random() < 0.5:
+            built.runs_around(poses[-1], 1.0)
+        if rng.random() < 0.4:
+            scratch = from_scratch(beams, poses)
+            assert built.tree.to_full() == scratch.tree.to_full()
+            assert same_runs(built.tree.column_runs(), scratch.tree.column_runs())
+            assert built.tree.memory_bytes == scratch.tree.memory_bytes
+            assert same_heights(built, scratch)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_surroundings_are_up_to_date_before_the_rest_is(seed, monkeypatch):
+    rng = np.random.default_rng(seed)
+    poses = np.array([random_pose(rng, spread_m=25.0) for _ in range(20)])
+    beams = [random_beams(rng) for _ in poses]
+    built = from_scratch(beams[:-1], poses[:-1])
+    poses[1:-1, :2, 3] += rng.uniform(0.1, 2.0, (18, 2))
+    assert built.add_sweep(beams[-1], 19, poses)
+    traced = []
+    trace = OctreeMap.trace_sweep
+    monkeypatch.setattr(OctreeMap, "trace_sweep", lambda *args: traced.append(1) or trace(*args))
+    local, part = built.runs_around(poses[-1], 2.0), built.binary_around(poses[-1], 2.0)
+    assert len(traced) < 18
+    monkeypatch.undo()
+    scratch = from_scratch(beams, poses)
+    assert same_runs(local, scratch.runs_around(poses[-1], 2.0)) and part == scratch.binary_around(poses[-1], 2.0)
+    assert same_heights(built, scratch, local)
+    assert built.tree.to_full() == scratch.tree.to_full()
+
+
+def test_only_what_moved_is_traced_anew_and_only_once(monkeypatch):
+    rng = np.random.default_rng(0)
+    poses = np.array([random_pose(rng) for _ in range(6)])
+    beams = [random_beams(rng) for _ in poses]
+    built = from_scratch(beams[:5], poses[:5])
+    traced = []
+    trace = OctreeMap.trace_sweep
+    monkeypatch.setattr(OctreeMap, "trace_sweep", lambda *args: traced.append(1) or trace(*args))
+    poses[[1, 3]] = random_pose(rng), random_pose(rng)
+    built.add_sweep(beams[5], 5, poses)
+    built.runs_around(poses[-1], None)
+    assert built.tree is built.tree and len(traced) == 3
+
+
+def test_vertex_that_moved_back_before_anyone_looked_is_left_where_it_is(monkeypatch):
+    built = builder()
+    built.add_sweep(wall(), 0, [pose()])
+    built.add_sweep(wall(), 1, [pose(1.0), pose(0.2)])
+    traced = []
+    monkeypatch.setattr(OctreeMap, "redraw", lambda *args: traced.append(1))
+    assert not built.add_sweep(wall(), 2, [pose(), pose(0.2), pose(0.4)])
+    assert built.tree.leaf_count and not traced
+
+
+def test_plane_at_the_start_moves_with_the_first_sweep():
+    built = builder()
+    built.add_sweep(wall(), 0, [pose()])
+    built.add_sweep(wall(), 1, [pose(10.0), pose(10.2)])
+    assert state(built, 0.0, 0.0, -0.02) is VoxelState.UNKNOWN
+    assert state(built, 10.0, 0.0, -0.02) is VoxelState.OCCUPIED
+
+
+def test_beams_and_voxels_of_the_sweeps_are_counted():
+    built = builder()
+    built.add_sweep(wall(), 0, [pose()])
+    assert 24 * len(wall().points) < built.sweep_bytes < 48 * len(wall().points) + 1_000_000
 
 
 def test_vertices_that_moved_less_than_half_a_voxel_leave_the_tree_as_it_is():

@@ -114,6 +114,13 @@ def test_point_beyond_the_range_frees_its_ray_up_to_the_range_and_occupies_nothi
     assert octree.states_at(centers((4, 0, 0), (5, 0, 0), (9, 0, 0))).tolist() == [FREE, UNKNOWN, UNKNOWN]
 
 
+def test_ray_that_ends_by_its_range_where_a_cube_of_voxels_begins_leaves_that_cube_unknown():
+    octree = OctreeMap(RES, PLAIN)
+    report = one_ray(octree, (0, 0, 0), (20, 0, 0), max_range_m=0.8)
+    assert report == InsertionReport(free=8, occupied=0, dropped=0)
+    assert octree.states_at(centers((7, 0, 0), (8, 0, 0), (12, 4, 4))).tolist() == [FREE, UNKNOWN, UNKNOWN]
+
+
 def test_hit_wins_over_rays_through_it_within_a_sweep_in_any_order():
     points, origins = centers((3, 0, 0), (8, 0, 0)), centers((0, 0, 0), (0, 0, 0))
     for order in ([0, 1], [1, 0]):
@@ -196,6 +203,32 @@ def test_bulk_insertion_has_the_log_odds_of_single_updates(seed):
         total = np.where(states == UNKNOWN, total, np.clip(np.nan_to_num(total) + update, logit["min"], logit["max"]))
     expected = np.select([np.isnan(total), total >= 0], [UNKNOWN, OCCUPIED], FREE)
     assert np.array_equal(octree.states_at((indices + 0.5) * RES), expected)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_redrawn_map_is_the_one_from_scratch_bit_by_bit(seed):
+    rng = np.random.default_rng(seed)
+    octree = OctreeMap(RES)
+    inserted = [octree.trace_sweep(*random_sweep(100 * seed + i, n=300)) for i in range(8)]
+    for voxels in inserted:
+        octree.insert(voxels)
+    for step in range(6):
+        i = int(rng.integers(len(inserted)))
+        old, new = inserted[i], octree.trace_sweep(*random_sweep(1000 * seed + step, n=int(rng.choice([1, 300]))))
+        inserted[i] = new
+        octree.redraw([old, new], inserted)
+        scratch = OctreeMap(RES)
+        for voxels in inserted:
+            scratch.insert(voxels)
+        assert octree.to_full() == scratch.to_full() and octree.node_count == scratch.node_count
+
+
+def test_map_without_any_sweep_left_is_empty():
+    octree = OctreeMap(RES)
+    voxels = octree.trace_sweep(*random_sweep(0))
+    octree.insert(voxels)
+    octree.redraw([voxels], [])
+    assert octree.node_count == 0 and octree.column_runs().nx == 0 and octree.memory_bytes == OctreeMap(RES).memory_bytes
 
 
 @pytest.mark.parametrize(
