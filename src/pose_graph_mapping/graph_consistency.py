@@ -83,7 +83,7 @@ def consistent_edges(
         ends.append(settled(problem, trusted, limit, believed | trusted, problem.values()))
         credit += [0.0, _BELIEVED_CREDIT * limit]
     costs = [truncated_cost(problem, *end, limit) - less for end, less in zip(ends, credit, strict=True)]
-    return ends[_best([np.count_nonzero(~kept) for kept, _ in ends], costs, _TIE * limit)]
+    return ends[_best([int(np.count_nonzero(~kept)) for kept, _ in ends], costs, _TIE * limit)]
 
 
 def _best(left_out: Sequence[int], costs: Sequence[float], alike: float) -> int:
