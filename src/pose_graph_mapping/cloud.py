@@ -14,6 +14,7 @@ import small_gicp
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from pose_graph_mapping.voxel_grid import voxel_index, voxel_mean
 from rigid_geometry import transform_points
 
 Array = NDArray[np.float64]
@@ -120,53 +121,6 @@ def merged(clouds: Sequence[PointCloud]) -> PointCloud:
 
 
 @njit(cache=True)
-def _voxel_index(points: Array, inverse_voxel: float, voxel_of: NDArray[np.int32]) -> int:
-    """Number the occupied voxels in the order in which they first appear (open addressing, linear probing)."""
-    size = 1024
-    while size < 2 * len(points):
-        size *= 2
-    keys = np.full(size, -1, dtype=np.int64)
-    slots = np.empty(size, dtype=np.int32)
-    mask = np.uint64(size - 1)
-    count = 0
-    for i in range(len(points)):
-        key = np.int64(0)
-        for axis in range(3):
-            key = (key << 21) | (np.int64(np.floor(points[i, axis] * inverse_voxel)) + 1048576)
-        at = (np.uint64(key) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(32)) & mask
-        while keys[at] != -1 and keys[at] != key:
-            at = (at + np.uint64(1)) & mask
-        if keys[at] == -1:
-            keys[at] = key
-            slots[at] = count
-            count += 1
-        voxel_of[i] = slots[at]
-    return count
-
-
-@njit(cache=True)
-def _voxel_mean(values: Array, voxel_of: NDArray[np.int32], count: int) -> Array:
-    sums = np.zeros((count, 3))
-    members = np.zeros(count)
-    for i in range(len(values)):
-        voxel = voxel_of[i]
-        members[voxel] += 1.0
-        for axis in range(3):
-            sums[voxel, axis] += values[i, axis]
-    for voxel in range(count):
-        for axis in range(3):
-            sums[voxel, axis] /= members[voxel]
-    return sums
-
-
-def first_in_voxels(points: Array, voxel_m: float) -> NDArray[np.intp]:
-    """Indices of those of points (N, 3) that are the first in their voxel."""
-    voxel_of = np.empty(len(points), dtype=np.int32)
-    _voxel_index(points, 1.0 / voxel_m, voxel_of)
-    return np.flatnonzero(np.diff(np.maximum.accumulate(voxel_of), prepend=-1))
-
-
-@njit(cache=True)
 def within(points: Array, centre: Array, radius_m: float) -> NDArray[np.bool_]:
     """(N,) whether points (N, 3) lie at most `radius_m` from `centre` (3,)."""
     found = np.empty(len(points), dtype=np.bool_)
@@ -191,11 +145,11 @@ def voxel_downsample(cloud: PointCloud, voxel_m: float) -> PointCloud:
     if len(cloud) and np.abs(cloud.points).max() >= (_MAX_CELL - 1) * voxel_m:
         raise ValueError(f"points up to {np.abs(cloud.points).max():.3g} m away do not fit a grid of {voxel_m} m voxels")
     voxel_of = np.empty(len(cloud), dtype=np.int32)
-    count = _voxel_index(cloud.points, 1.0 / voxel_m, voxel_of)
+    count = voxel_index(cloud.points, 1.0 / voxel_m, voxel_of)
     return PointCloud(
-        _voxel_mean(cloud.points, voxel_of, count),
-        None if cloud.origins is None else _voxel_mean(cloud.origins, voxel_of, count),
-        None if cloud.normals is None else normalised(_voxel_mean(cloud.normals, voxel_of, count)),
+        voxel_mean(cloud.points, voxel_of, count),
+        None if cloud.origins is None else voxel_mean(cloud.origins, voxel_of, count),
+        None if cloud.normals is None else normalised(voxel_mean(cloud.normals, voxel_of, count)),
         cloud.dropped,
     )
 

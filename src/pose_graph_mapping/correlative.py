@@ -14,8 +14,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pose_graph_mapping.cloud import Array, PointCloud, farthest, first_in_voxels, within
+from pose_graph_mapping.cloud import Array, PointCloud, farthest, within
 from pose_graph_mapping.config import RegistrationConfig
+from pose_graph_mapping.voxel_grid import first_in_voxels
 from rigid_geometry import transform_from_rpy
 
 _THREADS = 2

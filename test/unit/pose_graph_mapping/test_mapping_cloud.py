@@ -6,7 +6,6 @@ import pytest
 from pose_graph_mapping.cloud import (
     PointCloud,
     farthest,
-    first_in_voxels,
     merged,
     reference_cloud,
     vertex_cloud,
@@ -15,6 +14,7 @@ from pose_graph_mapping.cloud import (
     with_normals,
     within,
 )
+from pose_graph_mapping.voxel_grid import first_in_voxels
 from rigid_geometry import transform_from_rpy
 
 
