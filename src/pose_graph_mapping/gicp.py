@@ -28,6 +28,7 @@ from rigid_geometry import as_transform
 Array = NDArray[np.float64]
 
 _EARLY_PRECISION, _PRECISION = 1e-3, 1e-4  # metres and radians: a shorter step ends a stage
+_LEAST_EARLY = 10  # points; fewer may leave the normal equations without a solution
 
 
 def sensor_of(cloud: PointCloud) -> Array | None:
@@ -115,6 +116,8 @@ class GicpRegistration:
             coarse = align(target, few, T, Stage(coarse_distance_m, most, _EARLY_PRECISION))
             T, before = coarse.T, coarse.iterations
         early = align(target, few, T, Stage(config.fine_distance_m, most, _EARLY_PRECISION))
+        if early.inliers < _LEAST_EARLY:
+            return refused(pair.T_guess, f"{early.inliers} of {len(few.points)} points within {config.fine_distance_m} m of each other")
         if pair.free_space.contradiction(early.T, ROUGH_POINTS) > config.search_hopeless_contradiction:
             return self._judged(dataclasses.replace(pair, reading=few), target, early, before + early.iterations)
         last = Stage(config.fine_distance_m, max(1, most - early.iterations), _PRECISION, config.half_weight_m)
