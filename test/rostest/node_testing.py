@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import rosgraph
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3
@@ -76,10 +77,16 @@ def wait_until(condition: Callable[[], bool], what: str, timeout_s: float = TIME
 
 
 def feed(topic: str, message_type: type) -> rospy.Publisher:
-    """A publisher, once the node under test listens to it."""
+    """A publisher, once everybody who listens to the topic hears it, the node under test among them: a test may listen as well."""
     publisher = rospy.Publisher(topic, message_type, queue_size=None, tcp_nodelay=True)
-    wait_until(lambda: publisher.get_num_connections() > 0, f"a subscriber of {topic}")
+    wait_until(lambda: 0 < len(subscribers_of(topic)) <= publisher.get_num_connections(), f"all subscribers of {topic}")
     return publisher
+
+
+def subscribers_of(topic: str) -> list[str]:
+    """Names of the nodes that listen to a topic."""
+    _, subscribers, _ = rosgraph.Master("/node_testing").getSystemState()
+    return [node for name, nodes in subscribers if name == topic for node in nodes]
 
 
 def wait_for_node(name: str, timeout_s: float = 30.0) -> None:
