@@ -27,12 +27,11 @@ from pybullet_simulation.laser import Laser, Motion
 from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.sweep_profile import sweep_profile
 from pybullet_simulation.world import World
-from rigid_geometry import transform_from_rpy
 from sweep_assembly import ScanFilter, ScanFilterConfig, ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
 
 Array = NDArray[np.float64]
 
-LAYOUT = 2  # of the cached files; to be raised when what is in them changes
+LAYOUT = 3  # of the cached files; to be raised when what is in them changes
 REFERENCE_M = 8.0
 SWEEPS_A_DRIVE = 11
 STEP_S, SCAN_S, START_S = 0.005, 0.025, 0.25
@@ -41,16 +40,7 @@ DRIVE_S, SPEED_MPS, ARRIVED_S = (2.0, 7.0), 0.5, 8.0  # from rest, before a swee
 DEFAULT_CACHE = Path(tempfile.gettempdir()) / "registration_cases"
 
 
-@dataclass(frozen=True)
-class Mount:
-    """How the tilting mount differs from what the robot believes of it."""
-
-    name: str
-    tilt_scale: float = 1.0
-    roll_rad: float = 0.0
-
-
-MOUNTS = {m.name: m for m in (Mount("nominal"), Mount("off", 1.005, math.radians(0.2)))}
+MOUNTS = {"nominal": SimulationConfig(), "off": SimulationConfig(mount_tilt_scale=1.005, mount_roll_rad=math.radians(0.2))}
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,8 +57,8 @@ class Case:
 class SweepingLaser:
     """Sweeps of a robot that stands still in a world, through the whole chain from beams to cloud."""
 
-    def __init__(self, world: World, mount: Mount, rng: np.random.Generator) -> None:
-        self._config, self._mount, self._rng = SimulationConfig(), mount, rng
+    def __init__(self, world: World, config: SimulationConfig, rng: np.random.Generator) -> None:
+        self._config, self._rng = config, rng
         robot = read_robot_model()
         self._imu, self._R_base_imu = Imu(self._config, rng), robot.T_base_imu[:3, :3]
         self._laser, self._profile = Laser(self._config, robot, world, rng), sweep_profile(self._config)
@@ -76,8 +66,6 @@ class SweepingLaser:
         self._geometry = ScanGeometry(layout.angle_min, layout.angle_increment, layout.time_increment, layout.beams)
         self._tilt_geometry = TiltGeometry(robot.T_base_mount, robot.T_tilt_laser)
         self._filter = ScanFilter(ScanFilterConfig(), self._geometry, self._tilt_geometry)
-        at = robot.T_base_mount[:3, 3]
-        self._T_base_seen = transform_from_rpy(at) @ transform_from_rpy((0, 0, 0), (mount.roll_rad, 0, 0)) @ transform_from_rpy(-at)
 
     def sweep(self, T_map_base: Array) -> PointCloud:
         """Points and beam origins in base_link, as the robot believes them to be."""
@@ -117,11 +105,10 @@ class SweepingLaser:
         return [estimate.T_odom_base for estimate in found if estimate is not None]
 
     def _motion(self, T_map_base: Array, ticks: int) -> Motion:
-        """Standing still while the laser tilts, as it truly is mounted."""
-        T = T_map_base @ self._T_base_seen
+        """Standing still while the laser tilts."""
         steps = ticks * round(SCAN_S / STEP_S) + 1
-        tilts = self._mount.tilt_scale * self._profile.tilt_at(np.arange(steps) * STEP_S - START_S)
-        return Motion(np.tile(T[:3, :3], (steps, 1, 1)), np.tile(T[:3, 3], (steps, 1)), tilts, STEP_S)
+        tilts = self._profile.tilt_at(np.arange(steps) * STEP_S - START_S)
+        return Motion(np.tile(T_map_base[:3, :3], (steps, 1, 1)), np.tile(T_map_base[:3, 3], (steps, 1)), tilts, STEP_S)
 
 
 @dataclass(eq=False)
@@ -167,13 +154,13 @@ def drive(world: str, seed: int, mount: str = "nominal", cache: Path = DEFAULT_C
         return Drive(world, seed, data["poses"], np.split(data["points"], ends), np.split(data["origins"], ends))
 
 
-def _make(name: str, seed: int, mount: Mount, sweeps: int) -> Drive:
+def _make(name: str, seed: int, config: SimulationConfig, sweeps: int) -> Drive:
     """A world with moved furniture is driven as the world itself is."""
     world = world_of(name.removesuffix(MOVED), seed)
     poses = drive_poses(world, seed, sweeps)
     if name.endswith(MOVED):
         world = with_moved_furniture(world, seed, poses[:, :2, 3])
-    laser = SweepingLaser(world, mount, np.random.default_rng([seed, 33]))
+    laser = SweepingLaser(world, config, np.random.default_rng([seed, 33]))
     clouds = [laser.sweep(T) for T in poses]
     origins = [c.origins.astype(np.float32) for c in clouds if c.origins is not None]
     return Drive(name, seed, poses, [c.points.astype(np.float32) for c in clouds], origins)

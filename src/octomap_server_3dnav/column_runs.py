@@ -12,6 +12,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+KEY_OFFSET = 32768  # octomap's keys are voxel indices plus this, 16 bits an axis: a tree is 16 levels deep
+
 
 class VoxelState(IntEnum):
     """What is known about a voxel; the values are those of dense grids and of `OctreeMap.states_at`."""

@@ -18,10 +18,9 @@ import numpy as np
 from _octree_binding import SweepVoxels as SweepVoxels  # given out by trace_sweep, taken by insert and redraw
 from numpy.typing import ArrayLike, NDArray
 
-from octomap_server_3dnav.column_runs import ColumnRuns
+from octomap_server_3dnav.column_runs import KEY_OFFSET, ColumnRuns
 from stage_config import check_ranges, parameter
 
-_KEY_OFFSET = 32768  # octomap's keys are voxel indices plus this; a tree is 16 levels deep
 _FORMATS = {b"# Octomap OcTree binary file": ".bt", b"# Octomap OcTree file": ".ot"}
 _COMMENT = b"# (feel free to add / change comments, but leave the first line as it is!)\n#\n"
 
@@ -179,7 +178,7 @@ class OctreeMap:
         if rows.ndim != 2 or rows.shape[1] != 3:
             raise ValueError(f"points must be (N, 3), not {rows.shape}")
         indices = np.floor(rows * (1.0 / self._resolution))
-        inside = ((indices >= -_KEY_OFFSET) & (indices < _KEY_OFFSET)).all(axis=1)
+        inside = ((indices >= -KEY_OFFSET) & (indices < KEY_OFFSET)).all(axis=1)
         states = np.zeros(len(rows), dtype=np.uint8)
         states[inside] = self._tree.states(np.ascontiguousarray(indices[inside].astype(np.int32)))
         return states
@@ -229,12 +228,12 @@ class OctreeMap:
     def write_bt(self, path: str | os.PathLike[str]) -> None:
         """Write octomap's .bt file: free and occupied only, small. An older file is replaced when the new one is complete."""
         data = self.to_binary()
-        _replace_file(Path(path), _header(b"# Octomap OcTree binary file\n", _octree_binding.binary_nodes(data), self._resolution) + data)
+        replace_file(Path(path), _header(b"# Octomap OcTree binary file\n", _octree_binding.binary_nodes(data), self._resolution) + data)
 
     def write_ot(self, path: str | os.PathLike[str]) -> None:
         """Write octomap's .ot file, with every log-odds. An older file is replaced when the new one is complete."""
         data = self.to_full()
-        _replace_file(Path(path), _header(b"# Octomap OcTree file\n", _octree_binding.full_nodes(data), self._resolution) + data)
+        replace_file(Path(path), _header(b"# Octomap OcTree file\n", _octree_binding.full_nodes(data), self._resolution) + data)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], sensor_model: SensorModel | None = None) -> "OctreeMap":
@@ -262,8 +261,8 @@ class OctreeMap:
         high = np.full(3, np.inf) if hi is None else _corner("hi", hi)
         if np.isnan(low).any() or np.isnan(high).any() or (low > high).any():
             raise ValueError(f"a box needs lo <= hi on every axis, not {low.tolist()}, {high.tolist()}")
-        first = np.clip(np.floor(low / self._resolution + 1e-6), -_KEY_OFFSET, _KEY_OFFSET - 1)
-        last = np.clip(np.maximum(np.ceil(high / self._resolution - 1e-6) - 1, first), -_KEY_OFFSET, _KEY_OFFSET - 1)
+        first = np.clip(np.floor(low / self._resolution + 1e-6), -KEY_OFFSET, KEY_OFFSET - 1)
+        last = np.clip(np.maximum(np.ceil(high / self._resolution - 1e-6) - 1, first), -KEY_OFFSET, KEY_OFFSET - 1)
         return _indices(first), _indices(last)
 
 
@@ -315,8 +314,8 @@ def _parse_header(content: bytes) -> tuple[_Header, bytes]:
     return _Header(int(_field(lines, b"size")), float(_field(lines, b"res"))), data
 
 
-def _replace_file(path: Path, content: bytes) -> None:
-    """Write beside `path` and rename, so that there is never half a file."""
+def replace_file(path: Path, content: bytes) -> None:
+    """Write beside `path` and rename, so that there is never half a file; OSError as the system gives it."""
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:

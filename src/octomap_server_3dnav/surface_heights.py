@@ -12,7 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-_OFFSET = 32768  # octomap's keys are voxel indices plus this, 16 bits each
+from octomap_server_3dnav.column_runs import KEY_OFFSET
+
 _FINE = 1024  # parts of a voxel in which heights are summed
 
 
@@ -28,7 +29,7 @@ class HitHeights:
     def of(cls, points_map: NDArray[np.floating], resolution: float) -> "HitHeights":
         """Of the finite points (N, 3) in metres within octomap's range."""
         scaled = np.asarray(points_map, dtype=np.float64) * (1.0 / resolution)
-        scaled = scaled[(np.abs(scaled) < _OFFSET - 1).all(axis=1)]
+        scaled = scaled[(np.abs(scaled) < KEY_OFFSET - 1).all(axis=1)]
         floor = np.floor(scaled)
         keys = _keys(*floor.astype(np.int64).T)
         heights = ((scaled[:, 2] - floor[:, 2]) * _FINE).astype(np.int64)
@@ -46,7 +47,7 @@ class HitHeights:
 
 
 def _keys(x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]) -> NDArray[np.int64]:
-    return np.asarray((x + _OFFSET) << 32 | (y + _OFFSET) << 16 | (z + _OFFSET))
+    return np.asarray((x + KEY_OFFSET) << 32 | (y + KEY_OFFSET) << 16 | (z + KEY_OFFSET))
 
 
 @njit(cache=True)

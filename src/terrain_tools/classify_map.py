@@ -13,11 +13,12 @@ from typing import Any
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from octomap_server_3dnav import exploration
+from octomap_server_3dnav.octree import replace_file
 from octomap_server_3dnav.terrain import Terrain, TerrainConfig
 from terrain_tools import octree_survey
 from terrain_tools.analysis import Analysis, analyse
 from terrain_tools.map_source import CLOUDS, OCTREES, ORIGINS, read_map
-from terrain_tools.results import CLASSES, NUMBERS, PATH, PICTURE, csv_bytes, json_bytes, numbers, ply_bytes, prepare_folder, write_file
+from terrain_tools.results import CLASSES, NUMBERS, PATH, PICTURE, csv_bytes, json_bytes, numbers, ply_bytes, prepare_folder
 from terrain_tools.robot_file import RobotConfig, read_robot
 
 FOUND, NOT_FOUND, BAD_INPUT = 0, 1, 2
@@ -122,15 +123,15 @@ def _write(options: argparse.Namespace, robot: RobotConfig, found: Analysis, tim
     if found.terrain is not None:
         from terrain_tools.picture import png_bytes  # loads matplotlib: only where there is something to draw
 
-        write_file(options.out, CLASSES, ply_bytes(found.terrain))
+        replace_file(options.out / CLASSES, ply_bytes(found.terrain))
         begun = time.perf_counter()
-        write_file(options.out, PICTURE, png_bytes(found, found.terrain, options.map.name, tuple(options.start), options.goal))
+        replace_file(options.out / PICTURE, png_bytes(found, found.terrain, options.map.name, tuple(options.start), options.goal))
         time_s["picture"] = round(time.perf_counter() - begun, 4)
     if found.path is not None:
-        write_file(options.out, PATH, csv_bytes(found.path))
+        replace_file(options.out / PATH, csv_bytes(found.path))
     content: dict[str, Any] = {"file": str(options.map), "start_m": options.start, "goal_m": options.goal, **numbers(found, robot)}
     content["time_s"] = {**time_s, **content["time_s"]}
-    write_file(options.out, NUMBERS, json_bytes(content))
+    replace_file(options.out / NUMBERS, json_bytes(content))
 
 
 def summary(found: Analysis, terrain: Terrain) -> str:

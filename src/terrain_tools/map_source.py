@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem
+from octomap_server_3dnav.column_runs import KEY_OFFSET
 from octomap_server_3dnav.map_builder import MapConfig
 from octomap_server_3dnav.octree import OctreeMap
 from terrain_tools.octree_survey import Survey, survey
@@ -22,7 +23,6 @@ OCTREES = (".bt", ".ot")
 CLOUDS = (".ply", ".pcd", ".npz")
 ORIGINS = ("fields", "sensor", "none")
 _DATA_MARK = b"\ndata\n"  # ends the header of a .bt or .ot file
-_HALF_TREE_VOXELS = 32768
 _FILE_BYTES_A_BYTE = 12  # of a compressed cloud: packed to a third, and four copies of its points on the way
 _POINT_BYTES = 200  # of the octree, a point and voxel
 _BLOCK_BYTES = 1500  # of the octree, 8^3 voxels that beams passed
@@ -100,7 +100,7 @@ def _beams(path: Path, resolution: float, origins: str | None, say: Say) -> tupl
     starts = cloud.origins if origins in (None, "fields") else None
     if origins == "sensor":
         starts = np.broadcast_to(cloud.sensor, cloud.points.shape)
-    reach = (_HALF_TREE_VOXELS - 1) * resolution
+    reach = (KEY_OFFSET - 1) * resolution
     is_finite = np.asarray(np.isfinite(cloud.points if starts is None else np.hstack([cloud.points, starts])).all(axis=1))
     usable = is_finite & (np.abs(cloud.points) < reach).all(axis=1)
     reasons = (

@@ -31,13 +31,6 @@ def prepare_folder(folder: Path) -> None:
     probe.unlink()
 
 
-def write_file(folder: Path, name: str, data: bytes) -> None:
-    """Writes a file so that it is whole or not there."""
-    beside = folder / f".{name}"
-    beside.write_bytes(data)
-    beside.replace(folder / name)
-
-
 def ply_bytes(terrain: Terrain) -> bytes:
     """The centres of the classified voxels as a binary PLY: x y z in metres, red green blue as in rviz, label as in its comments."""
     kinds = {"x": ("<f4", "float"), "y": ("<f4", "float"), "z": ("<f4", "float")}

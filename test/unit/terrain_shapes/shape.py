@@ -7,6 +7,7 @@ All coordinates are of the shape's own frame, in metres, z up.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 
 from pybullet_simulation.solids import Solid
 
@@ -16,13 +17,13 @@ Point = tuple[float, float, float]
 class Expected(Enum):
     """What is asked of a region, or of a way to a point."""
 
-    TRAVERSABLE = "traversable"
-    OBSTACLE = "obstacle"
-    CLIFF = "cliff"
-    NOT_TRAVERSABLE = "not traversable"
-    NO_CLIFF = "no cliff"
-    FRONTIER = "frontier"
-    NO_FRONTIER = "no frontier"
+    TRAVERSABLE = "traversable"  # ground that the robot's middle may reach
+    OBSTACLE = "obstacle"  # something to be kept off, all along the box; nothing traversable in it
+    CLIFF = "cliff"  # a drop that was seen, all along the box; nothing traversable in it
+    NOT_TRAVERSABLE = "not traversable"  # whatever else
+    NO_CLIFF = "no cliff"  # ground, or a question, but no drop
+    FRONTIER = "frontier"  # worth a look: one that can be chosen
+    NO_FRONTIER = "no frontier"  # nothing there is left to look at
     PATH = "path"
     NO_PATH = "no path"
 
@@ -73,39 +74,14 @@ def seen(name: str, solids: Sequence[Solid], stands: Sequence[Stand], *expectati
     return Shape(name, (Scene(solids, stands, mute),), expectations)
 
 
-def traversable(low: Point, high: Point) -> Expectation:
-    """Ground that the robot's middle may reach."""
-    return Expectation(Expected.TRAVERSABLE, low, high)
-
-
-def obstacle(low: Point, high: Point) -> Expectation:
-    """Something to be kept off, all along the box; nothing traversable in it."""
-    return Expectation(Expected.OBSTACLE, low, high)
-
-
-def cliff(low: Point, high: Point) -> Expectation:
-    """A drop that was seen, all along the box; nothing traversable in it."""
-    return Expectation(Expected.CLIFF, low, high)
-
-
-def not_traversable(low: Point, high: Point) -> Expectation:
-    """Nothing traversable, whatever else."""
-    return Expectation(Expected.NOT_TRAVERSABLE, low, high)
-
-
-def no_cliff(low: Point, high: Point) -> Expectation:
-    """Ground, or a question, but no drop."""
-    return Expectation(Expected.NO_CLIFF, low, high)
-
-
-def frontier(low: Point, high: Point) -> Expectation:
-    """Worth a look: a frontier that can be chosen."""
-    return Expectation(Expected.FRONTIER, low, high)
-
-
-def no_frontier(low: Point, high: Point) -> Expectation:
-    """Nothing there is left to look at."""
-    return Expectation(Expected.NO_FRONTIER, low, high)
+# Of a box between two corners, low and high.
+traversable = partial(Expectation, Expected.TRAVERSABLE)
+obstacle = partial(Expectation, Expected.OBSTACLE)
+cliff = partial(Expectation, Expected.CLIFF)
+not_traversable = partial(Expectation, Expected.NOT_TRAVERSABLE)
+no_cliff = partial(Expectation, Expected.NO_CLIFF)
+frontier = partial(Expectation, Expected.FRONTIER)
+no_frontier = partial(Expectation, Expected.NO_FRONTIER)
 
 
 def path(end: Point) -> Expectation:
