@@ -1,6 +1,6 @@
-"""Surfaces of a column map, the raw material of the terrain analysis: which voxel tops a robot fits above, and small holes between them.
+"""Surfaces of a column map, the raw material of the terrain analysis: which voxel tops a robot fits above.
 
-First step of `terrain.classify`: crop the columns around the robot, list the surface of every column, bridge holes of a few voxels.
+First step of `terrain.classify`: crop the columns around the robot, and list the surfaces of every column.
 Everything here is in voxels. A direction 0, 1, 2, 3 is +x, +y, -x, -y, so that (k + 2) % 4 looks back and (k + 1) % 4, (k + 3) % 4 aside.
 """
 
@@ -31,7 +31,8 @@ class Columns(NamedTuple):
 class Surfaces(NamedTuple):
     """Surface nodes sorted by column and height: column (N,), z (N,) of the voxel, bridged (N,), and start per column.
 
-    level (N,) is the height of the surface in voxels: where beams hit it on average, which `measured` (N,) tells, else the voxel's middle.
+    level (N,) is the height of the surface in voxels: where beams hit it on average, or on a line over a hole between two such, which
+    `measured` (N,) tells; else the voxel's middle.
     """
 
     start: NDArray[np.int32]
@@ -197,117 +198,8 @@ def _tops(columns: Any, clearance: Any, step: Any) -> Any:
     return start, column[:n], z[:n]
 
 
-@njit(cache=True)
-def _level_agrees(start: Any, z: Any, a: Any, b: Any, gap: Any, back: Any, front: Any, reach: Any) -> Any:
-    """Whether nodes a and b, `gap` columns apart, are one floor: level, or on a slope that goes on behind a or b."""
-    rise = np.int64(z[b]) - np.int64(z[a])
-    if abs(rise) <= 1:
-        return True
-    if abs(rise) > 2:
-        return False
-    behind, ahead = find_node(start, z, back, z[a], reach), find_node(start, z, front, z[b], reach)
-    sign = 1 if rise > 0 else -1
-    return (behind >= 0 and (z[a] - z[behind]) * sign >= 1) or (ahead >= 0 and (z[ahead] - z[b]) * sign >= 1)
-
-
-@njit(cache=True)
-def _spans(columns: Any, start: Any, z: Any, a: Any, b: Any, c: Any, stride: Any, gap: Any, step: Any, clearance: Any, drop: Any) -> Any:
-    """Whether floor between nodes a, of column c, and b, `gap` columns on, contradicts nothing that is known there."""
-    for j in range(1, gap):
-        level = _level_between(z, a, b, j, gap)
-        between = c + j * stride
-        if find_node(start, z, between, level, step) >= 0 or blocking_voxel(columns, between, level, step, clearance) != NO_VOXEL:
-            return False
-        seen = seen_down_to(columns, between, level)
-        if seen != NO_VOXEL and seen <= level - drop:
-            return False
-    return True
-
-
-@njit(cache=True)
-def _level_between(z: Any, a: Any, b: Any, j: Any, gap: Any) -> Any:
-    """Layer of the floor j of `gap` columns on the way from node a to node b."""
-    return (2 * (np.int64(z[a]) * (gap - j) + np.int64(z[b]) * j) + gap) // (2 * gap)
-
-
-@njit(cache=True)
-def _beyond_hole(start: Any, z: Any, a: Any, c: Any, stride: Any, gap: Any, step: Any) -> Any:
-    """Node that goes on the floor of node a of column c `gap` columns further, -1 for none, -2 where ground lies before it."""
-    if find_node(start, z, c + (gap - 1) * stride, np.int64(z[a]), step) >= 0:
-        return -2
-    b = find_node(start, z, c + gap * stride, np.int64(z[a]), 2)
-    return b if b >= 0 and _level_agrees(start, z, a, b, gap, c - 3 * stride, c + (gap + 3) * stride, step) else -1
-
-
-@njit(cache=True)
-def _bridge(columns: Any, start: Any, column: Any, z: Any, limits: Any) -> Any:
-    """(M, 3) int64 of (column, z, gap) of virtual floor between two nodes of one level with at most `hole` columns unknown.
-
-    `limits` is (hole, step, clearance, drop) in voxels.
-    """
-    hole, step, clearance, drop = limits
-    nx, ny = columns.nx, columns.ny
-    found = [(np.int64(0), np.int64(0), np.int64(0)) for _ in range(0)]
-    for a in range(z.size):
-        c = np.int64(column[a])
-        for k in range(2):
-            stride = ny if k == 0 else 1
-            if find_node(start, z, c + stride, np.int64(z[a]), step) >= 0:
-                continue
-            ix, iy = c // ny, c % ny
-            room = min(hole + 1, (nx - ix - 4 if k == 0 else ny - iy - 4)) if ix >= 3 and iy >= 3 else 0
-            for gap in range(2, room + 1):
-                b = _beyond_hole(start, z, a, c, stride, gap, step)
-                if b == -2:
-                    break
-                if b >= 0 and _spans(columns, start, z, a, b, c, stride, gap, step, clearance, drop):
-                    for j in range(1, gap):
-                        found.append((c + j * stride, _level_between(z, a, b, j, gap), np.int64(gap)))
-    out = np.empty((len(found), 3), np.int64)
-    for i in range(len(found)):
-        out[i, 0], out[i, 1], out[i, 2] = found[i]
-    return out
-
-
-def _one_per_hole(found: NDArray[np.int64], step: int) -> NDArray[np.int64]:
-    """(M, 2) column and z: of the bridges that meet in one column at one level the narrowest stays, the higher when they tie."""
-    if not len(found):
-        return found[:, :2]
-    found = found[np.lexsort((found[:, 1], found[:, 0]))]
-    new = np.r_[True, (np.diff(found[:, 0]) != 0) | (np.diff(found[:, 1]) > step)]
-    group = np.cumsum(new)
-    found = found[np.lexsort((-found[:, 1], found[:, 2], group))]
-    return found[np.r_[True, np.diff(np.sort(group)) != 0]][:, :2]
-
-
-@njit(cache=True)
-def _with_holes(start: Any, z: Any, hole_column: Any, hole_z: Any) -> Any:
-    """(start, column, z, bridged) of the surfaces and the sorted holes among them."""
-    size = z.size + hole_z.size
-    out_start = np.empty_like(start)
-    column, out_z, bridged = np.empty(size, np.int32), np.empty(size, np.int16), np.zeros(size, np.bool_)
-    s, h = 0, 0
-    for c in range(start.size - 1):
-        out_start[c] = s + h
-        while s < start[c + 1] or (h < hole_z.size and hole_column[h] == c):
-            is_hole = h < hole_z.size and hole_column[h] == c and (s == start[c + 1] or hole_z[h] < z[s])
-            n = s + h
-            column[n], bridged[n] = c, is_hole
-            if is_hole:
-                out_z[n] = hole_z[h]
-                h += 1
-            else:
-                out_z[n] = z[s]
-                s += 1
-    out_start[-1] = size
-    return out_start, column, out_z, bridged
-
-
-def surfaces_of(columns: Columns, clearance: int, hole: int, step: int) -> Surfaces:
-    """Every surface of the window with `clearance` voxels of room above, and virtual ones over holes of at most `hole` unknown columns."""
+def tops_of(columns: Columns, clearance: int, step: int) -> Surfaces:
+    """Every surface of the window with `clearance` voxels of room above, at the middle of its voxel."""
     start, column, z = _tops(columns, clearance, step)
-    holes = _one_per_hole(_bridge(columns, start, column, z, (hole, step, clearance, step + 1)), step)
-    bridged = np.zeros(z.size, dtype=bool)
-    if len(holes):
-        start, column, z, bridged = _with_holes(start, z, holes[:, 0].copy(), holes[:, 1].copy())
-    return Surfaces(start, column, z, bridged, z.astype(np.float32) + np.float32(0.5), np.zeros(z.size, dtype=bool))
+    unknown = np.zeros(z.size, dtype=bool)
+    return Surfaces(start, column, z, unknown, z.astype(np.float32) + np.float32(0.5), unknown)

@@ -50,8 +50,9 @@ def first_flood(
     return unreached, np.empty((unreached.size, 4), dtype=np.uint8), None
 
 
-def _shape(config: TerrainConfig, limits: Limits) -> tuple[int, int, int, float, bool]:
-    return limits.step, config.cliff_area_voxels, limits.look, limits.max_slope, config.cliff_evidence == "assumed"
+def _shape(config: TerrainConfig, limits: Limits) -> tuple[int, int, int, float, bool, float]:
+    assumed = config.cliff_evidence == "assumed"
+    return limits.step, config.cliff_area_voxels, limits.look, limits.max_slope, assumed, limits.max_measured_step
 
 
 def _half_widths(radius_m: float, shape: str, resolution: float) -> NDArray[np.int64]:

@@ -34,17 +34,28 @@ def _limit(j: Any, step: Any, max_slope: Any) -> Any:
 
 
 @njit(cache=True)
-def _drop_along(columns: Any, start: Any, z: Any, c: Any, stride: Any, level: Any, shape: Any) -> Any:
-    """Whether free space was seen below all ground that could be driven to from column c in steps of `stride`.
+def _falls_to(surfaces: Any, s: Any, n: Any, j: Any, shape: Any) -> Any:
+    """Whether node n, j columns beyond node s and nothing in between, lies lower than a step and than any slope between would lead."""
+    if not (surfaces.measured[s] and surfaces.measured[n]):
+        return False
+    return surfaces.level[s] - surfaces.level[n] > max(shape[5], j * shape[3])
+
+
+@njit(cache=True)
+def _drop_along(columns: Any, surfaces: Any, s: Any, c: Any, stride: Any, shape: Any) -> Any:
+    """Whether from column c in steps of `stride` all ground that could be driven to from node s lies too low, or free space below it.
 
     Where a drop is assumed, as the thesis does (7.3), it is enough that a beam passed where ground would be and none was seen.
     """
-    step, _, look, max_slope, assumed = shape
+    start, z = surfaces.start, surfaces.z
+    step, _, look, max_slope, assumed, _ = shape
+    level = np.int64(z[s])
     for j in range(1, look + 1):
         cj = c + j * stride
         limit = _limit(j, step, max_slope)
-        if find_node(start, z, cj, level, limit) >= 0:
-            return False
+        n = find_node(start, z, cj, level, limit)
+        if n >= 0:
+            return _falls_to(surfaces, s, n, j, shape)
         if lowest_occupied(columns, cj, level - step, level + step) != NO_VOXEL:
             return False
         seen = seen_down_to(columns, cj, level)
@@ -68,30 +79,29 @@ def _ground_aside(start: Any, z: Any, c: Any, stride: Any, aside: Any, level: An
 
 
 @njit(cache=True)
-def look(columns: Any, start: Any, z: Any, c: Any, level: Any, k: Any, clearance: Any, shape: Any) -> Any:
-    """What lies in direction k of a node of column c where no ground goes on: obstacle, drop that was seen, or the unknown.
+def look(columns: Any, surfaces: Any, s: Any, c: Any, k: Any, clearance: Any, shape: Any) -> Any:
+    """What lies in direction k of node s of column c where no ground goes on: obstacle, drop that was seen, or the unknown.
 
-    `shape` is (step, cliff area half width, cliff look, tangent of the steepest drivable slope, whether unseen drops are assumed).
+    `shape` is (step, cliff area half width, cliff look, tangent of the steepest drivable slope, whether unseen drops are assumed, highest
+    measured step).
     """
-    step, half_width = shape[0], shape[1]
+    step, half_width, level = shape[0], shape[1], np.int64(surfaces.z[s])
     stride, aside = DX[k] * columns.ny + DY[k], DX[(k + 1) % 4] * columns.ny + DY[(k + 1) % 4]
     if blocking_voxel(columns, c + stride, level, step, clearance) != NO_VOXEL:
         return SEES_OBSTACLE
-    if _drop_along(columns, start, z, c, stride, level, shape):
+    if _drop_along(columns, surfaces, s, c, stride, shape):
         return SEES_DROP
-    if _ground_aside(start, z, c, stride, aside, level, shape):
+    if _ground_aside(surfaces.start, surfaces.z, c, stride, aside, level, shape):
         return SEES_UNKNOWN
     for offset in range(1, half_width + 1):
         for side in (-offset, offset):
-            if _drop_along(columns, start, z, c + side * aside, stride, level, shape):
+            if _drop_along(columns, surfaces, s, c + side * aside, stride, shape):
                 return SEES_DROP
     return SEES_UNKNOWN
 
 
 @njit(cache=True)
-def _judge_sides(
-    columns: Any, start: Any, z: Any, level: Any, near: Any, graph: Any, s: Any, c: Any, clearance: Any, shape: Any, seen: Any
-) -> Any:
+def _judge_sides(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: Any, clearance: Any, shape: Any, seen: Any) -> Any:
     """Cliff where a drop was seen beside node s of column c, else traversable; what was seen where no edge leads goes into `seen`.
 
     Lower ground whose top was not seen may be higher than it looks: a wall under a deck that was seen from below only.
@@ -99,13 +109,13 @@ def _judge_sides(
     for k in range(4):
         n = near[s, k]
         if n < 0:
-            seen[s, k] = look(columns, start, z, c, np.int64(z[s]), k, clearance, shape)
+            seen[s, k] = look(columns, surfaces, s, c, k, clearance, shape)
             if seen[s, k] == SEES_DROP:
                 return CLIFF
         elif graph[s, k] < 0:
             seen[s, k] = SEES_OBSTACLE
-            if level[n] < level[s]:
-                if is_top_seen(columns, c + DX[k] * columns.ny + DY[k], z[n]):
+            if surfaces.level[n] < surfaces.level[s]:
+                if is_top_seen(columns, c + DX[k] * columns.ny + DY[k], surfaces.z[n]):
                     return CLIFF
                 seen[s, k] = SEES_UNKNOWN
     return TRAVERSABLE
@@ -119,7 +129,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, clea
     Nodes are traversable, obstacles (too steep) or cliffs. Only traversable ones are expanded, and only into columns that are `inside`
     (bool per column).
     """
-    start, column, z, level = surfaces.start, surfaces.column, surfaces.z, surfaces.level  # arrays of a tuple are counted at every use
+    column, z = surfaces.column, surfaces.z  # arrays of a tuple are counted at every use
     near, graph, slope = links.near, links.graph, links.slope
     label, seen = np.full(column.size, UNREACHED, np.uint8), np.empty((column.size, 4), np.uint8)
     queued = np.zeros(column.size, np.bool_)
@@ -137,7 +147,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, clea
         label[s] = TRAVERSABLE
         for k in range(4):
             if graph[s, k] < 0:
-                label[s] = _judge_sides(columns, start, z, level, near, graph, s, c, clearance, shape, seen)
+                label[s] = _judge_sides(columns, surfaces, near, graph, s, c, clearance, shape, seen)
                 break
         if label[s] != TRAVERSABLE:
             continue

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.column_runs import ColumnRuns
-from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, surfaces_of
+from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, tops_of
 from octomap_server_3dnav.surface_graph import Links, nearest_neighbours, slopes_of_open_ground, steppable_neighbours
 from octomap_server_3dnav.surface_heights import SurfaceHeights
+from octomap_server_3dnav.surface_holes import bridge_holes
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 
 
@@ -74,11 +75,11 @@ def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: Limits
 
 
 def _surfaces(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | None, config: TerrainConfig, limits: Limits) -> Surfaces:
-    surfaces = surfaces_of(columns, limits.clearance, config.hole_bridge_voxels, limits.step)
-    if heights is None or config.step_heights == "voxels":
-        return surfaces
-    ix, iy = np.divmod(surfaces.column, np.int32(columns.ny))
-    return surfaces.at_heights(heights.at(ix + key[0], iy + key[1], surfaces.z))
+    surfaces = tops_of(columns, limits.clearance, limits.step)
+    if heights is not None and config.step_heights == "measured":
+        ix, iy = np.divmod(surfaces.column, np.int32(columns.ny))
+        surfaces = surfaces.at_heights(heights.at(ix + key[0], iy + key[1], surfaces.z))
+    return bridge_holes(columns, surfaces, limits.clearance, config.hole_bridge_voxels, limits.step, limits.max_measured_step)
 
 
 def scene_around(

@@ -8,8 +8,9 @@ from terrain_worlds import grid_of_heights, runs_of
 
 from octomap_server_3dnav import terrain_judgement, terrain_kernels, terrain_scene
 from octomap_server_3dnav.column_runs import VoxelState
-from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, find_node, surfaces_of
+from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, find_node, tops_of
 from octomap_server_3dnav.surface_graph import STEEP, UNFITTED, nearest_neighbours, slope_at, slopes_of_open_ground, steppable_neighbours
+from octomap_server_3dnav.surface_holes import bridge_holes
 
 MARGIN, STEP, CLEARANCE = 18, 2, 14
 
@@ -23,7 +24,7 @@ def bumpy_world(seed: int) -> tuple[Columns, Surfaces]:
     states[10:30, 15:35, -2] = VoxelState.OCCUPIED
     runs = runs_of(states)
     columns, _ = crop_columns(runs, runs.origin_key, (runs.origin_key[0] + runs.nx - 1, runs.origin_key[1] + runs.ny - 1), MARGIN)
-    return columns, surfaces_of(columns, CLEARANCE, 3, STEP)
+    return columns, bridge_holes(columns, tops_of(columns, CLEARANCE, STEP), CLEARANCE, 3, STEP, STEP)
 
 
 def whole(columns: Columns) -> np.ndarray:

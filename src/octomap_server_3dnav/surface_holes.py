@@ -1,0 +1,157 @@
+"""Small holes between surfaces: floor is assumed where a few columns are unknown and the ground on both sides is one (thesis 5.5).
+
+Second step of `terrain.classify`, over the surfaces of `surface_columns`; everything is in voxels.
+"""
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from octomap_server_3dnav.surface_columns import NO_VOXEL, Columns, Surfaces, blocking_voxel, find_node, seen_down_to
+
+_SLOPED = np.tan(np.deg2rad(10.0))  # what is less steep is level: over a hole it would lead farther astray than it tells
+
+
+@njit(cache=True)
+def _slope_behind(surfaces: Any, a: Any, back: Any, step: Any) -> Any:
+    """Rise per column from the node of column `back`, three columns behind node a, to a; 0 where it is level or not measured."""
+    n = find_node(surfaces.start, surfaces.z, back, np.int64(surfaces.z[a]), step)
+    if n < 0 or not surfaces.measured[n]:
+        return 0.0
+    slope = (surfaces.level[a] - surfaces.level[n]) / 3.0
+    return slope if abs(slope) > _SLOPED else 0.0
+
+
+@njit(cache=True)
+def _is_step_between(surfaces: Any, a: Any, b: Any, gap: Any, back: Any, front: Any, step: Any, max_step: Any) -> Any:
+    """Whether measured nodes a and b, `gap` columns apart, differ by more than `max_step` from where the slope behind or beyond leads.
+
+    `back` and `front` are the columns three before a and three after b.
+    """
+    rise = surfaces.level[b] - surfaces.level[a]
+    behind, beyond = _slope_behind(surfaces, a, back, step), -_slope_behind(surfaces, b, front, step)
+    return min(abs(rise), abs(rise - gap * behind), abs(rise - gap * beyond)) > max_step
+
+
+@njit(cache=True)
+def _is_one_floor(surfaces: Any, a: Any, b: Any, gap: Any, back: Any, front: Any, step: Any, max_step: Any) -> Any:
+    """Whether nodes a and b, `gap` columns apart, are one floor: level, or on a slope that goes on behind a or b."""
+    start, z = surfaces.start, surfaces.z
+    rise = np.int64(z[b]) - np.int64(z[a])
+    if abs(rise) > 2:
+        return False
+    if surfaces.measured[a] and surfaces.measured[b]:
+        return not _is_step_between(surfaces, a, b, gap, back, front, step, max_step)
+    if abs(rise) <= 1:
+        return True
+    behind, ahead = find_node(start, z, back, z[a], step), find_node(start, z, front, z[b], step)
+    sign = 1 if rise > 0 else -1
+    return (behind >= 0 and (z[a] - z[behind]) * sign >= 1) or (ahead >= 0 and (z[ahead] - z[b]) * sign >= 1)
+
+
+@njit(cache=True)
+def _spans(columns: Any, start: Any, z: Any, a: Any, b: Any, c: Any, stride: Any, gap: Any, step: Any, clearance: Any, drop: Any) -> Any:
+    """Whether floor between nodes a, of column c, and b, `gap` columns on, contradicts nothing that is known there."""
+    for j in range(1, gap):
+        level = _level_between(z, a, b, j, gap)
+        between = c + j * stride
+        if find_node(start, z, between, level, step) >= 0 or blocking_voxel(columns, between, level, step, clearance) != NO_VOXEL:
+            return False
+        seen = seen_down_to(columns, between, level)
+        if seen != NO_VOXEL and seen <= level - drop:
+            return False
+    return True
+
+
+@njit(cache=True)
+def _level_between(z: Any, a: Any, b: Any, j: Any, gap: Any) -> Any:
+    """Layer of the floor j of `gap` columns on the way from node a to node b."""
+    return (2 * (np.int64(z[a]) * (gap - j) + np.int64(z[b]) * j) + gap) // (2 * gap)
+
+
+@njit(cache=True)
+def _beyond_hole(surfaces: Any, a: Any, c: Any, stride: Any, gap: Any, step: Any, max_step: Any) -> Any:
+    """Node that goes on the floor of node a of column c `gap` columns further, -1 for none, -2 where ground lies before it."""
+    start, z = surfaces.start, surfaces.z
+    if find_node(start, z, c + (gap - 1) * stride, np.int64(z[a]), step) >= 0:
+        return -2
+    b = find_node(start, z, c + gap * stride, np.int64(z[a]), 2)
+    return b if b >= 0 and _is_one_floor(surfaces, a, b, gap, c - 3 * stride, c + (gap + 3) * stride, step, max_step) else -1
+
+
+@njit(cache=True)
+def _bridges(columns: Any, surfaces: Any, limits: Any) -> Any:
+    """(M, 4) of (column, z, gap, level) of virtual floor between two nodes of one floor with at most `hole` columns unknown.
+
+    `limits` is (hole, step, clearance, drop, highest measured step) in voxels. The level is NaN unless both ends are measured.
+    """
+    hole, step, clearance, drop, max_step = limits
+    nx, ny = columns.nx, columns.ny
+    start, column, z, level, measured = surfaces.start, surfaces.column, surfaces.z, surfaces.level, surfaces.measured
+    found = [(0.0, 0.0, 0.0, 0.0) for _ in range(0)]
+    for a in range(z.size):
+        c = np.int64(column[a])
+        for k in range(2):
+            stride = ny if k == 0 else 1
+            if find_node(start, z, c + stride, np.int64(z[a]), step) >= 0:
+                continue
+            ix, iy = c // ny, c % ny
+            room = min(hole + 1, (nx - ix - 4 if k == 0 else ny - iy - 4)) if ix >= 3 and iy >= 3 else 0
+            for gap in range(2, room + 1):
+                b = _beyond_hole(surfaces, a, c, stride, gap, step, max_step)
+                if b == -2:
+                    break
+                if b >= 0 and _spans(columns, start, z, a, b, c, stride, gap, step, clearance, drop):
+                    rise = level[b] - level[a] if measured[a] and measured[b] else np.nan
+                    for j in range(1, gap):
+                        place = c + j * stride, _level_between(z, a, b, j, gap), gap, level[a] + rise * j / gap
+                        found.append((float(place[0]), float(place[1]), float(place[2]), float(place[3])))
+    out = np.empty((len(found), 4))
+    for i in range(len(found)):
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = found[i]
+    return out
+
+
+def _one_per_hole(found: NDArray[np.float64], step: int) -> NDArray[np.float64]:
+    """Those of the (M, 4) bridges that stay: where some meet in one column at one level the narrowest, the higher when they tie."""
+    found = found[np.lexsort((found[:, 1], found[:, 0]))]
+    new = np.r_[True, (np.diff(found[:, 0]) != 0) | (np.diff(found[:, 1]) > step)]
+    group = np.cumsum(new)
+    found = found[np.lexsort((-found[:, 1], found[:, 2], group))]
+    return found[np.r_[True, np.diff(np.sort(group)) != 0]]
+
+
+@njit(cache=True)
+def _merged(surfaces: Any, hole_column: Any, hole_z: Any) -> Any:
+    """(N + H,) index of every surface and sorted hole in the order of both: surfaces count from 0, holes from N; and start per column."""
+    start, z = surfaces.start, surfaces.z
+    order, out_start = np.empty(z.size + hole_z.size, np.int64), np.empty_like(start)
+    s, h = 0, 0
+    for c in range(start.size - 1):
+        out_start[c] = s + h
+        while s < start[c + 1] or (h < hole_z.size and hole_column[h] == c):
+            is_hole = h < hole_z.size and hole_column[h] == c and (s == start[c + 1] or hole_z[h] < z[s])
+            order[s + h] = z.size + h if is_hole else s
+            h, s = (h + 1, s) if is_hole else (h, s + 1)
+    out_start[-1] = order.size
+    return order, out_start
+
+
+def bridge_holes(columns: Columns, surfaces: Surfaces, clearance: int, hole: int, step: int, max_measured_step: float) -> Surfaces:
+    """The surfaces and virtual ones over holes of at most `hole` unknown columns, as high as a straight line over the hole is."""
+    found = _bridges(columns, surfaces, (hole, step, clearance, step + 1, max_measured_step))
+    if not len(found):
+        return surfaces
+    column, z, _, level = _one_per_hole(found, step).T
+    order, start = _merged(surfaces, column, z)
+    measured = np.isfinite(level)
+    return Surfaces(
+        start,
+        np.concatenate([surfaces.column, column.astype(np.int32)])[order],
+        np.concatenate([surfaces.z, z.astype(np.int16)])[order],
+        np.concatenate([surfaces.bridged, np.ones(z.size, dtype=bool)])[order],
+        np.concatenate([surfaces.level, np.where(measured, level, z + 0.5).astype(np.float32)])[order],
+        np.concatenate([surfaces.measured, measured])[order],
+    )
