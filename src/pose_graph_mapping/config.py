@@ -83,6 +83,11 @@ class RegistrationConfig:
     min_points: int = parameter(200, "-", "fewest points of a cloud after voxelling", low=10)
     overlap_distance_m: float = parameter(0.2, "m", "a reading point with a reference point this near overlaps", low=0.01)
     min_overlap: float = parameter(0.2, "-", "least share of overlapping reading points", low=0.0, high=1.0)
+    min_overlap_unguided: float = parameter(
+        0.5, "-", "the same where nothing is known of the guess: the truth may lie where no match looks", low=0.0, high=1.0
+    )
+    misfit_m: float = parameter(0.05, "m", "an overlapping point so far off the reference's surface does not lie on it", low=0.001)
+    max_misfit: float = parameter(0.15, "-", "largest share of such points: similar ground is not the same", low=0.0, high=1.0)
     max_contradiction: float = parameter(0.012, "-", "largest share of points in space the other cloud saw free", low=0.0, high=1.0)
     free_space_margin_m: float = parameter(0.15, "m", "a point contradicts when it is nearer than seen by more than this ..", low=0.0)
     free_space_margin_ratio: float = parameter(0.02, "-", ".. plus this share of the range", low=0.0, high=1.0)

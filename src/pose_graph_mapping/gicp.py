@@ -19,7 +19,7 @@ from pose_graph_mapping.correlative import Window, window_of
 from pose_graph_mapping.gicp_alignment import Alignment, Stage, align
 from pose_graph_mapping.gicp_surface import Surface, nearest, surface_of, voxel_cloud
 from pose_graph_mapping.graph_measurements import as_covariance
-from pose_graph_mapping.match_quality import FreeSpace, degeneracy, judge, keep_guess, known_directions, match_covariance
+from pose_graph_mapping.match_quality import Fit, FreeSpace, degeneracy, fit_of, judge, keep_guess, known_directions, match_covariance
 from pose_graph_mapping.placement_search import ROUGH_POINTS, Pair, decided, is_found, is_worth_refining, rough_placements
 from pose_graph_mapping.registration import RegistrationResult, refused
 from pose_graph_mapping.residual_pattern import pattern_covariance, residual_pattern
@@ -138,27 +138,25 @@ class GicpRegistration:
         weak = degeneracy(hessian, found.weight, points, config.degenerate_eigenvalue)
         known = known_directions(weak, pair.guess_covariance, config.degenerate_guess_sigma_m)
         T = keep_guess(pair.T_guess, found.T, known)
-        overlap, bent = self._overlap(pair, target, T)
+        fit, bent = self._fit(pair, target, T)
         covariance = match_covariance(config.covariance_scale * np.linalg.inv(hessian) + bent, weak, config)
         contradiction = pair.free_space.contradiction(T)
         ratio = found.inliers / len(points)
-        verdict, reason = judge(ratio, overlap, contradiction, weak, config)
-        return RegistrationResult(T, covariance, ratio, overlap, contradiction, iterations, weak.directions, verdict, reason)
+        verdict, reason = judge(ratio, fit, contradiction, weak, config, pair.guess_covariance is not None)
+        return RegistrationResult(T, covariance, ratio, fit.overlap, contradiction, iterations, weak.directions, verdict, reason)
 
-    def _overlap(self, pair: Pair, target: Surface, T: Array) -> tuple[float, Array]:
-        """Share of the reading near the reference, and the (6, 6) covariance that what is left between them makes."""
-        config, points = self._config, pair.reading.points
-        index, squared = nearest(target.tree, moved_points(T, points))
+    def _fit(self, pair: Pair, target: Surface, T: Array) -> tuple[Fit, Array]:
+        """How the reading lies on the reference, and the (6, 6) covariance that what is left between them makes."""
+        config, reading, sensor = self._config, pair.reading, sensor_of(pair.reading)
+        placed = reading.transformed(T)
+        index, squared = nearest(target.tree, placed.points)
+        at, normals = target.points[index], target.normals[index]
+        fit = fit_of(placed, at, normals, squared, sensor is not None and pair.reference.origins is not None, config)
         near = squared <= config.overlap_distance_m**2
-        index = index[near]
-        sensor = sensor_of(pair.reading)
-        pattern = None
-        if sensor is not None and len(index):
-            pattern = residual_pattern(points[near], sensor, T, target.points[index], target.normals[index])
-        bent = np.zeros((6, 6))
-        if pattern is not None:
-            bent = pattern_covariance(pattern, config)
-        return float(np.mean(near)), bent
+        if sensor is None or not near.any():
+            return fit, np.zeros((6, 6))
+        pattern = residual_pattern(reading.points[near], sensor, T, at[near], normals[near])
+        return fit, np.zeros((6, 6)) if pattern is None else pattern_covariance(pattern, config)
 
 
 def compile_kernels() -> None:

@@ -24,6 +24,7 @@ from rigid_geometry import inverse
 Array = NDArray[np.float64]
 
 _ROWS, _COLUMNS = 180, 360
+_SAME_PLANE_COS = 0.5  # of normals; at edges and behind thin walls nearest points are of other surfaces
 
 
 @njit(cache=True, inline="always")
@@ -200,13 +201,49 @@ def match_covariance(information_inverse: Array, weak: Degeneracy, config: Regis
     return np.asarray(0.5 * (covariance + covariance.T))
 
 
-def judge(ratio: float, overlap: float, contradiction: float, weak: Degeneracy, config: RegistrationConfig) -> tuple[Verdict, str]:
+@dataclass(frozen=True)
+class Fit:
+    """How a placed reading lies on the reference.
+
+    overlap: share of its points near a reference point that faces the same way; misfit: share of those, on one plane with it, that lie
+    `misfit_m` and more off that plane.
+    """
+
+    overlap: float
+    misfit: float
+
+
+def fit_of(placed: PointCloud, at: Array, normals: Array, squared: Array, is_sided: bool, config: RegistrationConfig) -> Fit:
+    """Of a reading placed in the reference, `at` (N, 3) the reference point nearest to each of its points, with `normals` (N, 3).
+
+    `squared` (N,) distances between them. `is_sided`: the normals of both point to the side that was seen.
+    """
+    assert placed.normals is not None
+    cosine = np.einsum("ij,ij->i", normals, placed.normals)
+    cosine = cosine if is_sided else np.abs(cosine)
+    near = (squared <= config.overlap_distance_m**2) & (cosine >= 0.0)
+    level = near & (cosine > _SAME_PLANE_COS)
+    off = np.abs(np.einsum("ij,ij->i", normals[level], placed.points[level] - at[level]))
+    return Fit(float(np.mean(near)), float(np.mean(off > config.misfit_m)) if off.size else 0.0)
+
+
+def judge(
+    ratio: float, fit: Fit, contradiction: float, weak: Degeneracy, config: RegistrationConfig, is_guess_known: bool
+) -> tuple[Verdict, str]:
     """Verdict and its reason; what could not be checked is refused."""
     if config.verdict == "match_ratio":
         accepted = ratio >= config.min_match_ratio
         return (Verdict.ACCEPTED if accepted else Verdict.REFUSED), f"match ratio {ratio:.2f}, wanted {config.min_match_ratio}"
-    if overlap < config.min_overlap:
-        return Verdict.REFUSED, f"overlap {overlap:.2f} is below {config.min_overlap}"
+    least = config.min_overlap if is_guess_known else max(config.min_overlap, config.min_overlap_unguided)
+    if fit.overlap < least:
+        return Verdict.REFUSED, f"overlap {fit.overlap:.2f} is below {least}" + (
+            "" if is_guess_known else ", and nothing is known of the guess"
+        )
+    if fit.misfit > config.max_misfit:
+        return Verdict.REFUSED, (
+            f"{100 * fit.misfit:.0f} % of the overlapping points lie {100 * config.misfit_m:.0f} cm and more off the surface, "
+            f"allowed are {100 * config.max_misfit:.0f} %"
+        )
     if math.isnan(contradiction):
         return Verdict.REFUSED, "free space cannot be checked: no beam origins, or no common field of view"
     if contradiction > config.max_contradiction:
@@ -214,7 +251,7 @@ def judge(ratio: float, overlap: float, contradiction: float, weak: Degeneracy, 
         return Verdict.REFUSED, f"{100 * contradiction:.2f} % of the points lie in space seen free, allowed are {allowed}"
     if len(weak.directions):
         return Verdict.DEGENERATE, f"{len(weak.directions)} directions are not held by the points"
-    return Verdict.ACCEPTED, f"overlap {overlap:.2f}, contradiction {100 * contradiction:.2f} %"
+    return Verdict.ACCEPTED, f"overlap {fit.overlap:.2f}, misfit {100 * fit.misfit:.1f} %, contradiction {100 * contradiction:.2f} %"
 
 
 def compile_kernels() -> None:

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from pose_graph_mapping.cloud import PointCloud, moved_points, reference_cloud, voxel_downsample, with_normals
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.gicp import in_reach
-from pose_graph_mapping.gicp_surface import overlap_of
+from pose_graph_mapping.gicp_surface import nearest
 from pose_graph_mapping.match_quality import (
     Degeneracy,
     degeneracy,
     exp_motion,
+    fit_of,
     free_space_contradiction,
     judge,
     keep_guess,
@@ -62,6 +63,7 @@ class _Pair:
     reference: PointCloud
     reading: PointCloud
     reference_sweeps: PointCloud
+    is_guess_known: bool
 
 
 class _Differential:
@@ -98,7 +100,7 @@ class ThesisChainRegistration:
             raise ValueError(f"clouds to match must hold points: reference has {len(reference)}, reading {len(reading)}")
         seen = in_reach(reference, reading, T_guess, config.chain_max_distance_m)
         seen = reference_cloud(seen, config.voxel_m, config.normal_neighbours)
-        filtered = _Pair(self._filtered(seen), self._filtered(reading), seen)
+        filtered = _Pair(self._filtered(seen), self._filtered(reading), seen, guess_covariance is not None)
         sizes = len(filtered.reference), len(filtered.reading)
         if min(sizes) < config.min_points:
             return refused(T_guess, f"{sizes[0]} reference and {sizes[1]} reading points after filtering, {config.min_points} wanted")
@@ -155,16 +157,19 @@ class ThesisChainRegistration:
     def _judged(
         self, clouds: _Pair, tree: small_gicp.KdTree, matches: _Matches, guess_and_match: tuple[Array, Array], iterations: int
     ) -> RegistrationResult:
-        config, reading = self._config, clouds.reading
+        config, reference, reading = self._config, clouds.reference, clouds.reading
         jacobian = matches.jacobian()
         weak = degeneracy(jacobian.T @ jacobian, len(jacobian), reading.points, config.chain_degenerate_share)
         T = keep_guess(*guess_and_match, weak)
         covariance = match_covariance(_censi(jacobian, matches.sigmas, weak), weak, config)
-        overlap = overlap_of(tree, moved_points(T, reading.points), config.overlap_distance_m)
+        index, squared = nearest(tree, moved_points(T, reading.points))
+        assert reference.normals is not None
+        is_sided = reference.origins is not None and reading.origins is not None
+        fit = fit_of(reading.transformed(T), reference.points[index], reference.normals[index], squared, is_sided, config)
         contradiction = free_space_contradiction(clouds.reference_sweeps, reading, T, config)
         ratio = len(jacobian) / len(reading)
-        verdict, reason = judge(ratio, overlap, contradiction, weak, config)
-        return RegistrationResult(T, covariance, ratio, overlap, contradiction, iterations, weak.directions, verdict, reason)
+        verdict, reason = judge(ratio, fit, contradiction, weak, config, clouds.is_guess_known)
+        return RegistrationResult(T, covariance, ratio, fit.overlap, contradiction, iterations, weak.directions, verdict, reason)
 
 
 def _censi(jacobian: Array, sigmas: Array, weak: Degeneracy) -> Array:
