@@ -121,9 +121,10 @@ def _ray_lengths(reach: Any) -> Any:
 
 
 @njit(cache=True)
-def slope_at(graph: Any, z: Any, s: Any, reach: Any) -> Any:
+def slope_at(graph: Any, level: Any, s: Any, reach: Any) -> Any:
     """Tangent of the steepest slope of the plane fitted to the ground around s, out to `reach` voxels."""
-    n, sx, sy, sz, sxx, syy, sxy, sxz, syz = 1, 0, 0, 0, 0, 0, 0, 0, 0
+    n, sx, sy, sxx, syy, sxy = 1, 0, 0, 0, 0, 0
+    sz, sxz, syz = 0.0, 0.0, 0.0
     lengths = _ray_lengths(reach)
     for k in range(4):
         for oblique in range(2):
@@ -133,7 +134,7 @@ def slope_at(graph: Any, z: Any, s: Any, reach: Any) -> Any:
                 node = np.int64(diagonal(graph, node, k) if oblique else graph[node, k])
                 if node < 0:
                     break
-                x, y, h = j * dx, j * dy, np.int64(z[node]) - z[s]
+                x, y, h = j * dx, j * dy, np.float64(level[node]) - level[s]
                 n, sx, sy, sz = n + 1, sx + x, sy + y, sz + h
                 sxx, syy, sxy, sxz, syz = sxx + x * x, syy + y * y, sxy + x * y, sxz + x * h, syz + y * h
     # A weak pull to level (0.5) keeps the plane defined where all ground lies on one line.
@@ -144,16 +145,16 @@ def slope_at(graph: Any, z: Any, s: Any, reach: Any) -> Any:
 
 
 @njit(cache=True)
-def _single_surfaces(start: Any, z: Any, graph: Any, ny: Any, spans: Any) -> Any:
-    """(C,) int16 voxel of the only surface of a column, and (C,) uint8 bits of the directions in which it can be left; else 0."""
-    level, edges = np.zeros(start.size - 1, np.int16), np.zeros(start.size - 1, np.uint8)
+def _single_surfaces(start: Any, level: Any, graph: Any, ny: Any, spans: Any) -> Any:
+    """(C,) float32 height of the only surface of a column, and (C,) uint8 bits of the directions in which it can be left; else 0."""
+    height, edges = np.zeros(start.size - 1, np.float32), np.zeros(start.size - 1, np.uint8)
     for ix in range(spans.shape[0]):
         for c in range(ix * ny + spans[ix, 0], ix * ny + spans[ix, 1]):
             s = start[c]
             if start[c + 1] - s == 1:
-                level[c] = z[s]
+                height[c] = level[s]
                 edges[c] = (graph[s, 0] >= 0) | (graph[s, 1] >= 0) << 1 | (graph[s, 2] >= 0) << 2 | (graph[s, 3] >= 0) << 3
-    return level, edges
+    return height, edges
 
 
 @njit(cache=True)
@@ -192,15 +193,15 @@ def _open_ground(edges: Any, ny: Any, low: Any, n: Any, reach: Any) -> Any:
 
 
 @njit(cache=True)
-def _add_difference(total: Any, level: Any, first: Any, other: Any, factor: Any) -> None:
-    """Adds factor * (level[first + i] - level[other + i]) to total[i]."""
-    a, b = level[first:][: total.size], level[other:][: total.size]
+def _add_difference(total: Any, height: Any, first: Any, other: Any, factor: Any) -> None:
+    """Adds factor * (height[first + i] - height[other + i]) to total[i]."""
+    a, b = height[first:][: total.size], height[other:][: total.size]
     for i in range(total.size):
-        total[i] += np.int32(factor) * (np.int32(a[i]) - np.int32(b[i]))
+        total[i] += np.float32(factor) * (a[i] - b[i])
 
 
 @njit(cache=True)
-def slopes_of_open_ground(start: Any, z: Any, graph: Any, ny: Any, spans: Any, reach: Any, max_slope: Any) -> Any:
+def slopes_of_open_ground(start: Any, level: Any, graph: Any, ny: Any, spans: Any, reach: Any, max_slope: Any) -> Any:
     """`Links.slope` of the columns in `spans`: where no ray of `slope_at` ends early the sums over x and y are known, those over x * h
     and y * h the same stencil everywhere."""
     slope = np.zeros(start.size - 1, np.uint8)
@@ -208,22 +209,22 @@ def slopes_of_open_ground(start: Any, z: Any, graph: Any, ny: Any, spans: Any, r
     rim = max(straight, oblique) * (ny + 1)
     if slope.size <= 2 * rim:
         return slope
-    level, edges = _single_surfaces(start, z, graph, ny, spans)
+    height, edges = _single_surfaces(start, level, graph, ny, spans)
     edges = _both_ways(edges, ny)
     a = 0.5 + 2.0 * (np.arange(straight + 1) ** 2).sum() + 4.0 * (np.arange(oblique + 1) ** 2).sum()
     for low in range(rim, slope.size - rim, _BLOCK):
         n = min(_BLOCK, slope.size - rim - low)
         is_open = _open_ground(edges, ny, low, n, reach)
-        along_x, along_y = np.zeros(n, np.int32), np.zeros(n, np.int32)
+        along_x, along_y = np.zeros(n, np.float32), np.zeros(n, np.float32)
         for j in range(1, straight + 1):
-            _add_difference(along_x, level, low + j * ny, low - j * ny, j)
-            _add_difference(along_y, level, low + j, low - j, j)
+            _add_difference(along_x, height, low + j * ny, low - j * ny, j)
+            _add_difference(along_y, height, low + j, low - j, j)
         for j in range(1, oblique + 1):
             up, down = j * (ny + 1), j * (ny - 1)
-            _add_difference(along_x, level, low + up, low - up, j)
-            _add_difference(along_x, level, low + down, low - down, j)
-            _add_difference(along_y, level, low + up, low - up, j)
-            _add_difference(along_y, level, low - down, low + down, j)
+            _add_difference(along_x, height, low + up, low - up, j)
+            _add_difference(along_x, height, low + down, low - down, j)
+            _add_difference(along_y, height, low + up, low - up, j)
+            _add_difference(along_y, height, low - down, low + down, j)
         for i in range(n):
             if is_open[i] & 1:
                 p, q = float(along_x[i]), float(along_y[i])

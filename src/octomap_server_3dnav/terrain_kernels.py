@@ -129,7 +129,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, clea
     Nodes are traversable, obstacles (too steep) or cliffs. Only traversable ones are expanded, and only into columns that are `inside`
     (bool per column).
     """
-    column, z = surfaces.column, surfaces.z  # arrays of a tuple are counted at every use
+    column, level = surfaces.column, surfaces.level  # arrays of a tuple are counted at every use
     near, graph, slope = links.near, links.graph, links.slope
     label, seen = np.full(column.size, UNREACHED, np.uint8), np.empty((column.size, 4), np.uint8)
     queued = np.zeros(column.size, np.bool_)
@@ -141,7 +141,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, clea
         left -= 1
         s = np.int64(waiting[left])
         c = np.int64(column[s])
-        if slope[c] == STEEP or (slope[c] == UNFITTED and slope_at(graph, z, s, reach) > max_slope):
+        if slope[c] == STEEP or (slope[c] == UNFITTED and slope_at(graph, level, s, reach) > max_slope):
             label[s] = OBSTACLE
             continue
         label[s] = TRAVERSABLE

@@ -70,7 +70,7 @@ def _linked_spans(x: NDArray[np.float64], y: NDArray[np.float64], radius_m: floa
 def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: Limits) -> Links:
     near = nearest_neighbours(surfaces.start, surfaces.z, ny, spans, limits.step)
     graph = steppable_neighbours(near, surfaces, limits.max_step, limits.max_measured_step)
-    slope = slopes_of_open_ground(surfaces.start, surfaces.z, graph, ny, spans, limits.slope_reach, limits.max_slope)
+    slope = slopes_of_open_ground(surfaces.start, surfaces.level, graph, ny, spans, limits.slope_reach, limits.max_slope)
     return Links(near, graph, slope)
 
 

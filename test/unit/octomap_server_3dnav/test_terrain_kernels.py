@@ -51,9 +51,9 @@ def test_neighbours_are_the_nearest_surfaces_of_the_next_columns(seed):
 def test_slopes_of_open_ground_are_those_of_the_fit(seed, reach):
     columns, surfaces = bumpy_world(seed)
     graph = steppable_neighbours(nearest_neighbours(surfaces.start, surfaces.z, columns.ny, whole(columns), STEP), surfaces, 1.4, 1.1)
-    fitted = {s: slope_at(graph, surfaces.z, s, reach) for s in range(surfaces.z.size)}
+    fitted = {s: slope_at(graph, surfaces.level, s, reach) for s in range(surfaces.z.size)}
     for limit in (0.1, 0.3, float(np.median(list(fitted.values())))):
-        slope = slopes_of_open_ground(surfaces.start, surfaces.z, graph, columns.ny, whole(columns), reach, limit)[surfaces.column]
+        slope = slopes_of_open_ground(surfaces.start, surfaces.level, graph, columns.ny, whole(columns), reach, limit)[surfaces.column]
         judged = np.flatnonzero(slope != UNFITTED)
         assert [bool(slope[s] == STEEP) for s in judged] == [bool(fitted[s] > limit) for s in judged]
     assert judged.size > (100 if reach < 7 else 0)
