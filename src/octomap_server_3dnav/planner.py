@@ -17,6 +17,7 @@ from octomap_server_3dnav.surface_graph import diagonal
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
 from stage_config import check_ranges, parameter
 
+_STOREY_M = 0.5  # ground that differs by less in height is of one storey
 SHORTCUT_NODES = 80  # how far ahead a shortcut is looked for: 6 m at 8 cm, and keeps it linear in the length of the path
 
 
@@ -212,12 +213,23 @@ def _resample(corners: NDArray[np.float64], spacing_m: float) -> NDArray[np.floa
 
 
 def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], tolerance_m: float) -> int | None:
-    """The traversable node that the robot can reach nearest to a point in map; None when none lies within `tolerance_m`."""
+    """The traversable node that the robot can reach nearest to a point in map; None when none lies within `tolerance_m`.
+
+    A height that is NaN is not known: of the storeys there it is the one nearest to the robot's own height.
+    """
     nodes = np.flatnonzero(terrain.reached & (terrain.label == TerrainClass.TRAVERSABLE))
     if not nodes.size:
         return None
-    gaps = np.linalg.norm(terrain.centers(nodes) - np.asarray(xyz, dtype=np.float32), axis=1)
-    best = int(np.argmin(gaps))
+    off = terrain.centers(nodes) - np.asarray(xyz, dtype=np.float32)
+    if math.isnan(xyz[2]):
+        gaps = np.hypot(off[:, 0], off[:, 1])
+        near = np.flatnonzero(gaps <= gaps.min() + terrain.resolution)
+        aside = np.abs(terrain.z[nodes[near]] * terrain.resolution - terrain.robot_xyz[2])
+        near = near[aside <= aside.min() + _STOREY_M]
+        best = int(near[np.argmin(gaps[near])])
+    else:
+        gaps = np.linalg.norm(off, axis=1)
+        best = int(np.argmin(gaps))
     return int(nodes[best]) if gaps[best] <= max(tolerance_m, terrain.resolution) else None
 
 

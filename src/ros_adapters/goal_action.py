@@ -1,20 +1,26 @@
-"""move_base's goals: the action and the simple goal of rviz, answered with a plan from make_plan."""
+"""move_base's goals: the action, and rviz's simple goal and clicked point, answered with a plan from make_plan."""
 
+import math
 import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import actionlib
 import rospy
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PointStamped, PoseStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseResult
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 
+from rigid_geometry import transform_from_rpy
+from ros_adapters.conversions import pose_message
+
 if TYPE_CHECKING:
     from path_following import FollowerOutput
+    from rigid_geometry.transforms import Transform
 
 _MAKE_PLAN = "/octomap_server_3dnav_node/make_plan"
+_TOLERANCE_M = 0.5
 
 
 class GoalAction:
@@ -32,17 +38,36 @@ class GoalAction:
         self._server.start()
 
     def on_simple_goal(self, goal: PoseStamped) -> None:
-        """A goal from rviz's tool; ValueError when no plan leads there."""
-        self._plan_to(goal)
+        """A goal from rviz's tool, which knows no height: where the one given is no ground, the storey nearest to the robot is meant.
 
-    def _plan_to(self, goal: PoseStamped) -> None:
+        ValueError when no plan leads there.
+        """
+        plan = self._plan_to(goal)
+        if not plan.poses:
+            goal.pose.position.z = math.nan
+            plan = self._plan_to(goal)
+        self._store(self._checked(plan, goal))
+
+    def on_clicked_point(self, point: PointStamped, T_map_base: "Transform") -> None:
+        """A point on the ground from rviz's tool, height and all; the robot is to look on the way it came. ValueError without a plan."""
+        yaw = math.atan2(point.point.y - T_map_base[1, 3], point.point.x - T_map_base[0, 3])
+        T = transform_from_rpy((point.point.x, point.point.y, point.point.z), (0.0, 0.0, yaw))
+        goal = PoseStamped(point.header, pose_message(T))
+        self._store(self._checked(self._plan_to(goal), goal))
+
+    def _plan_to(self, goal: PoseStamped) -> Path:
         try:
-            plan = self._make_plan(PoseStamped(), goal, 0.5).plan
+            return self._make_plan(PoseStamped(), goal, _TOLERANCE_M).plan
         except rospy.ServiceException as error:
             raise ValueError(f"no plan to ({goal.pose.position.x:.2f}, {goal.pose.position.y:.2f}): {error}") from error
+
+    def _checked(self, plan: Path, goal: PoseStamped) -> Path:
         if not plan.poses:
-            raise ValueError(f"no plan to ({goal.pose.position.x:.2f}, {goal.pose.position.y:.2f})")
-        self._store(plan)
+            at, frame = goal.pose.position, goal.header.frame_id
+            raise ValueError(
+                f"no plan to ({at.x:.2f}, {at.y:.2f}) in frame {frame!r}: no ground within {_TOLERANCE_M} m that the robot reaches"
+            )
+        return plan
 
     def _on_goal(self, handle: "actionlib.ServerGoalHandle") -> None:
         with self._lock:
@@ -50,7 +75,8 @@ class GoalAction:
                 self._active.set_canceled(MoveBaseResult(), "replaced by a newer goal")
                 self._active = None
             try:
-                self._plan_to(handle.get_goal().target_pose)
+                goal = handle.get_goal().target_pose
+                self._store(self._checked(self._plan_to(goal), goal))
             except ValueError as error:
                 handle.set_rejected(MoveBaseResult(), str(error))
                 return

@@ -9,18 +9,21 @@ import numpy as np
 import rospy
 from explore_3dnav.msg import FollowerCommand, TerrainGrid
 from explore_3dnav.srv import StorePlan
+from geometry_msgs.msg import Point, PointStamped, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
-from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, odometry, one_line_of, run_misconfigured, scan, wait_for_node
+from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
+from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, odometry, one_line_of, run_misconfigured, scan, wait_for_node, wait_until
 from sensor_msgs.msg import LaserScan
 from std_srvs.srv import Empty, SetBool
 from tf2_msgs.msg import TFMessage
 
 import rostest
 from rigid_geometry import transform_from_rpy
-from ros_adapters.conversions import path_message, terrain_grid_message, transform_stamped
+from ros_adapters.conversions import header, path_message, pose_message, terrain_grid_message, transform_stamped
 
 NODE = "move_base_node"
 TICK_S = 0.05
+STOREY_M = 2.4  # of the only ground that make_plan knows here
 TRANSFORM_PATIENCE_S = 2.3  # a little more than the node's
 CELLS, RESOLUTION_M = 100, 0.08
 HALF_M = CELLS * RESOLUTION_M / 2
@@ -42,6 +45,16 @@ class MoveBaseTest(unittest.TestCase):
         cls.store_plan = rospy.ServiceProxy("storePlan", StorePlan)
         cls.hold = rospy.ServiceProxy(f"/{NODE}/hold", SetBool)
         cls.hold(False)
+        cls.goals = []
+        rospy.Service("/octomap_server_3dnav_node/make_plan", GetPlan, cls.make_plan)
+
+    @classmethod
+    def make_plan(cls, request: GetPlanRequest) -> GetPlanResponse:
+        """Straight ahead to any goal on the upper storey, or of which no height is known."""
+        cls.goals.append(request.goal.pose.position)
+        if abs(request.goal.pose.position.z - STOREY_M) > request.tolerance:
+            return GetPlanResponse()
+        return GetPlanResponse(path_message(cls.clock_s, "map", np.array([[0.0, 0.0, STOREY_M], [3.0, 0.0, STOREY_M]]), 0.0))
 
     def setUp(self) -> None:
         """Flat free ground around the robot, nothing seen, no plan, and a second for diagnostics to be due."""
@@ -103,6 +116,25 @@ class MoveBaseTest(unittest.TestCase):
         newest = self.costmaps.wait_for(lambda m: m.header.stamp.to_sec() > self.clock_s - 1.0)
         self.assertEqual(newest.header.frame_id, "map")
         self.assertEqual(len(newest.data), newest.info.width * newest.info.height)
+
+    def test_goal_of_rviz_without_ground_at_its_height_is_asked_for_at_any(self) -> None:
+        self.goals.clear()
+        feed("/move_base_simple/goal", PoseStamped).publish(PoseStamped(header(self.clock_s, "map"), pose_message(np.eye(4))))
+        wait_until(lambda: len(self.goals) == 2, "both requests for a plan")
+        self.assertEqual([str(goal.z) for goal in self.goals], ["0.0", "nan"])
+        wait_until(lambda: self.tick().state == "following", "the robot to follow")
+
+    def test_clicked_point_is_a_goal_with_its_height(self) -> None:
+        self.tick()
+        self.goals.clear()
+        clicked = feed("/clicked_point", PointStamped)
+        clicked.publish(header(self.clock_s, "map"), Point(3.0, 0.0, STOREY_M))
+        wait_until(lambda: self.tick().state == "following", "the robot to follow")
+        self.assertEqual([goal.z for goal in self.goals], [STOREY_M])
+        self.store_plan(Path())
+        clicked.publish(header(self.clock_s, "map"), Point(3.0, 0.0, 9.0))
+        wait_until(lambda: len(self.goals) == 2, "a plan to be asked for")
+        self.assertEqual(self.tick().state, "idle")
 
     def test_plan_in_another_frame_is_refused_with_the_reason(self) -> None:
         answer = self.store_plan(path_message(self.clock_s, "odom", np.zeros((2, 3)), 0.0))

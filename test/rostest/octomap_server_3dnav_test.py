@@ -155,6 +155,12 @@ class OctomapServer3dnavTest(unittest.TestCase):
         far = PoseStamped(header(0.0, "map"), pose_message(transform_from_rpy((50.0, 0.0, 0.0))))
         foreign = PoseStamped(header(0.0, "odom"), near.pose)
         self.assertEqual([len(make_plan(PoseStamped(), goal, 0.5).plan.poses) for goal in (far, foreign)], [0, 0])
+        start = PoseStamped(header(0.0, "map"), pose_message(transform_from_rpy((-1.0, 0.5, 0.0))))
+        first = make_plan(start, near, 0.5).plan.poses[0].pose.position
+        self.assertLess(np.hypot(first.x + 1.0, first.y - 0.5), 0.5)
+        self.assertEqual(make_plan(far, near, 0.5).plan.poses, [])
+        near.pose.position.z = float("nan")
+        self.assertEqual(make_plan(PoseStamped(), near, 0.5).plan.poses[-1], plan.poses[-1])
 
     def test_save_without_a_folder_is_no_failure(self) -> None:
         self.assertTrue(rospy.ServiceProxy(f"/{NODE}/save", Trigger)().success)

@@ -9,7 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, grid_of_heights, pose, terrain_of
 
-from octomap_server_3dnav.planner import Path, PlannerConfig, distances_over_ground, plan_path, trim_path
+from octomap_server_3dnav.planner import Path, PlannerConfig, distances_over_ground, nearest_traversable, plan_path, trim_path
 from octomap_server_3dnav.terrain import TerrainClass
 
 CONFIG = PlannerConfig()
@@ -44,6 +44,17 @@ def test_path_leads_under_the_bridge():
     states[30:60, :, BELOW + 20] = OCCUPIED
     path = path_to(terrain_of(states, pose(1.0, 2.4)), 6.4, 2.4, 0.04)
     assert path is not None and path.points[:, 2].max() < 0.1
+
+
+def test_goal_without_a_height_lies_on_the_storey_of_the_robot():
+    slope = math.tan(math.radians(20))
+    states = grid_of_heights(lambda x, y: np.clip((x - 2.0) * slope, 0.0, 2.4) + 0.04 + 0 * y, 130, 40)
+    states[115:, :, BELOW] = OCCUPIED  # what lies under the plateau is not reached
+    terrain = terrain_of(states, pose(1.0, 1.6))
+    node = nearest_traversable(terrain, (9.4, 1.6, math.nan), 0.5)
+    assert terrain.centers()[node] == pytest.approx((9.4, 1.6, 2.44), abs=0.13)
+    assert nearest_traversable(terrain, (9.4, 1.6, 0.04), 0.5) is None
+    assert nearest_traversable(terrain, (40.0, 1.6, math.nan), 0.5) is None
 
 
 def test_path_keeps_the_inflation_radius_from_walls_and_likes_the_middle():
