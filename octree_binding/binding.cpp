@@ -71,6 +71,13 @@ SweepVoxels unknown_hit(Tree& self, const Corner& lo, const Corner& hi) {
   return out;
 }
 
+SweepVoxels known_free(Tree& self, const Corner& lo, const Corner& hi) {
+  SweepVoxels out;
+  out.blocks = locked(self, [&](const OccupancyTree& tree) { return tree.known(box_of(lo, hi)); });
+  for (const VoxelBlock& block : out.blocks) out.free += count(block.free);
+  return out;
+}
+
 void redraw(Tree& self, const Sweeps& changed, const Sweeps& all) {
   const auto blocks_of = [](const Sweeps& sweeps) {
     std::vector<const OccupancyTree::Blocks*> out;
@@ -127,6 +134,7 @@ PYBIND11_MODULE(_octree_binding, m) {
       .def("occupied_leaves", &occupied_leaves)
       .def("states", &states)
       .def("unknown_hit", &unknown_hit)
+      .def("known_free", &known_free)
       .def("free_known",
            [](Tree& self, const Corner& lo, const Corner& hi) {
              locked(self, [&](OccupancyTree& tree) { tree.free_known(box_of(lo, hi)); });

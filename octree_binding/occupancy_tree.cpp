@@ -199,6 +199,23 @@ OccupancyTree::Blocks OccupancyTree::unknown(const VoxelBox& box) const {
   return found.take_sorted();
 }
 
+OccupancyTree::Blocks OccupancyTree::known(const VoxelBox& box) const {
+  VoxelBlocks found;
+  for (const Leaf& leaf : leaves(box)) {
+    const Voxel corner = leaf.corner();
+    const int edge = leaf.size();
+    for (int x = std::max(corner.x, box.lo.x); x <= std::min(corner.x + edge - 1, box.hi.x); ++x) {
+      for (int y = std::max(corner.y, box.lo.y); y <= std::min(corner.y + edge - 1, box.hi.y); ++y) {
+        for (int z = std::max(corner.z, box.lo.z); z <= std::min(corner.z + edge - 1, box.hi.z); ++z) {
+          const Voxel v{x, y, z};
+          VoxelBlocks::set(found.at(v).free, VoxelBlocks::bit(v));
+        }
+      }
+    }
+  }
+  return found.take_sorted();
+}
+
 void OccupancyTree::free_known(const VoxelBox& box) {
   if (root) free_known(root, kTreeCorner, kTreeSize, box);
   states_.free_known(box);

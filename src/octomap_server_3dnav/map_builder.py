@@ -5,7 +5,7 @@ graph moves by more than half a voxel is drawn anew.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,6 +68,7 @@ class _PlacedSweep:
     beams: Beams
     T_map_base: Transform  # where the tree has it
     seen: _Seen  # from there
+    cleared: list[SweepVoxels] = field(default_factory=list)  # by hand, after it and before the next
 
 
 class MapBuilder:
@@ -109,6 +110,18 @@ class MapBuilder:
             self._tree.insert(voxels)
         self.heights.add(seen.hits)
         return bool(self._moved)
+
+    def clear_box(self, lo: ArrayLike, hi: ArrayLike) -> None:
+        """Make all that is known in a box (corners (3,) in map) free; what sweeps see there later counts, what they saw before does not.
+
+        ValueError for corners that are none. Redrawing keeps it as it stands in the map, whatever sweeps move.
+        """
+        cleared = self.tree.trace_clearing(lo, hi)
+        if not self._sweeps:
+            return
+        for voxels in cleared:
+            self._tree.insert(voxels)
+        self._sweeps[-1].cleared += cleared
 
     @property
     def sweep_bytes(self) -> int:
@@ -159,7 +172,7 @@ class MapBuilder:
             sweep.T_map_base, sweep.seen = T_now, self._trace(sweep.beams, T_now, first=sweep is self._sweeps[0])
         after = [sweep.seen for sweep, _ in due]
         changed = [voxels for seen in (*before, *after) for voxels in seen.voxels]
-        self._tree.redraw(changed, [voxels for sweep in self._sweeps for voxels in sweep.seen.voxels])
+        self._tree.redraw(changed, [voxels for sweep in self._sweeps for voxels in (*sweep.seen.voxels, *sweep.cleared)])
         self.heights.remove(HitHeights.together([seen.hits for seen in before]))
         self.heights.add(HitHeights.together([seen.hits for seen in after]))
 

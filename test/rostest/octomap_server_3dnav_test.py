@@ -8,7 +8,7 @@ import numpy as np
 import rospy
 from explore_3dnav.msg import ExplorationDecision, MappedSweep
 from explore_3dnav.srv import StorePlan, StorePlanRequest, StorePlanResponse
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from node_testing import DiagnosticsOf, Inbox, feed, floor_and_walls, one_line_of, run_misconfigured, wait_for_node
@@ -16,10 +16,11 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import MarkerArray
 
 import rostest
+from octomap_server_3dnav.column_runs import VoxelState
 from octomap_server_3dnav.octree import OctreeMap
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import cloud_message, header, pose_message
-from ros_adapters.octomap_messages import GetOctomap, Octomap, octomap_bytes
+from ros_adapters.octomap_messages import BoundingBoxQuery, GetOctomap, Octomap, octomap_bytes
 
 NODE = "octomap_server_3dnav_node"
 T_MAP_BASE = transform_from_rpy((0.0, 0.0, 0.132))
@@ -110,6 +111,18 @@ class OctomapServer3dnavTest(unittest.TestCase):
         self.assertEqual([octomap_bytes(m) for m in served], [octomap_bytes(m) for m in published])
         self.assertEqual([m.header.frame_id for m in served], ["map", "map"])
 
+    def test_box_is_cleared_by_the_service_of_octomap_server(self) -> None:
+        self.decision()
+        served = rospy.ServiceProxy("/octomap_full", GetOctomap)
+        centers, _ = OctreeMap.from_full(octomap_bytes(served().map), 0.08).occupied_voxels()
+        wall = centers[centers[:, 2] > 0.4][:1]
+        clear = rospy.ServiceProxy(f"/{NODE}/clear_bbx", BoundingBoxQuery)
+        clear(Point(*(wall[0] - 0.03)), Point(*(wall[0] + 0.03)))
+        states = OctreeMap.from_full(octomap_bytes(served().map), 0.08).states_at(wall)
+        self.assertEqual(states.tolist(), [VoxelState.FREE])
+        with self.assertRaisesRegex(rospy.ServiceException, "lo <= hi"):
+            clear(Point(1.0, 0.0, 0.0), Point(0.0, 1.0, 1.0))
+
     def test_classes_are_shown_in_the_map_frame(self) -> None:
         self.decision()
         shown = self.markers.wait_for(lambda m: abs(m.markers[0].header.stamp.to_sec() - self.clock_s) < 1e-6).markers
@@ -160,7 +173,7 @@ class OctomapServer3dnavTest(unittest.TestCase):
         self.assertLess(np.hypot(first.x + 1.0, first.y - 0.5), 0.5)
         self.assertEqual(make_plan(far, near, 0.5).plan.poses, [])
         near.pose.position.z = float("nan")
-        self.assertEqual(make_plan(PoseStamped(), near, 0.5).plan.poses[-1], plan.poses[-1])
+        self.assertEqual(make_plan(PoseStamped(), near, 0.5).plan.poses[-1].pose, plan.poses[-1].pose)
 
     def test_save_without_a_folder_is_no_failure(self) -> None:
         self.assertTrue(rospy.ServiceProxy(f"/{NODE}/save", Trigger)().success)

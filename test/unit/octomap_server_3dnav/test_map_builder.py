@@ -205,3 +205,39 @@ def test_repeated_or_unplaced_sweep_is_refused_and_changes_nothing(vertex_id):
     with pytest.raises(ValueError, match="sweep of vertex"):
         built.add_sweep(wall(), vertex_id, [pose()])
     assert built.tree.to_full() == before and len(built) == 1
+
+
+BOX = ((2.5, -0.4, 0.0), (3.5, 0.4, 1.6))
+
+
+def test_cleared_box_is_what_octomap_server_makes_of_it():
+    built, alone = builder(), builder()
+    for each in (built, alone):
+        each.add_sweep(wall(), 0, [pose()])
+        each.add_sweep(wall(), 1, [pose(), pose(0.02)])
+    built.clear_box(*BOX)
+    alone.tree.clear_box(*BOX)
+    assert built.tree.to_full() == alone.tree.to_full()
+    assert state(built, 3.0, 0.0, 0.832) is VoxelState.FREE and state(built, 3.0, 0.9, 0.832) is VoxelState.OCCUPIED
+    assert state(built, 3.3, 0.0, 0.832) is VoxelState.UNKNOWN
+
+
+def test_cleared_box_stays_cleared_when_the_graph_moves_and_counts_what_is_seen_later():
+    built = builder()
+    built.add_sweep(wall(), 0, [pose()])
+    built.clear_box(*BOX)
+    built.add_sweep(Beams(NOTHING, NOTHING, NOTHING, NOTHING), 1, [pose(0.0, 0.02), pose()])  # the first sweep is drawn anew
+    assert state(built, 3.0, 0.0, 0.832) is VoxelState.FREE and state(built, 3.0, -0.9, 0.832) is VoxelState.OCCUPIED
+    for k in range(6):
+        built.add_sweep(wall(), 2 + k, [pose(0.0, 0.02), *[pose()] * (2 + k)])
+    assert state(built, 3.0, 0.0, 0.832) is VoxelState.OCCUPIED
+
+
+def test_clearing_an_empty_map_or_no_box_is_no_harm():
+    built = builder()
+    built.clear_box(*BOX)
+    assert built.tree.node_count == 0
+    with pytest.raises(ValueError, match="lo <= hi"):
+        built.clear_box(BOX[1], BOX[0])
+    with pytest.raises(ValueError, match="miss is 0.5"):
+        MapBuilder(MapConfig(), SensorModel(miss=0.5)).clear_box(*BOX)

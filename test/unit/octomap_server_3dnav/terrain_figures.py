@@ -1,0 +1,45 @@
+"""Side views of voxel grids as text, with the class of every surface in its place: the figures of docs/terrain.md.
+
+One character a voxel, x to the right and z up, the same at every y; the layers above the first line are like it. # occupied, . free,
+space unknown, R free and the robot stands on the voxel below. A surface is the letter of its class: T traversable, O obstacle, C cliff,
+I inflation, F frontier; small where nothing was hit there: floor assumed over a hole, or a frontier in free space.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from terrain_worlds import FREE, OCCUPIED, RESOLUTION, UNKNOWN, pose
+
+from octomap_server_3dnav.column_runs import ColumnRuns
+from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
+
+LETTERS = {"T": TerrainClass.TRAVERSABLE, "O": TerrainClass.OBSTACLE, "C": TerrainClass.CLIFF, "I": TerrainClass.INFLATION}
+LETTER_OF = {of: letter for letter, of in LETTERS.items()} | {TerrainClass.FRONTIER: "F"}
+STATES = {"#": OCCUPIED, ".": FREE, " ": UNKNOWN, "R": FREE, "F": UNKNOWN, "f": FREE}
+STATES |= dict.fromkeys(LETTERS, OCCUPIED) | {letter.lower(): UNKNOWN for letter in LETTERS}
+ROWS, ABOVE = 41, 24  # columns along y, and layers above what is drawn
+
+
+def states_of(figure: list[str]) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+    """(nx, ROWS, nz) states of a figure, and where the robot stands in it."""
+    width = max(map(len, figure))
+    lines = [line.ljust(width) for line in figure]
+    layers = np.array([[STATES[c] for c in line] for line in [lines[0]] * ABOVE + lines][::-1], dtype=np.uint8)
+    height = next(k for k, line in enumerate(lines[::-1]) if "R" in line)
+    x = (lines[::-1][height].index("R") + 0.5) * RESOLUTION
+    return np.repeat(layers.T[:, None, :], ROWS, axis=1), pose(x, (ROWS + 1) / 2 * RESOLUTION, (height - 0.5) * RESOLUTION)
+
+
+def classified(figure: list[str], config: TerrainConfig) -> list[str]:
+    """The figure with the classes of its middle row as they are now."""
+    states, T_map_base = states_of(figure)
+    terrain = classify(ColumnRuns.from_dense(states, (0, 0, 0), RESOLUTION), T_map_base, config, None)
+    width, height = len(states), len(figure)
+    drawn = [[{OCCUPIED: "#", FREE: ".", UNKNOWN: " "}[states[x, 0, z]] for x in range(width)] for z in range(height)]
+    for i in np.flatnonzero(terrain.iy == ROWS // 2):
+        x, z, letter = terrain.ix[i], terrain.z[i], LETTER_OF[TerrainClass(terrain.label[i])]
+        if 0 <= x < width and 0 <= z < height:
+            is_hit = states[x, 0, z] == OCCUPIED or (letter == "F" and states[x, 0, z] == UNKNOWN)
+            drawn[z][x] = letter if is_hit else letter.lower()
+    robot = next((k, line.index("R")) for k, line in enumerate(figure[::-1]) if "R" in line)
+    drawn[robot[0]][robot[1]] = "R"
+    return ["".join(line).rstrip() for line in drawn[::-1]]
