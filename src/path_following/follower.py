@@ -3,11 +3,11 @@
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from path_following.config import FollowerConfig
 from path_following.interface import FollowerObservation, FollowerOutput, FollowerState
-from path_following.manoeuvres import Motion, Recovery, detour, make_room, recovery, turn_by
+from path_following.manoeuvres import Arc, Motion, Recovery, detour, make_room, recovery, turn_by
 from path_following.progress import ProgressWatch
 from path_following.pursuit import Steering, approached, lookahead_m, regulated_speed, steering_to, target_on
 from path_following.reference_path import Pose, Projection, ReferencePath
@@ -60,6 +60,7 @@ class PathFollower:
         self._watch: ProgressWatch | None = None
         self._blocked_since: float | None = None
         self._recovery: Recovery | None = None
+        self._room: Arc | None = None
         self._after_recovery = (FollowerState.STUCK, "")
 
     def step(self, observation: FollowerObservation) -> FollowerOutput:
@@ -74,13 +75,18 @@ class PathFollower:
         assert observation.T_map_base is not None and observation.costmap is not None
         T = observation.T_map_base
         pose = (float(T[0, 3]), float(T[1, 3]), yaw_of(T))
-        around = Surroundings(observation.costmap, *self._footprints)
+        around = Surroundings(observation.costmap, *self._footprints, self._slide(T[:2, 2]))
         if not around.contains(pose):
             self._sit_out(dt)
             return self._output(_STAND, f"the costmap does not contain the robot at ({pose[0]:.2f}, {pose[1]:.2f})")
         self._speed = self._command.v if observation.twist is None else observation.twist[0]
         self._command = self._decide(self._path, pose, around, dt)
         return self._output(self._command, self._reason)
+
+    def _slide(self, normal_xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(2,) metres in map that a turn in place takes the robot for every radian: downhill, where the normal (2,) of its plane points."""
+        tilt = float(np.hypot(*normal_xy))
+        return normal_xy * (self._config.turn_slide_m_per_rad / max(tilt, math.sin(self._config.slide_tilt_rad)))
 
     def _elapsed(self, stamp: float) -> float:
         """Seconds since the last step; 0, and no time without progress, at the first one and where time jumped."""
@@ -164,19 +170,21 @@ class PathFollower:
         limit = self._config.turn_in_place_until_rad if turning else self._config.turn_in_place_above_rad
         if abs(steering.heading_error) > limit:
             return self._turn_to_path(pose, steering.heading_error, around, dt)
-        self._turn_side = 0.0
+        self._turn_side, self._room = 0.0, None
         return self._drive(path, at, pose, steering, around, dt)
 
     def _turn_to_path(self, pose: Pose, error: float, around: Surroundings, dt: float) -> Motion:
-        angle = turn_by(error, self._turn_side)
+        if self._room is not None and self._room.goes_on(around, pose):
+            return self._ramped(self._room.motion, dt)  # to its end: half the way would leave hardly room enough
+        angle, self._room = turn_by(error, self._turn_side), None
         for drifting in (True, False):  # where there is no room to slide in a turn, room for the outline must do
             if around.is_free_turn(pose, angle, drifting=drifting):
                 self._be(FollowerState.TURNING_TO_PATH, f"{angle:.2f} rad to turn")
                 return self._turn(angle, dt)
-            motion = make_room(self._config, around, pose, error, drifting=drifting)
-            if motion is not None:
+            self._room = make_room(self._config, around, pose, error, drifting=drifting)
+            if self._room is not None:
                 self._be(FollowerState.FOLLOWING, "making room for a turn")
-                return self._ramped(motion, dt)
+                return self._ramped(self._room.motion, dt)
         return self._wait(pose, around, f"no free turn of {error:.2f} rad")
 
     def _turn(self, angle: float, dt: float) -> Motion:

@@ -12,6 +12,8 @@ from path_following.reference_path import Pose, ReferencePath
 from path_following.surroundings import Surroundings, Unknown, arc_poses
 from rigid_geometry import angle_difference
 
+_ARC_DONE_M = 0.02  # an arc with so little left is over
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -30,7 +32,24 @@ def turn_by(error: float, side: float) -> float:
     return error - math.copysign(2 * math.pi, error) if abs(error) > 2.0 and side * error < 0 else error
 
 
-def make_room(config: FollowerConfig, around: Surroundings, pose: Pose, error: float, *, drifting: bool) -> Motion | None:
+@dataclass(frozen=True)
+class Arc:
+    """A motion that ends after `length_m`, begun at a pose."""
+
+    motion: Motion
+    begun_at: Pose
+    length_m: float
+
+    def goes_on(self, around: Surroundings, pose: Pose) -> bool:
+        """True while some of it is left, and free."""
+        left = self.length_m - math.hypot(pose[0] - self.begun_at[0], pose[1] - self.begun_at[1])
+        if left < _ARC_DONE_M:
+            return False
+        poses = arc_poses(pose, math.copysign(1.0, self.motion.v), self.motion.w / self.motion.v, left)
+        return around.is_free(poses, Unknown.NOT_UNDER_THE_CENTRE)
+
+
+def make_room(config: FollowerConfig, around: Surroundings, pose: Pose, error: float, *, drifting: bool) -> Arc | None:
     """The shortest free arc, forward or backward, after which a heading error of now `error` can be turned away; None if none.
 
     `drifting`: with room for what the robot may slide meanwhile.
@@ -42,7 +61,7 @@ def make_room(config: FollowerConfig, around: Surroundings, pose: Pose, error: f
                 end = (float(poses[-1, 0]), float(poses[-1, 1]), float(poses[-1, 2]))
                 left = angle_difference(pose[2] + error, end[2])
                 if around.is_free(poses, Unknown.NOT_UNDER_THE_CENTRE) and around.is_free_turn(end, left, drifting=drifting):
-                    return Motion(sign * config.back_off_speed_mps, sign * config.back_off_speed_mps * curvature)
+                    return Arc(Motion(sign * config.back_off_speed_mps, sign * config.back_off_speed_mps * curvature), pose, length)
     return None
 
 

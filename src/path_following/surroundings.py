@@ -47,9 +47,19 @@ def turn_poses(pose: Pose, angle: float) -> NDArray[np.float64]:
 class Surroundings:
     """The costmap around the robot, asked whether a motion keeps the footprint off lethal cells and the centre off inscribed ones."""
 
-    def __init__(self, costmap: CostGrid, footprint: NDArray[np.float64], turning_footprint: NDArray[np.float64]) -> None:
-        """Both footprints (P, 2) are points of base_link; the second, for turns on the spot, is the larger by what the robot drifts."""
+    def __init__(
+        self,
+        costmap: CostGrid,
+        footprint: NDArray[np.float64],
+        turning_footprint: NDArray[np.float64],
+        slide: NDArray[np.float64] | tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Both footprints (P, 2) are points of base_link; the second, for turns on the spot, is the larger by what the robot drifts.
+
+        `slide` (2,): metres in map that such a turn takes the robot for every radian.
+        """
         self._cost, self._footprint, self._turning_footprint = costmap.cost, footprint, turning_footprint
+        self._slide = np.asarray(slide, dtype=np.float64)
         self._corner = np.array([costmap.origin_xy[0], costmap.origin_xy[1], costmap.resolution], dtype=np.float64)
 
     def contains(self, pose: Pose) -> bool:
@@ -69,6 +79,7 @@ class Surroundings:
         """True when the robot may turn on the spot by `angle` radians; `drifting`: also when its skidding wheels take it aside."""
         poses = turn_poses(pose, angle)
         if drifting:
+            poses[:, :2] += np.abs(poses[:, 2:] - pose[2]) * self._slide
             return not any(_touched(self._cost, self._corner, self._turning_footprint, p, False) for p in poses)
         return self.is_free(poses, Unknown.ALLOWED)
 

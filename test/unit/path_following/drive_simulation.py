@@ -87,14 +87,16 @@ class Drive:
 
 @dataclass(frozen=True)
 class Robot:
-    """How the robot falls short of the command: share of speed and turn rate, drift to the left, dead band of a turn in place, and how
-    far it slides along -y for every radian that it turns, as on a slope."""
+    """How the robot falls short of the command: share of speed and turn rate, drift to the left, dead band of a turn in place, how far it
+    slides along -y for every radian that it turns in place, as on a slope, how steeply that falls, and whether it notices."""
 
     speed_share: float = 0.97
     turn_share: float = 0.85
     sideways: float = 0.0
     dead_turn_radps: float = 0.15
     slide_m_per_rad: float = 0.0
+    slope_rad: float = 0.0
+    feels_slide: bool = True
 
 
 def drive(
@@ -110,7 +112,7 @@ def drive(
     """Drive until the follower is over or the time is; `pose_error(t)` is added to the true pose that the follower is told."""
     robot = robot or Robot()
     x, y, yaw = start
-    poses, outputs, touched, twist = [], [], False, (0.0, 0.0)
+    poses, outputs, touched, twist, unfelt = [], [], False, (0.0, 0.0), 0.0
     grid, seen = world.grid(), world.lethal.copy()
     for k in range(round(seconds / TICK_S)):
         t = 1.0 + k * TICK_S
@@ -118,7 +120,8 @@ def drive(
         if not np.array_equal(seen, world.lethal):
             grid, seen = world.grid(), world.lethal.copy()
         ex, ey, eyaw = pose_error(t)
-        T_map_base = transform_from_rpy([x + ex, y + ey, 0.132], (0.0, 0.0, yaw + eyaw))
+        tilted = transform_from_rpy([x + ex, y + ey + unfelt, 0.132], (robot.slope_rad, 0.0, 0.0))
+        T_map_base = tilted @ transform_from_rpy([0.0, 0.0, 0.0], (0.0, 0.0, yaw + eyaw))
         out = follower.step(FollowerObservation(t, T_map_base, grid, twist))
         poses.append((x, y, yaw))
         outputs.append(out)
@@ -128,7 +131,8 @@ def drive(
         twist = (out.v * robot.speed_share, w)
         x += (math.cos(yaw) * twist[0] - math.sin(yaw) * robot.sideways * twist[0]) * TICK_S
         y += (math.sin(yaw) * twist[0] + math.cos(yaw) * robot.sideways * twist[0]) * TICK_S
-        y -= robot.slide_m_per_rad * abs(w) * TICK_S
+        slid = robot.slide_m_per_rad * abs(w) * TICK_S if abs(out.v) < 0.02 else 0.0
+        y, unfelt = y - slid, unfelt + (0.0 if robot.feels_slide else slid)
         yaw += w * TICK_S
         touched = touched or (k % 4 == 0 and world.touches(x, y, yaw))
     return Drive(np.array(poses), outputs, touched)

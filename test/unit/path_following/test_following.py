@@ -180,6 +180,25 @@ def test_turn_that_slides_down_a_slope_keeps_its_distance_from_a_wall():
     assert clearance_m[0] < 0.02 and clearance_m[1] > 0.06
 
 
+def test_turn_on_a_slope_keeps_room_below_for_what_the_robot_slides():
+    world = World()
+    world.lethal[world.cells(-9, 9, -1.6, -0.74)] = True
+    touched = []
+    for slide in (0.0, 0.2):
+        turned = follower(line((0, 0), (-0.3, 0.5), (-4, 0.5)), turn_slide_m_per_rad=slide)
+        run = drive(turned, world, (0.0, 0.0, 0.3), robot=Robot(slide_m_per_rad=0.2, slope_rad=0.2, feels_slide=False))
+        assert run.last.state.value == "reached"
+        touched.append(run.touched)
+    assert touched == [True, False]
+
+
+def test_room_for_a_turn_is_made_in_one_go():
+    world = World()
+    world.lethal[world.cells(-9, 9, -1.6, -0.62)] = True
+    run = drive(follower(line((0, 0), (-4, 0.3))), world, (0.0, 0.0, 0.3))
+    assert run.states() == ["following", "turning_to_path", "following", "reached"] and not run.touched
+
+
 def test_robot_turns_where_there_is_room_for_its_outline_and_no_more():
     world = World()
     for y in ((-2.0, -0.64), (0.64, 2.0)):
