@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from stop_scan_and_go.config import StopScanAndGoConfig
 from stop_scan_and_go.interface import FOLLOWER_ENDS, Decision, DriveState, SweepKind, TickAction, TickObservation
 from stop_scan_and_go.travel import TravelMeter
-from stop_scan_and_go.watches import HeldFor, SweepWatch
+from stop_scan_and_go.watches import HeldFor, RockingWatch, SweepWatch
 
 
 class StopScanAndGo:
@@ -27,6 +27,7 @@ class StopScanAndGo:
         self._travel = TravelMeter()
         self._ready = HeldFor(config.start_delay_s)
         self._still = HeldFor(config.still_time_s)
+        self._rocks, self._rocking = RockingWatch(), math.inf
         self._idle = HeldFor(config.idle_limit_s)
         self._watch: SweepWatch | None = None
         self._early: tuple[Decision, str] | None = None
@@ -136,6 +137,7 @@ class StopScanAndGo:
 
     def _measure(self, tick: TickObservation) -> None:
         T = _finite_pose(tick)
+        self._rocking = self._rocks.rate(tick.stamp_s, T)
         if T is None:
             return
         # Standing, the odometry's noise would add up to a way.
@@ -148,7 +150,8 @@ class StopScanAndGo:
     def _is_moving(self, tick: TickObservation) -> bool:
         if tick.twist is None or not all(math.isfinite(t) for t in tick.twist):
             return True
-        return abs(tick.twist[0]) > self._config.still_speed_mps or abs(tick.twist[1]) > self._config.still_turn_rate_radps
+        v, w = (abs(t) for t in tick.twist)
+        return v > self._config.still_speed_mps or w > self._config.still_turn_rate_radps
 
     def _enter(self, state: DriveState, reason: str) -> None:
         assert self._stamp is not None
@@ -172,7 +175,8 @@ class StopScanAndGo:
 
     def _settling(self, tick: TickObservation) -> TickAction:
         is_late = tick.stamp_s - self._entered_s > self._config.settle_limit_s
-        if not self._still.holds(tick.stamp_s, not self._is_moving(tick)):
+        is_still = not self._is_moving(tick) and self._rocking <= self._config.still_rocking_radps
+        if not self._still.holds(tick.stamp_s, is_still):
             if not is_late:
                 return self._answer()
             self._unsettled += 1

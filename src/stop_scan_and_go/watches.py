@@ -1,5 +1,10 @@
 """Conditions that must hold for a while, on the stamps of the ticks: the robot is still, the sweep is over."""
 
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
 from stop_scan_and_go.config import StopScanAndGoConfig
 
 
@@ -19,6 +24,21 @@ class HeldFor:
             self._since = stamp
         # A hair's breadth for sums of ticks.
         return stamp - self._since >= self._seconds - 1e-9
+
+
+class RockingWatch:
+    """How fast the robot rolls and pitches, from one pose to the next."""
+
+    def __init__(self) -> None:
+        self._last: tuple[float, NDArray[np.float64]] | None = None
+
+    def rate(self, stamp: float, T_odom_base: NDArray[np.float64] | None) -> float:
+        """rad/s since the pose before; infinite where that is not known, or no time has passed."""
+        before, self._last = self._last, None if T_odom_base is None else (stamp, T_odom_base[2, :3].copy())
+        if before is None or self._last is None or not stamp > before[0]:
+            return math.inf
+        turned = float(np.linalg.norm(np.cross(before[1], self._last[1])))
+        return math.asin(min(1.0, turned)) / (stamp - before[0])
 
 
 class SweepWatch:

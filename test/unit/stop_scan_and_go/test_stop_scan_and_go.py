@@ -96,6 +96,17 @@ def test_robot_that_slides_is_swept_after_a_while_and_counted():
     assert script.machine.unsettled_sweeps == 1
 
 
+def test_robot_that_rocks_on_its_wheels_is_not_swept_until_it_has_come_to_rest():
+    script = Script()
+    script.until(DriveState.SETTLING)
+    begun = script.t
+    while script.sweeps_started == 0:
+        pitch = 0.04 * math.sin(8.0 * (script.t - begun)) if script.t - begun < 1.5 else 0.0
+        script.tick(T_odom_base=transform_from_rpy([0.0, 0.0, 0.0], (0.0, pitch, 0.0)))
+    assert 1.5 + 0.5 < script.t - begun < 1.5 + 0.5 + 0.3
+    assert script.machine.unsettled_sweeps == 0
+
+
 def test_passing_the_horizon_in_a_sweep_is_not_its_end():
     script = Script()
     script.until(DriveState.SWEEPING)
