@@ -1,0 +1,334 @@
+"""The terrain classification once more, slowly and in plain Python: what docs/terrain.md says, a voxel at a time.
+
+Without measured heights, from a start that is given. It shares no code with `octomap_server_3dnav.terrain` but its numbers (`Limits`).
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from octomap_server_3dnav.terrain import TerrainConfig
+from octomap_server_3dnav.terrain_config import Limits
+
+Column = tuple[int, int]
+SIDES = ((1, 0), (0, 1), (-1, 0), (0, -1))
+TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = range(5)
+FREE, OCCUPIED = 1, 2
+
+
+class Node(NamedTuple):
+    """A surface voxel."""
+
+    x: int
+    y: int
+    z: int
+
+
+class Run(NamedTuple):
+    """Voxels of one column above each other that are all free or all occupied."""
+
+    low: int
+    high: int
+    occupied: bool
+
+
+def moved(c: Column, by: Column, times: int = 1) -> Column:
+    return c[0] + times * by[0], c[1] + times * by[1]
+
+
+def turned(k: int, by: int) -> Column:
+    return SIDES[(k + by) % 4]
+
+
+@dataclass
+class Oracle:
+    """The classes around `start` in a map of known voxels: (x, y, z) to FREE or OCCUPIED; all others are unknown."""
+
+    voxels: dict[tuple[int, int, int], int]
+    config: TerrainConfig
+    resolution: float
+    nodes: dict[Column, list[int]] = field(init=False)
+    label: dict[Node, int] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.limits = Limits.of(self.config, self.resolution)
+        self.step, self.clearance = self.limits.step, self.limits.clearance
+        heights: dict[Column, list[int]] = {}
+        for x, y, z in sorted(self.voxels):
+            heights.setdefault((x, y), []).append(z)
+        self.runs = {c: list(self._runs(c, levels)) for c, levels in heights.items()}
+        self.nodes = {c: found for c in self.runs if (found := self._tops(c))}
+        for c, z in self._holes():
+            self.nodes.setdefault(c, []).append(z)
+        self.nodes = {c: sorted(levels) for c, levels in self.nodes.items()}
+
+    # -- what is known of a column
+
+    def _runs(self, c: Column, levels: list[int]) -> Iterator[Run]:
+        low = before = levels[0]
+        state = self.voxels[(*c, low)]
+        for z in levels[1:]:
+            if z != before + 1 or self.voxels[(*c, z)] != state:
+                yield Run(low, before, state == OCCUPIED)
+                low, state = z, self.voxels[(*c, z)]
+            before = z
+        yield Run(low, before, state == OCCUPIED)
+
+    def occupied(self, c: Column, low: int, high: int) -> int | None:
+        """Lowest occupied voxel from low to high."""
+        return next((z for z in range(low, high + 1) if self.voxels.get((*c, z)) == OCCUPIED), None)
+
+    def top_near(self, c: Column, z: int, reach: int) -> int | None:
+        tops = [run.high for run in self.runs.get(c, []) if run.occupied and abs(run.high - z) <= reach]
+        return min(tops, key=lambda top: abs(top - z), default=None)
+
+    def seen_down_to(self, c: Column, z: int) -> int | None:
+        lowest: int | None = None
+        for run in reversed(self.runs.get(c, [])):
+            if run.low > z + 1:
+                continue
+            if run.occupied or run.high < (z - 1 if lowest is None else lowest - 2):
+                break
+            lowest = run.low
+        return lowest
+
+    def blocks(self, c: Column, level: int) -> int | None:
+        """Lowest voxel of what stands in the way, or hangs in it."""
+        top = self.top_near(c, level, self.step)
+        blocked = self.occupied(c, level + self.step + 1, level + self.clearance) is not None
+        blocked = blocked or (top is not None and self.occupied(c, top + 1, top + self.clearance) is not None)
+        return self.occupied(c, level - self.step, level + self.step + self.clearance) if blocked else None
+
+    def find(self, c: Column, level: int, reach: int) -> Node | None:
+        """The surface nearest to a level, the lower of two."""
+        near = [z for z in self.nodes.get(c, []) if abs(z - level) <= reach]
+        return Node(*c, min(near, key=lambda z: (abs(z - level), z))) if near else None
+
+    def drivable(self, columns: int) -> int:
+        return max(self.step, 1 + math.floor(columns * self.limits.max_slope))
+
+    # -- surfaces
+
+    def _tops(self, c: Column) -> list[int]:
+        runs, found = self.runs[c], []
+        for i, run in enumerate(runs):
+            if not run.occupied or self.occupied(c, run.high + 1, run.high + self.clearance) is not None:
+                continue
+            top_unseen = i + 1 == len(runs) or runs[i + 1].low > run.high + 1
+            air_below = i > 0 and not runs[i - 1].occupied and runs[i - 1].high >= run.low - 2
+            is_wall = run.high - run.low >= self.step
+            if not (top_unseen and (air_below or is_wall)):
+                found.append(run.high)
+        return found
+
+    def _holes(self) -> list[tuple[Column, int]]:
+        found: dict[Column, list[tuple[int, int]]] = {}
+        for c, levels in self.nodes.items():
+            for z in levels:
+                for way in SIDES[:2]:
+                    for between, level, gap in self._over_hole(Node(*c, z), way):
+                        found.setdefault(between, []).append((level, gap))
+        return [(c, z) for c, bridges in found.items() for z in self._one_each(sorted(bridges))]
+
+    def _over_hole(self, a: Node, way: Column) -> list[tuple[Column, int, int]]:
+        c, found = (a.x, a.y), []
+        for gap in range(2, self.config.hole_bridge_voxels + 2):
+            if self.find(moved(c, way, gap - 1), a.z, self.step):
+                break
+            b = self.find(moved(c, way, gap), a.z, 2)
+            if b is None or not self._one_floor(a, b, way, gap):
+                continue
+            bridge = [(moved(c, way, j), math.floor((a.z * (gap - j) + b.z * j) / gap + 0.5), gap) for j in range(1, gap)]
+            if all(self._is_hole(between, level) for between, level, _ in bridge):
+                found += bridge
+        return found
+
+    def _one_floor(self, a: Node, b: Node, way: Column, gap: int) -> bool:
+        if abs(b.z - a.z) <= 1:
+            return True
+        sign = 1 if b.z > a.z else -1
+        behind, ahead = self.find(moved(a[:2], way, -3), a.z, self.step), self.find(moved(a[:2], way, gap + 3), b.z, self.step)
+        return (behind is not None and (a.z - behind.z) * sign >= 1) or (ahead is not None and (ahead.z - b.z) * sign >= 1)
+
+    def _is_hole(self, c: Column, level: int) -> bool:
+        seen = self.seen_down_to(c, level)
+        solid = self.find(c, level, self.step) is not None or self.blocks(c, level) is not None
+        return not solid and not (seen is not None and seen < level - self.step)
+
+    def _one_each(self, bridges: list[tuple[int, int]]) -> Iterator[int]:
+        groups: list[list[tuple[int, int]]] = []
+        for level, gap in bridges:
+            if groups and level - groups[-1][-1][0] <= self.step:
+                groups[-1].append((level, gap))
+            else:
+                groups.append([(level, gap)])
+        for group in groups:
+            yield min(group, key=lambda bridge: (bridge[1], -bridge[0]))[0]
+
+    # -- steps and slopes
+
+    def near(self, s: Node, k: int) -> Node | None:
+        return self.find(moved(s[:2], SIDES[k % 4]), s.z, self.step)
+
+    def _patch(self, s: Node, k: int) -> float:
+        heights, row = [], s
+        for _ in range(2):
+            heights += [n.z for n in (row, self.near(row, k + 1), self.near(row, k + 3)) if n is not None]
+            after = self.near(row, k)
+            if after is None:
+                break
+            row = after
+        return sum(heights) / len(heights)
+
+    def edge(self, s: Node, k: int) -> Node | None:
+        """Where a step in a direction leads."""
+        n = self.near(s, k)
+        if n is None or n.z == s.z:
+            return n
+        return n if abs(self._patch(n, k) - self._patch(s, k + 2)) <= self.limits.max_step else None
+
+    def _corner(self, s: Node, k: int) -> Node | None:
+        a, b = self.edge(s, k), self.edge(s, k + 1)
+        if a is None or b is None:
+            return None
+        one, other = self.edge(a, k + 1), self.edge(b, k)
+        return one if one == other else None
+
+    def slope(self, s: Node) -> float:
+        """Tangent of the steepest slope of the plane through what straight ways over steps reach."""
+        points, reach = [(0, 0, 0)], self.limits.slope_reach
+        for k in range(4):
+            for go, length in ((self.edge, reach), (self._corner, round(reach / math.sqrt(2.0)))):
+                node: Node | None = s
+                for _ in range(length):
+                    node = go(node, k) if node else None
+                    if node:
+                        points.append((node.x - s.x, node.y - s.y, node.z - s.z))
+        n = len(points)
+        mean = [sum(p[i] for p in points) / n for i in range(3)]
+        xx, yy, xy, xz, yz = (sum((p[i] - mean[i]) * (p[j] - mean[j]) for p in points) for i, j in ((0, 0), (1, 1), (0, 1), (0, 2), (1, 2)))
+        xx, yy = xx + 0.5, yy + 0.5
+        det = xx * yy - xy * xy
+        return math.hypot((yy * xz - xy * yz) / det, (xx * yz - xy * xz) / det)
+
+    # -- what lies beside
+
+    def falls(self, s: Node, beside: Column, way: Column) -> bool:
+        """Whether free space was seen below all ground that could be driven to, from a column on."""
+        for j in range(1, self.limits.look + 1):
+            c, limit = moved(beside, way, j), self.drivable(j)
+            if self.find(c, s.z, limit) or self.occupied(c, s.z - self.step, s.z + self.step) is not None:
+                return False
+            seen = self.seen_down_to(c, s.z)
+            if seen is None:
+                continue
+            on_ground = self.occupied(c, seen - 2, seen - 1) is not None
+            assumed = self.config.cliff_evidence == "assumed" and seen <= s.z
+            if assumed or seen < s.z - limit or (on_ground and seen <= s.z - limit):
+                return True
+        return False
+
+    def look(self, s: Node, k: int) -> str:
+        c, way, aside, half = s[:2], SIDES[k], turned(k, 1), self.config.cliff_area_voxels
+        if self.blocks(moved(c, way), s.z) is not None:
+            return "obstacle"
+        if self.falls(s, c, way):
+            return "drop"
+        for offset in range(-half, half + 1):
+            if any(self.find(moved(moved(c, aside, offset), way, j), s.z, self.drivable(j)) for j in (1, 2, 3)):
+                return "unknown"
+        around = (moved(c, aside, side * offset) for offset in range(1, half + 1) for side in (-1, 1))
+        return "drop" if any(self.falls(s, beside, way) for beside in around) else "unknown"
+
+    def beside(self, s: Node, k: int) -> str:
+        """What lies in a direction in which no step leads: "obstacle", "drop" or "unknown"."""
+        n = self.near(s, k)
+        if n is None:
+            return self.look(s, k)
+        if n.z > s.z:
+            return "obstacle"
+        top_seen = self.voxels.get((n.x, n.y, n.z + 1)) == FREE
+        return ("drop" if top_seen else "unknown") if n.z < s.z else "obstacle"
+
+    # -- the classes
+
+    def classes(self, start: Node) -> set[tuple[int, int, int, int]]:
+        """(x, y, z, class) of all surfaces, obstacles and frontiers around the start."""
+        self._flood(start)
+        for s in [s for s, label in self.label.items() if label == TRAVERSABLE]:
+            for k in range(4):
+                n = self.near(s, k)
+                if n is not None and self.edge(s, k) is None and n.z > s.z:
+                    self.label[n] = OBSTACLE
+        obstacles = self._obstacles()
+        self._inflate(
+            [(n[:2], n.z) for n in self._of(OBSTACLE)] + [(c, level) for c, _, level in obstacles], self.config.inflation_radius_m
+        )
+        self._inflate([(n[:2], n.z) for n in self._of(CLIFF)], self.config.cliff_inflation_radius_m)
+        found = {(*s, label) for s, label in self.label.items()}
+        return found | {(*c, z, OBSTACLE) for c, z, _ in obstacles} | {(*c, z, FRONTIER) for c, z in self._frontiers()}
+
+    def _of(self, label: int) -> list[Node]:
+        return [s for s, found in self.label.items() if found == label]
+
+    def _flood(self, start: Node) -> None:
+        waiting = [start]
+        while waiting:
+            s = waiting.pop()
+            if s in self.label:
+                continue
+            if self.slope(s) > self.limits.max_slope:
+                self.label[s] = OBSTACLE
+                continue
+            edges = [self.edge(s, k) for k in range(4)]
+            drops = any(self.beside(s, k) == "drop" for k in range(4) if edges[k] is None)
+            self.label[s] = CLIFF if drops else TRAVERSABLE
+            if not drops:
+                waiting += [n for n in edges if n is not None]
+
+    def _obstacles(self) -> set[tuple[Column, int, int]]:
+        found = set()
+        for s in self._of(TRAVERSABLE):
+            for k in range(4):
+                if self.near(s, k) is None and (seen := self._obstacle_along(s, SIDES[k])) is not None:
+                    found.add((*seen, s.z))
+        return found
+
+    def _obstacle_along(self, s: Node, way: Column) -> tuple[Column, int] | None:
+        for j in range(1, self.limits.inflation + 1):
+            c = moved(s[:2], way, j)
+            if self.find(c, s.z, self.drivable(j)):
+                return None
+            voxel = self.blocks(c, s.z)
+            if voxel is not None:
+                floor = self.top_near(c, s.z, self.step)
+                return c, voxel if floor is None else floor
+        return None
+
+    def _inflate(self, barriers: list[tuple[Column, int]], radius_m: float) -> None:
+        reach = int(radius_m / self.resolution + 1e-9)
+        band = self.step + math.ceil(radius_m / self.resolution * self.limits.max_slope)
+        square = self.config.inflation_shape == "square"
+        for s in self._of(TRAVERSABLE):
+            for (x, y), level in barriers:
+                dx, dy = abs(s.x - x), abs(s.y - y)
+                near = max(dx, dy) <= reach if square else (dx * dx + dy * dy) * self.resolution**2 <= radius_m**2 + 1e-9
+                if near and abs(s.z - level) <= band:
+                    self.label[s] = INFLATION
+                    break
+
+    def _frontiers(self) -> list[tuple[Column, int]]:
+        found: dict[Column, set[int]] = {}
+        for s in [*self._of(TRAVERSABLE), *self._of(INFLATION)]:
+            for k in range(4):
+                if self.edge(s, k) is None and self.beside(s, k) == "unknown" and not self._ends_around(moved(s[:2], SIDES[k], 2), s.z):
+                    found.setdefault(moved(s[:2], SIDES[k]), set()).add(s.z)
+        return [(c, z) for c, levels in found.items() for z in levels if not any(z < other <= z + self.step + 1 for other in levels)]
+
+    def _ends_around(self, c: Column, level: int) -> bool:
+        return any(self._ends_at(moved(c, side), level) for side in ((0, 0), *SIDES))
+
+    def _ends_at(self, c: Column, level: int) -> bool:
+        node = self.find(c, level, self.step + 1)
+        return self.occupied(c, level + self.step + 1, level + self.clearance) is not None or node in self.label
