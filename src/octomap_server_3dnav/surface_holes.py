@@ -106,8 +106,8 @@ def _bridges(columns: Any, surfaces: Any, limits: Any) -> Any:
                 if b >= 0 and _spans(columns, start, z, a, b, c, stride, gap, step, clearance, drop):
                     rise = level[b] - level[a] if measured[a] and measured[b] else np.nan
                     for j in range(1, gap):
-                        place = c + j * stride, _level_between(z, a, b, j, gap), gap, level[a] + rise * j / gap
-                        found.append((float(place[0]), float(place[1]), float(place[2]), float(place[3])))
+                        between = _level_between(z, a, b, j, gap)
+                        found.append((float(c + j * stride), float(between), float(gap), float(level[a] + rise * j / gap)))
     out = np.empty((len(found), 4))
     for i in range(len(found)):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = found[i]

@@ -1,6 +1,6 @@
 """The floods of the terrain analysis over the surface graph: judge, inflate, second flood, frontiers (thesis 5.5, algorithm 3).
 
-Third step of `terrain.classify`. What a node is depends on the map around it alone, never on the way the flood came: labels
+Fourth step of `terrain.classify`. What a node is depends on the map around it alone, never on the way the flood came: labels
 do not depend on the order of the flood. Everything is in voxels.
 """
 
