@@ -28,8 +28,11 @@ class RegistrationConfig:
     search_shift_m: float = parameter(
         3.0, "m", "horizontal half width of the search around a guess of which nothing is known", low=0.0, high=20.0
     )
-    search_height_m: float = parameter(1.0, "m", "the same, vertical", low=0.0, high=10.0)
-    search_yaw_rad: float = parameter(math.pi, "rad", "the same, heading", low=0.0, high=math.pi)
+    search_wide_m: float = parameter(
+        7.5, "m", "the same once more where less than `min_overlap_unguided` overlapped: then `min_overlap` is enough", low=0.0, high=50.0
+    )
+    search_height_m: float = parameter(1.0, "m", "half height of the search", low=0.0, high=10.0)
+    search_yaw_rad: float = parameter(math.pi, "rad", "half angle of the search", low=0.0, high=math.pi)
     search_least_shift_m: float = parameter(
         1.0, "m", "least half width of the search, after a direct match was refused", low=0.0, high=20.0
     )

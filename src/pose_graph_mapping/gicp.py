@@ -77,13 +77,32 @@ class GicpRegistration:
         if len(reference) == 0 or len(reading) == 0:
             raise ValueError(f"clouds to match must hold points: reference has {len(reference)}, reading {len(reading)}")
         guess_covariance = None if guess_covariance is None else as_covariance(guess_covariance)
-        window = window_of(guess_covariance, T_guess, config)
         reading = vertex_cloud(reading, config.voxel_m, config.normal_neighbours)
+        window = window_of(guess_covariance, T_guess, config)
+        result = self._matched(reference, reading, T_guess, guess_covariance, window)
+        if guess_covariance is None and self._overlaps_little(result):
+            wide = dataclasses.replace(window, shift_m=config.search_wide_m)
+            result = self._matched(reference, reading, result.T_reference_reading, None, wide)
+        return result
+
+    def _overlaps_little(self, result: RegistrationResult) -> bool:
+        """Whether a refused placement is one to ask again of, for it might only have wanted more overlap."""
+        config = self._config
+        is_free = result.free_space_contradiction <= config.max_contradiction
+        return not result.usable and is_free and config.min_overlap <= result.overlap < config.min_overlap_unguided
+
+    def _matched(
+        self, reference: PointCloud, reading: PointCloud, T_guess: Array, guess_covariance: Array | None, window: Window
+    ) -> RegistrationResult:
+        """Directly, or by a search of the window."""
+        config = self._config
         reference = in_reach(reference, reading, T_guess, window.shift_m + config.coarse_distance_m)
         reference = reference_cloud(reference, config.voxel_m, config.normal_neighbours)
         if min(len(reference), len(reading)) < config.min_points:
             return refused(T_guess, f"{len(reference)} reference and {len(reading)} reading voxels in reach, {config.min_points} wanted")
-        pair = Pair(reference, reading, FreeSpace(reference, reading, T_guess[:3, 3], config), T_guess, guess_covariance)
+        free_space = FreeSpace(reference, reading, T_guess[:3, 3], config)
+        covers_truth = guess_covariance is not None or window.shift_m >= config.search_wide_m
+        pair = Pair(reference, reading, free_space, T_guess, guess_covariance, covers_truth)
         if window.is_wide(config):
             return self._searched(pair, window)
         direct = self._refined(pair, T_guess, config.coarse_distance_m)
@@ -142,7 +161,7 @@ class GicpRegistration:
         covariance = match_covariance(config.covariance_scale * np.linalg.inv(hessian) + bent, weak, config)
         contradiction = pair.free_space.contradiction(T)
         ratio = found.inliers / len(points)
-        verdict, reason = judge(ratio, fit, contradiction, weak, config, pair.guess_covariance is not None)
+        verdict, reason = judge(ratio, fit, contradiction, weak, config, pair.covers_truth)
         return RegistrationResult(T, covariance, ratio, fit.overlap, contradiction, iterations, weak.directions, verdict, reason)
 
     def _fit(self, pair: Pair, target: Surface, T: Array) -> tuple[Fit, Array]:

@@ -228,16 +228,16 @@ def fit_of(placed: PointCloud, at: Array, normals: Array, squared: Array, is_sid
 
 
 def judge(
-    ratio: float, fit: Fit, contradiction: float, weak: Degeneracy, config: RegistrationConfig, is_guess_known: bool
+    ratio: float, fit: Fit, contradiction: float, weak: Degeneracy, config: RegistrationConfig, covers_truth: bool
 ) -> tuple[Verdict, str]:
-    """Verdict and its reason; what could not be checked is refused."""
+    """Verdict and its reason; what could not be checked is refused. `covers_truth`: whether the truth lies where the match looked."""
     if config.verdict == "match_ratio":
         accepted = ratio >= config.min_match_ratio
         return (Verdict.ACCEPTED if accepted else Verdict.REFUSED), f"match ratio {ratio:.2f}, wanted {config.min_match_ratio}"
-    least = config.min_overlap if is_guess_known else max(config.min_overlap, config.min_overlap_unguided)
+    least = config.min_overlap if covers_truth else max(config.min_overlap, config.min_overlap_unguided)
     if fit.overlap < least:
         return Verdict.REFUSED, f"overlap {fit.overlap:.2f} is below {least}" + (
-            "" if is_guess_known else ", and nothing is known of the guess"
+            "" if covers_truth else ", and the truth may lie where no match looked"
         )
     if fit.misfit > config.max_misfit:
         return Verdict.REFUSED, (

@@ -30,13 +30,14 @@ _ALIKE = 0.002  # contradictions that differ by less say the same
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """What every placement of one match shares; the reading has normals."""
+    """What every placement of one match shares; the reading has normals. `covers_truth` as `judge` asks it."""
 
     reference: PointCloud
     reading: PointCloud
     free_space: FreeSpace
     T_guess: Array
     guess_covariance: Array | None
+    covers_truth: bool
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ def test_surfaces_across_each_other_overlap_and_are_not_compared() -> None:
 
 
 @pytest.mark.parametrize(
-    ("found", "is_guess_known", "verdict"),
+    ("found", "covers_truth", "verdict"),
     [
         (Fit(0.3, 0.02), True, Verdict.ACCEPTED),
         (Fit(0.3, 0.02), False, Verdict.REFUSED),
@@ -44,8 +44,8 @@ def test_surfaces_across_each_other_overlap_and_are_not_compared() -> None:
         (Fit(0.1, 0.0), True, Verdict.REFUSED),
     ],
 )
-def test_verdict(found: Fit, is_guess_known: bool, verdict: Verdict) -> None:
-    assert judge(0.9, found, 0.001, HELD, CONFIG, is_guess_known)[0] is verdict
+def test_verdict(found: Fit, covers_truth: bool, verdict: Verdict) -> None:
+    assert judge(0.9, found, 0.001, HELD, CONFIG, covers_truth)[0] is verdict
 
 
 def test_least_overlap_of_an_unknown_guess_is_never_the_lower_one() -> None:

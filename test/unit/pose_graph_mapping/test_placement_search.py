@@ -214,3 +214,15 @@ def test_guess_itself_is_a_start_where_the_search_finds_nothing(room):
     result = create_registration(RegistrationConfig(search_range_m=1.0)).match(area, reading, T_guess, covariance(0.5, 0.7))
     assert result.verdict is Verdict.ACCEPTED, result.reason
     assert_right(result, T_true)
+
+
+@pytest.mark.parametrize(
+    ("has_twin", "enough", "verdict"), [(False, 0.99, Verdict.ACCEPTED), (True, 0.99, Verdict.AMBIGUOUS), (True, 0.5, Verdict.ACCEPTED)]
+)
+def test_placement_that_explains_too_little_has_to_be_the_only_one_far_around(room, has_twin, enough, verdict):
+    """The twin room lies beyond the first search; what explains much is not asked for it."""
+    area, reading, T_true = room
+    known = merged([area, area.transformed(transform_from_rpy((0.0, 8.0, 0.0)))]) if has_twin else area
+    T_guess = transform_from_rpy((0.0, -0.5, 0.0)) @ T_true
+    result = create_registration(RegistrationConfig(min_overlap_unguided=enough, search_wide_m=9.0)).match(known, reading, T_guess)
+    assert result.verdict is verdict, result.reason
