@@ -19,6 +19,7 @@ from rigid_geometry import Arrival, StampedBuffer, as_transform, interpolate_tra
 from stage_config import check_ranges, parameter
 from sweep_assembly.beams import STAMP_TOLERANCE_S, FreeBeams, LaserScans, Sensor
 from sweep_assembly.geometry import FloatArray, ScanGeometry, TiltGeometry
+from sweep_assembly.stray_points import stray_points
 from sweep_assembly.sweep_window import SweepWindow, SweepWindowDetector
 
 NODE_SPACING_S = 0.002  # the laser's pose is exact at nodes and linear between them: 3 rad/s bends a 30 m beam by 0.1 mm
@@ -40,6 +41,11 @@ class SweepAssemblyConfig:
 
     free_range_m: float = parameter(12.0, "m", "beams that met nothing are known to be free up to here", low=0.5, high=60.0)
     free_beam_stride: int = parameter(3, "-", "of those beams one in so many is kept", low=1, high=100)
+    stray_neighbours: int = parameter(
+        2, "-", "a point with fewer others near it is no surface, and is left out; 0: all are kept", high=20, low=0
+    )
+    stray_radius_m: float = parameter(0.20, "m", "how near they have to be", low=0.01, high=2.0)
+    stray_radius_ratio: float = parameter(0.03, "-", "or this share of the point's range, where that is more", low=0.0, high=0.5)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
@@ -175,9 +181,18 @@ class SweepAssembler:
         if beams.times_s.size == 0:
             return None
         trajectory = self._laser_poses(window)
-        points, origins = along_nodes(*trajectory, beams.times_s, beams.hits)
+        points, origins = self._without_strays(*along_nodes(*trajectory, beams.times_s, beams.hits))
+        if not len(points):
+            return None
         free_ends, free_origins = along_nodes(*trajectory, beams.free_times_s, beams.free_ends)
         return Sweep(window.end_stamp_s, window.start_stamp_s, points, origins, free_ends, free_origins, beams.scans)
+
+    def _without_strays(self, points: NDArray[np.float32], origins: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        config = self._config
+        ranges = np.linalg.norm(points - origins, axis=1).astype(np.float64)
+        radius_m = np.maximum(config.stray_radius_m, config.stray_radius_ratio * ranges)
+        kept = ~stray_points(points, radius_m, config.stray_neighbours)
+        return points[kept], origins[kept]
 
     def _usable_scans(self, window: SweepWindow) -> tuple[FloatArray, list[Any]]:
         """Scans that overlap the window, less those with too long a pause of joints or odometry around them."""

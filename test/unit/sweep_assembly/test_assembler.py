@@ -54,7 +54,8 @@ def messages(pose=still, begin=1.5, end=4.3) -> dict[str, list[tuple[float, obje
 
 
 def make(**changes) -> SweepAssembler:
-    return SweepAssembler(SweepAssemblyConfig(**changes), GEOMETRY, TILT)
+    """For a laser of few beams, whose points lie far apart: none of them is taken for stray."""
+    return SweepAssembler(SweepAssemblyConfig(**{"stray_neighbours": 0, **changes}), GEOMETRY, TILT)
 
 
 def feed(assembler: SweepAssembler, topic: str, stamp: float, value: object) -> None:
@@ -238,3 +239,13 @@ def test_configuration_is_checked():
     assert len(SweepAssemblyConfig(buffer_s=5.0, still_rate_rad_s=0.0).validate()) == 2
     with pytest.raises(ValueError, match="buffer_s"):
         make(buffer_s=5.0)
+
+
+def test_beam_that_ended_in_mid_air_is_left_out():
+    """One reading of 1 m where all around it see walls; the sweep is otherwise the same."""
+    laser = ScanGeometry(math.radians(-30.0), math.radians(0.5), 0.025 / 120, 121)
+    scans = [(float(stamp), np.full(laser.count, 3.0, dtype=np.float32)) for stamp, _ in STILL["scan"]]
+    scans[80][1][60] = 1.0
+    found = [run(SweepAssembler(SweepAssemblyConfig(stray_neighbours=k), laser, TILT), {**STILL, "scan": scans})[0] for k in (0, 2)]
+    ranges = [np.linalg.norm(sweep.points - sweep.origins, axis=1) for sweep in found]
+    assert [np.count_nonzero(r < 2.0) for r in ranges] == [1, 0] and len(ranges[0]) == len(ranges[1]) + 1

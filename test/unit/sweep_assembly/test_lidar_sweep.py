@@ -33,7 +33,8 @@ MESSAGES = messages()
 
 
 def run(inputs, **changes):
-    assembler, sweeps = SweepAssembler(SweepAssemblyConfig(**changes), LidarRevolutions(LIDAR), TILT), []
+    """Of a lidar of few columns, whose points lie far apart: none of them is taken for stray."""
+    assembler, sweeps = SweepAssembler(SweepAssemblyConfig(**{"stray_neighbours": 0, **changes}), LidarRevolutions(LIDAR), TILT), []
     add = {"joint": assembler.add_joint, "odometry": assembler.add_odometry, "scan": assembler.add_scan}
     late = {"joint": 0.0, "odometry": 0.0, "scan": 0.1}
     for _, topic, i in sorted((stamp + late[topic], topic, i) for topic, rows in inputs.items() for i, (stamp, _) in enumerate(rows)):

@@ -26,8 +26,6 @@ from shapes import MODULES, SHAPES
 from exploration_evaluation.truth import reachable_ground
 
 LIMIT = "a slope of just 25 deg: half of the fits to voxels lie above it"
-ONE_HIT = "one stray hit that hangs in the air is an obstacle"
-STRAY_HIT = "a stray hit in the strip behind the far edge carries a way of one voxel over it, at fifteen times the cost"
 TURNING = "ground without room to turn is never driven"
 REMAINS = "what two sweeps saw takes five that see it gone"
 WRONG = {
@@ -36,9 +34,6 @@ WRONG = {
     "ramp down, 25 deg": LIMIT,
     "hillside, 25 deg": LIMIT,
     "kerb of 10 cm, up": "a step of just 10 cm: a measured one must stay a centimetre below the limit",
-    "kerb of 12 cm, down": STRAY_HIT,
-    "crater with gentle walls": ONE_HIT,
-    "bridge, over and under": ONE_HIT,
     "door of 0.9 m": TURNING,
     "door of 1 m": TURNING,
     "door of 1.2 m": TURNING,
