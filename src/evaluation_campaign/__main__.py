@@ -53,6 +53,8 @@ def parse(arguments: list[str] | None = None) -> tuple[Campaign, argparse.Namesp
         _check_world(world)
     for profile in profiles:
         _check_profile(profile)
+    if len({Path(profile).stem for profile in profiles}) < len(profiles):
+        raise CampaignProblem(f"--profile {a.profile}: two of these have the same name, after which the folders of their runs are called")
     worlds = tuple(w if w in NAMED_WORLDS else str(Path(w).absolute()) for w in worlds)
     return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, Limits(a.max_sim_time, a.max_wall_time)), a
 

@@ -131,6 +131,7 @@ def load_campaign(directory: Path | str) -> Campaign:
     folder = Path(directory)
     asked = read_json(folder / "campaign.json")
     worlds, seeds, profiles = (_asked(asked, key, kind) for key, kind in (("worlds", str), ("seeds", int), ("profiles", str)))
+    profiles = tuple(Path(profile).stem for profile in profiles)  # so their folders are called, and they may be files
     runs = tuple(_load_run(folder, world, seed, profile) for world in worlds for profile in profiles for seed in seeds)
     jobs = asked.get("jobs")
     return Campaign(

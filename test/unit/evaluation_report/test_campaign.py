@@ -20,6 +20,14 @@ def test_every_run_asked_for_is_there_whatever_is_on_disk(tmp_path):
     assert campaign.runs_of("ramp", "ours")[0].number("coverage") == 0.9
 
 
+def test_profile_that_is_a_file_is_called_by_its_name(tmp_path):
+    folder = write_campaign(tmp_path, seeds=(1,), profiles=("ours", "somewhere/mine.yaml"))
+    write_run(folder, "ramp", 1, profile="mine")
+    campaign = load_campaign(folder)
+    assert campaign.profiles == ("ours", "mine")
+    assert campaign.runs_of("ramp", "mine")[0].status is Status.FINISHED
+
+
 def test_missing_runs_say_whether_they_were_begun(tmp_path):
     folder = write_campaign(tmp_path, seeds=(1, 2, 3))
     (folder / "runs/ours/ramp-1").mkdir(parents=True)
