@@ -31,7 +31,7 @@ from sweep_assembly import ScanFilter, ScanFilterConfig, ScanGeometry, SweepAsse
 
 Array = NDArray[np.float64]
 
-LAYOUT = 3  # of the cached files; to be raised when what is in them changes
+LAYOUT = 4  # of the cached files; to be raised when what is in them changes
 REFERENCE_M = 8.0
 SWEEPS_A_DRIVE = 11
 STEP_S, SCAN_S, START_S = 0.005, 0.025, 0.25
