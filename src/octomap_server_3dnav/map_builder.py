@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.octree import OctreeMap, SensorModel, SweepVoxels
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
-from rigid_geometry import as_transform, rotation_angle, transform_points
+from rigid_geometry import as_transforms, rotation_angles, transform_points
 from rigid_geometry.transforms import Transform
 from stage_config import check_ranges, parameter
 
@@ -98,12 +98,12 @@ class MapBuilder:
         Vertices whose sweep was lost on the way are no trouble. ValueError when `vertex_id` is not V - 1, its sweep is there already,
         or a pose is not rigid; nothing is changed then.
         """
-        poses = [as_transform(T) for T in np.array(vertex_poses, dtype=np.float64)]  # a copy: they are kept
+        poses = as_transforms(vertex_poses)  # a copy: they are kept
         if vertex_id != len(poses) - 1 or any(s.vertex_id >= vertex_id for s in self._sweeps):
             raise ValueError(
                 f"sweep of vertex {vertex_id} with {len(poses)} poses, after that of {[s.vertex_id for s in self._sweeps[-1:]]}"
             )
-        self._moved = {s.vertex_id: (s, poses[s.vertex_id]) for s in self._sweeps if self._is_moved(s.T_map_base, poses[s.vertex_id])}
+        self._moved = self._moved_by(poses)
         seen = self._trace(beams, poses[vertex_id], first=not self._sweeps)
         self._sweeps.append(_PlacedSweep(vertex_id, beams, poses[vertex_id], seen))
         for voxels in seen.voxels:
@@ -148,9 +148,15 @@ class MapBuilder:
         self._redraw(self._moved_within(T_map_base, radius_m))
         return self._tree.to_binary(T_map_base[:3, 3] - radius_m, T_map_base[:3, 3] + radius_m)
 
-    def _is_moved(self, old: Transform, new: Transform) -> bool:
-        turned = rotation_angle(np.linalg.inv(old) @ new)
-        return float(np.linalg.norm(old[:3, 3] - new[:3, 3])) + _LEVER_M * turned > 0.5 * self.config.resolution
+    def _moved_by(self, poses: NDArray[np.float64]) -> dict[int, tuple[_PlacedSweep, Transform]]:
+        """The sweeps that the tree has more than half a voxel from where the (V, 4, 4) poses have them, by vertex."""
+        if not self._sweeps:
+            return {}
+        old, new = np.array([s.T_map_base for s in self._sweeps]), poses[[s.vertex_id for s in self._sweeps]]
+        turned = rotation_angles(old[:, :3, :3].transpose(0, 2, 1) @ new[:, :3, :3])
+        by_m = np.linalg.norm(old[:, :3, 3] - new[:, :3, 3], axis=1) + _LEVER_M * turned
+        moved = (self._sweeps[i] for i in np.flatnonzero(by_m > 0.5 * self.config.resolution))
+        return {s.vertex_id: (s, poses[s.vertex_id]) for s in moved}
 
     def _moved_within(self, T_map_base: Transform, radius_m: float) -> list[int]:
         """Vertices whose sweep touches the square around the robot, where it was drawn or where it is now."""

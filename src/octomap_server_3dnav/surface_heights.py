@@ -4,8 +4,9 @@ Beside the octree, whose voxels tell a floor's height to 8 cm only: a kerb of 5 
 whole numbers, so that what a sweep has added can be taken out again, bit by bit, when the sweep moves.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.column_runs import KEY_OFFSET
 
 _FINE = 1024  # parts of a voxel in which heights are summed
+_SLAB_BITS = 32 + 5  # of a key: a slab is 32 voxels wide
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +50,9 @@ class HitHeights:
 
 def _keys(x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray((x + KEY_OFFSET) << 32 | (y + KEY_OFFSET) << 16 | (z + KEY_OFFSET))
+
+
+_NO_HITS = HitHeights(*(np.zeros(0, dtype=np.int64) for _ in range(3)))
 
 
 @njit(cache=True)
@@ -104,18 +109,26 @@ def _heights(key: Any, total: Any, count: Any, wanted: Any, z: Any) -> Any:
 
 
 class SurfaceHeights:
-    """The hits of all sweeps of a map, by voxel."""
+    """The hits of all sweeps of a map, by voxel.
+
+    Kept in slabs along x, so that what a sweep adds costs as much in a large map as in a small one.
+    """
 
     def __init__(self, resolution: float) -> None:
         self._resolution = resolution
         self.reset()
 
     def __len__(self) -> int:
-        return int(self._key.size)
+        return sum(slab.key.size for slab in self._slabs.values())
+
+    @property
+    def memory_bytes(self) -> int:
+        """What the hits take."""
+        return sum(slab.key.nbytes + slab.total.nbytes + slab.count.nbytes for slab in self._slabs.values())
 
     def reset(self) -> None:
         """Forget everything."""
-        self._key, self._total, self._count = (np.zeros(0, dtype=np.int64) for _ in range(3))
+        self._slabs: dict[int, HitHeights] = {}
 
     def add(self, hits: HitHeights) -> None:
         """Count the hits of a sweep."""
@@ -126,10 +139,26 @@ class SurfaceHeights:
         self._merge(hits, -1)
 
     def _merge(self, hits: HitHeights, sign: int) -> None:
-        merged = _merged(self._key, self._total, self._count, hits.key, hits.total, hits.count, sign)
-        self._key, self._total, self._count = merged
+        for number, part in _stretches(hits.key >> _SLAB_BITS):
+            old = self._slabs.get(number, _NO_HITS)
+            merged = HitHeights(*_merged(old.key, old.total, old.count, hits.key[part], hits.total[part], hits.count[part], sign))
+            self._slabs[number] = merged
+            if not merged.key.size:
+                del self._slabs[number]
 
     def at(self, x: NDArray[np.integer], y: NDArray[np.integer], z: NDArray[np.integer]) -> NDArray[np.float32]:
         """(N,) heights in voxels of the surfaces in voxels (N,) of index x, y, z: from z to z + 1, NaN where no beam ended."""
-        wanted = _keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64))
-        return np.asarray(_heights(self._key, self._total, self._count, wanted, z.astype(np.int64)))
+        wanted, levels = _keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64)), z.astype(np.int64)
+        out = np.full(wanted.shape, np.nan, dtype=np.float32)
+        for number, part in _stretches(wanted >> _SLAB_BITS):
+            slab = self._slabs.get(number)
+            if slab is not None:
+                out[part] = _heights(slab.key, slab.total, slab.count, wanted[part], levels[part])
+        return out
+
+
+def _stretches(numbers: NDArray[np.int64]) -> Iterator[tuple[int, slice]]:
+    """Every stretch of equal numbers, and where it lies."""
+    ends = np.flatnonzero(np.diff(numbers, append=-1)) + 1  # no number is negative
+    for begin, end in pairwise([0, *ends.tolist()]):
+        yield int(numbers[begin]), slice(begin, end)

@@ -25,6 +25,22 @@ def as_transform(matrix: ArrayLike) -> Transform:
     return T
 
 
+def as_transforms(matrices: ArrayLike) -> NDArray[np.float64]:
+    """(N, 4, 4) checked rigid transforms; ValueError names the first one that is none."""
+    stack = np.array(matrices, dtype=np.float64)
+    if stack.ndim != 3 or stack.shape[1:] != (4, 4):
+        raise ValueError(f"transforms are (N, 4, 4), not {stack.shape}")
+    with np.errstate(invalid="ignore", over="ignore"):
+        R = stack[:, :3, :3]
+        good = np.isfinite(stack).all(axis=(1, 2)) & (np.linalg.det(R) > 0)
+        good &= np.abs(R @ R.transpose(0, 2, 1) - _IDENTITY_3).max(axis=(1, 2), initial=0.0) <= _RIGID_TOLERANCE
+        good &= np.abs(stack[:, 3] - _LAST_ROW).max(axis=1, initial=0.0) <= _RIGID_TOLERANCE
+    if not good.all():
+        first = int(np.argmin(good))
+        raise ValueError(f"transform {first} is not rigid: {stack[first].tolist()!r}")
+    return stack
+
+
 def _triple_product(R: NDArray[np.float64]) -> float:
     """The determinant of a (3, 3) matrix: as_transform is called for every pose that arrives."""
     a, b, c, d, e, f, g, h, i = map(float, R.flat)
@@ -150,6 +166,12 @@ def rotation_angle(T: Transform) -> float:
     """Angle of the rotation of `T`, in [0, pi]."""
     skew = np.array([T[2, 1] - T[1, 2], T[0, 2] - T[2, 0], T[1, 0] - T[0, 1]])
     return math.atan2(0.5 * float(np.linalg.norm(skew)), 0.5 * (float(np.trace(T[:3, :3])) - 1.0))
+
+
+def rotation_angles(T: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N,) `rotation_angle` of each of (N, 4, 4), or of their (N, 3, 3) rotations."""
+    skew = np.stack([T[:, 2, 1] - T[:, 1, 2], T[:, 0, 2] - T[:, 2, 0], T[:, 1, 0] - T[:, 0, 1]], axis=1)
+    return np.asarray(np.arctan2(0.5 * np.linalg.norm(skew, axis=1), 0.5 * (np.trace(T[:, :3, :3], axis1=1, axis2=2) - 1.0)))
 
 
 def translation_distance(T_a: Transform, T_b: Transform) -> float:

@@ -10,10 +10,12 @@ from scipy.spatial.transform import Rotation, Slerp
 from rigid_geometry import (
     angle_difference,
     as_transform,
+    as_transforms,
     interpolate_transforms,
     inverse,
     quat_xyzw_from_transform,
     rotation_angle,
+    rotation_angles,
     rotation_from_quat,
     rotation_from_rpy,
     rpy_from_rotation,
@@ -138,3 +140,21 @@ def test_quaternion_agrees_with_scipy_also_at_half_turns():
         quat = quat_xyzw_from_transform(T)
         assert quat[3] >= 0.0 and np.linalg.norm(quat) == pytest.approx(1.0)
         np.testing.assert_allclose(Rotation.from_quat(quat).as_matrix(), R, atol=1e-12)
+
+
+def test_stack_of_transforms_is_checked_and_turned_like_each_of_them() -> None:
+    rng = np.random.default_rng(5)
+    stack = np.array([transform_from_rpy(rng.normal(size=3), rng.normal(size=3)) for _ in range(6)])
+    np.testing.assert_array_equal(as_transforms(stack), stack)
+    np.testing.assert_allclose(rotation_angles(stack), [rotation_angle(T) for T in stack], atol=1e-15)
+    assert as_transforms(np.zeros((0, 4, 4))).shape == (0, 4, 4)
+
+
+@pytest.mark.parametrize("spoil", [lambda T: T * np.nan, lambda T: T * [[-1], [1], [1], [1]], lambda T: T * 1.01])
+def test_stack_with_a_transform_that_is_none_names_it(spoil) -> None:
+    stack = np.tile(np.eye(4), (3, 1, 1))
+    stack[1] = spoil(stack[1])
+    with pytest.raises(ValueError, match="transform 1 is not rigid"):
+        as_transforms(stack)
+    with pytest.raises(ValueError, match="N, 4, 4"):
+        as_transforms(np.eye(4))
