@@ -27,7 +27,7 @@ def parser() -> argparse.ArgumentParser:
         epilog="Exit code: 0 all runs were made (the report says how they went), 1 some crashed or are missing, 2 wrong argument, "
         "130 interrupted.",
     )
-    p.add_argument("--worlds", default="ramp,moon", metavar="W,W", help="rooms, ramp, moon, or mesh FILEs; default ramp,moon")
+    p.add_argument("--worlds", default="ramp,moon", metavar="W,W", help="rooms, doors, ramp, moon, or mesh FILEs; default ramp,moon")
     p.add_argument("--seeds", default="1-10", metavar="A-B", help="numbers and ranges, such as 1-10 or 1-5,8; default 1-10")
     p.add_argument(
         "--profile", default="ours", metavar="P,P", help="profiles of parameters: ours, nearest, thesis, or YAML FILEs; default ours"

@@ -9,7 +9,7 @@ from typing import NoReturn
 
 from explore_command.sessions import NO_RUN, earlier_run
 
-NAMED_WORLDS = ("rooms", "ramp", "moon")
+NAMED_WORLDS = ("rooms", "doors", "ramp", "moon")
 SENSORS = ("tilting", "spinning")
 _RUN_FILES: tuple[str, ...] = (
     "run.json",
@@ -88,7 +88,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--world",
         metavar="W",
-        help="rooms, ramp, moon, or a FILE: mesh (.dae .obj .stl .ply) or height map (.png); default ramp",
+        help="rooms, doors, ramp, moon, or a FILE: mesh (.dae .obj .stl .ply) or height map (.png); default ramp",
     )
     p.add_argument("--size", nargs=3, type=float, metavar=("X", "Y", "Z"), help="metres that a height map covers; needed for .png")
     p.add_argument(

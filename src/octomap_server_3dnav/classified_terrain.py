@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
+from octomap_server_3dnav.passages import Passage
 
 
 class TerrainClass(IntEnum):
@@ -29,7 +30,8 @@ class Terrain:
     `column_start`) and height, then obstacle voxels beside them, then frontier voxels.
 
     Fields: ix, iy (N,) int32; z (N,) int16; label (N,) uint8 of TerrainClass; bridged (N,) bool, floor assumed over a hole; reached (N,)
-    bool, in the second flood (frontiers: seen from such a node); near_kerb (N,) bool, where wheels should not turn; cost (N,) float32,
+    bool, in the second flood (frontiers: seen from such a node), or connected with it by passages; near_kerb (N,) bool, where wheels should
+    not turn; narrow (N,) bool, inflated ground wide enough to drive straight over, `passages` the ways to do so; cost (N,) float32,
     factor on the length of a path, inf where no path may go; neighbours (N, 4) int32 to +x, +y, -x, -y, -1 for none (a frontier's are the
     nodes it was seen from); start, the voxel beneath the robot, and departure, where paths begin when the start lies in the inflation:
     node indices, None when there is none; radius_m of the classification, None for the whole map; robot_xyz, where base_link was.
@@ -43,6 +45,7 @@ class Terrain:
     bridged: NDArray[np.bool_]
     reached: NDArray[np.bool_]
     near_kerb: NDArray[np.bool_]
+    narrow: NDArray[np.bool_]
     cost: NDArray[np.float32]
     neighbours: NDArray[np.int32]
     start: int | None
@@ -53,6 +56,7 @@ class Terrain:
     window_key: tuple[int, int]
     window_size: tuple[int, int]
     column_start: NDArray[np.int64]
+    passages: tuple[Passage, ...] = ()
 
     def centers(self, nodes: NDArray[np.integer] | slice | None = None) -> NDArray[np.float32]:
         """(N, 3) centres in map, in metres, of all nodes or those given by index."""

@@ -19,7 +19,7 @@ from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, facing_yaw,
 from octomap_server_3dnav.planner import Path, PlannerConfig, plan_path, trim_path
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
-from rigid_geometry import as_transform, yaw_of
+from rigid_geometry import angle_difference, as_transform, yaw_of
 from rigid_geometry.transforms import Transform
 from stage_config import check_ranges, parameter
 
@@ -62,6 +62,10 @@ class ExplorationConfig:
     max_refused_sweeps: int = parameter(
         2, "-", "sweeps in a row that match nothing after which the robot goes back to known ground; 0: never", low=0, high=100
     )
+    entry_m: float = parameter(
+        0.25, "m", "a robot so near to where a passage begins drives in; from farther it stops there", low=0.0, high=2.0
+    )
+    entry_rad: float = parameter(0.35, "rad", "and when it faces along it within this angle", low=0.0, high=3.2)
     closer_factor: float = parameter(0.6, "-", "the path is trimmed to this share at every further look", low=0.1, high=1.0)
 
     turn_slope_rad: float = parameter(
@@ -80,7 +84,8 @@ class ExplorationConfig:
 class Decision:
     """What to do and why.
 
-    `path` (K, 3) in map, trimmed, None unless kind is GOAL, `full_path` the same up to the frontier; `goal` (x, y, z, yaw) in map, its yaw
+    `path` (K, 3) in map, trimmed, None unless kind is GOAL, `straight` (K,) bool where from a point to the next it leads through a passage
+    without room to turn, `full_path` the path up to the frontier; `goal` (x, y, z, yaw) in map, its yaw
     facing `frontier` (3,), on a slope that of the path's end. `scope` is "local" or "global", the terrain that decided; `open_frontiers`
     were left to visit in it, this one included; `set_aside` were given up in the whole run.
     """
@@ -95,6 +100,7 @@ class Decision:
     goal: tuple[float, float, float, float] | None = None
     frontier: tuple[float, float, float] | None = None
     full_path: NDArray[np.float64] | None = None
+    straight: NDArray[np.bool_] | None = None
 
 
 @dataclass
@@ -128,6 +134,7 @@ class ExplorationPlanner:
         if problems:
             raise ValueError("\n".join(problems))
         self._places: list[_Place] = []
+        self._entry: tuple[float, float] | None = None  # of the passage that the robot was last sent to
 
     def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
         """Frontiers given up so far, each with the reason."""
@@ -159,12 +166,20 @@ class ExplorationPlanner:
                 return decision
         return self._decision(DecisionKind.EXPLORED, self._why_explored(), terrain, scope, 0)
 
-    def still_valid(self, terrain: Terrain, path: NDArray[np.floating], frontier_xyz: tuple[float, float, float]) -> Validity:
+    def still_valid(
+        self,
+        terrain: Terrain,
+        path: NDArray[np.floating],
+        frontier_xyz: tuple[float, float, float],
+        straight: NDArray[np.bool_] | None = None,
+    ) -> Validity:
         """Whether the rest of `path` (K, 3) is still free in `terrain`, taken after a sweep on the way, and its frontier still one.
 
-        What lies outside the terrain counts as unchanged. The part that the robot stands on may be inflated.
+        What lies outside the terrain counts as unchanged. The part that the robot stands on may be inflated, and where the path leads
+        `straight` (K,) it may lie in ground that is wide enough for that.
         """
-        if not self._path_is_free(terrain, np.asarray(path, dtype=np.float64)):
+        points = np.asarray(path, dtype=np.float64)
+        if not self._path_is_free(terrain, points, np.zeros(len(points), dtype=bool) if straight is None else straight):
             return Validity.PATH_BLOCKED
         robot, target = np.asarray(terrain.robot_xyz), np.asarray(frontier_xyz)
         if terrain.radius_m is not None and np.linalg.norm(target[:2] - robot[:2]) > terrain.radius_m - self.config.place_radius_m:
@@ -173,13 +188,13 @@ class ExplorationPlanner:
         near = np.linalg.norm(frontiers - target, axis=1) <= self.config.place_radius_m
         return Validity.VALID if np.count_nonzero(near) >= self.frontier_config.min_voxels else Validity.FRONTIER_GONE
 
-    def _path_is_free(self, terrain: Terrain, path: NDArray[np.float64]) -> bool:
+    def _path_is_free(self, terrain: Terrain, path: NDArray[np.float64], straight: NDArray[np.bool_]) -> bool:
         from_robot = np.linalg.norm(path[:, :2] - np.asarray(terrain.robot_xyz[:2]), axis=1)
-        ahead = path[int(np.argmin(from_robot)) :]
-        for point in ahead[np.linalg.norm(ahead[:, :2] - np.asarray(terrain.robot_xyz[:2]), axis=1) > self.config.place_radius_m]:
-            node = terrain.surface_near(point)
-            if node is not None and terrain.label[node] != TerrainClass.TRAVERSABLE:
-                return False
+        for i in range(int(np.argmin(from_robot)), len(path)):
+            node = terrain.surface_near(path[i]) if from_robot[i] > self.config.place_radius_m else None
+            if node is None or terrain.label[node] == TerrainClass.TRAVERSABLE or (straight[i] and terrain.narrow[node]):
+                continue
+            return False
         return True
 
     def _goal_in(self, terrain: Terrain, T_map_base: Transform, scope: str) -> Decision | None:
@@ -208,20 +223,52 @@ class ExplorationPlanner:
         from_robot = np.linalg.norm(trimmed.points[:, :2] - T_map_base[:2, 3], axis=1)
         beside = np.flatnonzero((gaps < self.config.unknown_clearance_m) & (from_robot > self.config.place_radius_m))
         if beside.size:
-            trimmed = Path(trimmed.points[: beside[0]])
+            trimmed = trimmed.up_to(int(beside[0]))
         if not len(trimmed.points):
             return None
-        trimmed = self._clear_of_kerbs(terrain, trimmed)
+        trimmed = self._clear_of_kerbs(terrain, self._out_of_passage(path, trimmed, unknown))
+        trimmed, is_in_line = self._up_to_passage(T_map_base, path, trimmed)
         is_near = math.dist(frontier.xyz[:2], T_map_base[:2, 3]) <= self.config.near_m
-        return trimmed if is_near or trimmed.length_m >= self.config.least_way_m else None
+        is_entry = path.leads_on_straight(trimmed) and not is_in_line
+        return trimmed if is_near or is_entry or trimmed.length_m >= self.config.least_way_m else None
+
+    def _up_to_passage(self, T_map_base: Transform, path: Path, trimmed: Path) -> tuple[Path, bool]:
+        """A path up to where its first passage begins, unless the robot stands there in line: which it does, is told too.
+
+        There a sweep tells where the robot is: odometry that slipped in turns is off by more than a door leaves at the sides.
+        """
+        is_in_line = False
+        for first in path.entries():
+            if first >= len(trimmed.points):
+                break
+            if not self._is_at_entry(T_map_base, path.points[first : first + 2]):
+                return path.up_to(first + 1), is_in_line
+            is_in_line = True
+        return trimmed, is_in_line
+
+    def _is_at_entry(self, T_map_base: Transform, line: NDArray[np.float64]) -> bool:
+        """Whether the robot stands where a line (2, 3) begins and looks along it, or was sent there already and could not turn more."""
+        here = T_map_base[:2, 3]
+        is_aligned = abs(angle_difference(facing_yaw(line[0], line[1]), yaw_of(T_map_base))) <= self.config.entry_rad
+        was_sent = self._entry is not None and math.dist(self._entry, here) <= self.config.entry_m
+        return math.dist(line[0, :2], here) <= self.config.entry_m and (is_aligned or was_sent)
+
+    def _out_of_passage(self, path: Path, trimmed: Path, unknown: NDArray[np.float32]) -> Path:
+        """A path that ends inside of a passage goes on to where the robot can turn, if that is known all around, or ends before it."""
+        if not trimmed.ends_inside(len(trimmed.points) - 1):
+            return trimmed
+        whole = path.to_the_end_of_passage(len(trimmed.points) - 1)
+        beyond = whole.points[len(trimmed.points) - 1 :]
+        is_known = cKDTree(unknown).query(beyond)[0] >= [*[self.config.unknown_clearance_m] * (len(beyond) - 1), self.config.min_trim_m]
+        return whole if is_known.all() else trimmed.outside_passages()
 
     def _clear_of_kerbs(self, terrain: Terrain, path: Path) -> Path:
         """The path up to the last place where wheels may turn, unless that is far back, or no way to go is left."""
         places = [terrain.surface_near(point) for point in path.points]
-        clear = [i for i, node in enumerate(places) if node is not None and not terrain.near_kerb[node]]
+        clear = [i for i, node in enumerate(places) if node is not None and not terrain.near_kerb[node] and not path.ends_inside(i)]
         if not clear:
             return path
-        shorter = Path(path.points[: clear[-1] + 1])
+        shorter = path.up_to(clear[-1] + 1)
         is_better = shorter.length_m >= max(self.config.least_way_m, path.length_m - self.config.most_back_m)
         return shorter if is_better else path
 
@@ -233,15 +280,17 @@ class ExplorationPlanner:
         place.goals += 1
         self._count_progress(place, frontier.distance_m)
         x, y, z = (float(v) for v in trimmed.points[-1])
-        yaw = self._goal_yaw(terrain, T_map_base, trimmed.points, frontier.xyz)
+        is_entry = path.leads_on_straight(trimmed)
+        self._entry = (x, y) if is_entry else None
+        target = path.points[len(trimmed.points)] if is_entry else np.asarray(frontier.xyz)
+        yaw = self._goal_yaw(terrain, T_map_base, trimmed.points, target)
         reason = f"frontier of {len(frontier.voxels)} voxels, {frontier.distance_m:.1f} m away"
         decision = self._decision(DecisionKind.GOAL, reason, terrain, scope, left)
-        return replace(decision, path=trimmed.points, goal=(x, y, z, yaw), frontier=frontier.xyz, full_path=path.points)
+        goal = (x, y, z, yaw)
+        return replace(decision, path=trimmed.points, goal=goal, frontier=frontier.xyz, full_path=path.points, straight=trimmed.straight)
 
-    def _goal_yaw(
-        self, terrain: Terrain, T_map_base: Transform, points: NDArray[np.float64], frontier_xyz: tuple[float, float, float]
-    ) -> float:
-        """Faces the frontier; on a slope as the path arrives: wheels slip when they turn there, and a sweep looks all around."""
+    def _goal_yaw(self, terrain: Terrain, T_map_base: Transform, points: NDArray[np.float64], frontier_xyz: NDArray[np.float64]) -> float:
+        """Faces what it is to look at; on a slope as the path arrives: wheels slip when they turn there, and a sweep looks all around."""
         if math.hypot(frontier_xyz[0] - points[-1, 0], frontier_xyz[1] - points[-1, 1]) <= 1e-6:
             return yaw_of(T_map_base)
         slope = terrain.slope_near(points[-1])
@@ -309,6 +358,9 @@ def compile_kernels() -> None:
     states[40, 30, 4] = VoxelState.UNKNOWN
     T_map_base = np.eye(4)
     T_map_base[:3, 3] = 2.5, 2.5, 0.08 * 5 + TerrainConfig().base_height_m
+    ExplorationPlanner().decide(ColumnRuns.from_dense(states), T_map_base)
+    states[32, :27, 4:], states[32, 38:, 4:] = VoxelState.OCCUPIED, VoxelState.OCCUPIED  # a narrow door
+    T_map_base[0, 3] = 1.2
     ExplorationPlanner().decide(ColumnRuns.from_dense(states), T_map_base)
     heights, level = SurfaceHeights(0.08), np.zeros(1, dtype=np.int64)
     heights.add(HitHeights.of(np.zeros((1, 3)), 0.08))

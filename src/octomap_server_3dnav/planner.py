@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.passages import Passage
 from octomap_server_3dnav.surface_graph import diagonal
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
 from stage_config import check_ranges, parameter
@@ -26,6 +27,13 @@ class PlannerConfig:
     """What a path costs and how it is handed on."""
 
     climb_weight: float = parameter(0.3, "-", "extra cost of a metre of height, up or down", low=0.0, high=50.0)
+    passage_weight: float = parameter(
+        5.0,
+        "-",
+        "cost factor of a metre straight through a passage without room to turn: other ground is looked at first",
+        low=1.0,
+        high=1e3,
+    )
     escape_cost: float = parameter(5.0, "-", "cost factor of inflated ground on the way out of it", low=1.0, high=1000.0)
     waypoint_spacing_m: float = parameter(0.15, "m", "distance between the points of a path", low=0.02, high=2.0)
     trim_m: float = parameter(0.9, "m", "distance from the frontier at which a path ends", low=0.0, high=5.0)
@@ -37,9 +45,43 @@ class PlannerConfig:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """A path over the ground: points (K, 3) in map in metres, about evenly spaced, and its length over the ground."""
+    """A path over the ground: points (K, 3) in map in metres, about evenly spaced, and its length over the ground.
+
+    straight (K,) bool: whether from a point to the next one the path leads through a passage, without room to turn; None: nowhere.
+    """
 
     points: NDArray[np.float64]
+    straight: NDArray[np.bool_] | None = None
+
+    def ends_inside(self, index: int) -> bool:
+        """Whether point `index` lies inside of a passage, not at one of its ends."""
+        return self.straight is not None and index > 0 and bool(self.straight[index - 1] and self.straight[index])
+
+    def entries(self) -> list[int]:
+        """Indices of the points where passages begin."""
+        return [] if self.straight is None else np.flatnonzero(np.diff(self.straight.astype(int), prepend=0) == 1).tolist()
+
+    def leads_on_straight(self, part: "Path") -> bool:
+        """Whether a first `part` of this path ends where a passage begins, or in it."""
+        last = len(part.points) - 1
+        return self.straight is not None and last < len(self.points) - 1 and bool(self.straight[last])
+
+    def up_to(self, count: int) -> "Path":
+        """Its first `count` points."""
+        return Path(self.points[:count], None if self.straight is None else self.straight[:count])
+
+    def to_the_end_of_passage(self, index: int) -> "Path":
+        """The path up to the end of the passage in which point `index` lies."""
+        while self.ends_inside(index):
+            index += 1
+        return self.up_to(index + 1)
+
+    def outside_passages(self) -> "Path":
+        """The path up to its last point that does not lie inside of a passage."""
+        last = len(self.points) - 1
+        while last > 0 and self.ends_inside(last):
+            last -= 1
+        return self.up_to(last + 1)
 
     @property
     def length_m(self) -> float:
@@ -60,8 +102,10 @@ def _edge_cost(a: Any, b: Any, length: Any, z: Any, cost: Any, climb: Any) -> An
 
 
 @njit(cache=True)
-def _search(graph: Any, ix: Any, iy: Any, z: Any, cost: Any, climb: Any, source: Any, goal: Any) -> Any:
+def _search(graph: Any, ix: Any, iy: Any, z: Any, cost: Any, climb: Any, passages: Any, passage_cost: Any, source: Any, goal: Any) -> Any:
     """Costs from `source` (N,) and predecessors; A* with the straight distance when `goal` is a node, Dijkstra when it is -1.
+
+    `passages` (P, 2) lead from node to node, besides the graph, at `passage_cost` (P,).
 
     Equal costs are settled by the smaller node index, so that the result is the same every time.
     """
@@ -77,11 +121,14 @@ def _search(graph: Any, ix: Any, iy: Any, z: Any, cost: Any, climb: Any, source:
         closed[s] = True
         if s == goal:
             break
-        for move in range(8):
-            n = _neighbour(graph, s, move)
+        for move in range(8 + passage_cost.size):
+            n = _neighbour(graph, s, move) if move < 8 else passages[move - 8, 1] if passages[move - 8, 0] == s else -1
             if n < 0 or closed[n] or not np.isfinite(cost[n]):
                 continue
-            reached = total[s] + _edge_cost(s, n, 1.0 if move < 4 else np.sqrt(2.0), z, cost, climb)
+            if move < 8:
+                reached = total[s] + _edge_cost(s, n, 1.0 if move < 4 else np.sqrt(2.0), z, cost, climb)
+            else:
+                reached = total[s] + passage_cost[move - 8]
             if reached < total[n]:
                 total[n], before[n] = reached, s
                 ahead = 0.0
@@ -162,8 +209,24 @@ def _open_graph(terrain: Terrain, cost: NDArray[np.float32]) -> NDArray[np.int32
     return np.where((graph >= 0) & np.isfinite(cost)[graph], graph, -1)
 
 
+def _passages(terrain: Terrain) -> list[Passage]:
+    """Both ways of every passage; one that begins where the robot stands has only the way out."""
+    return [way for p in terrain.passages for way in ((p,) if p.nodes[0] == terrain.start else (p, p.turned()))]
+
+
+def _passage_costs(terrain: Terrain, config: PlannerConfig) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """(P, 2) nodes and (P,) cost in voxels of the ways through passages."""
+    ways = _passages(terrain)
+    nodes = np.array([way.nodes for way in ways], dtype=np.int64).reshape(-1, 2)
+    lengths = [float(np.linalg.norm(way.line[-1] - way.line[0])) / terrain.resolution for way in ways]
+    return nodes, np.array(lengths, dtype=np.float64) * config.passage_weight
+
+
 def _nodes_between(terrain: Terrain, cost: NDArray[np.float32], source: int, goal: int, config: PlannerConfig) -> NDArray[np.int64] | None:
-    total, before = _search(_open_graph(terrain, cost), terrain.ix, terrain.iy, terrain.z, cost, config.climb_weight, source, goal)
+    passages = _passage_costs(terrain, config)
+    total, before = _search(
+        _open_graph(terrain, cost), terrain.ix, terrain.iy, terrain.z, cost, config.climb_weight, *passages, source, goal
+    )
     return _chain(before, source, goal) if math.isfinite(total[goal]) else None
 
 
@@ -172,16 +235,25 @@ def _escape_cost(terrain: Terrain, config: PlannerConfig) -> NDArray[np.float32]
     return np.where(terrain.label == TerrainClass.INFLATION, np.float32(config.escape_cost), terrain.cost)
 
 
+def _source(terrain: Terrain) -> int | None:
+    """Where paths of the robot begin: the departure, or where it stands when that is inside of a passage."""
+    return terrain.start if any(p.nodes[0] == terrain.start for p in terrain.passages) else terrain.departure
+
+
 def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np.float64]:
     """(N,) length in metres of the cheapest way from the robot to every node, as cost without its factors; inf where there is none.
 
-    The way out of the inflation, if the robot stands in it, counts as straight.
+    The way out of the inflation, if the robot stands in it, counts as straight. Passages keep their factor.
     """
-    if terrain.departure is None:
+    source = _source(terrain)
+    if source is None:
         return np.full(terrain.label.size, np.inf)
     plain = np.where(np.isfinite(terrain.cost), np.float32(1.0), np.float32(np.inf))
-    total, _ = _search(_open_graph(terrain, plain), terrain.ix, terrain.iy, terrain.z, plain, 0.0, terrain.departure, -1)
-    centers = terrain.centers(np.array([terrain.departure]))[0]
+    passages = _passage_costs(terrain, config)
+    total, _ = _search(_open_graph(terrain, plain), terrain.ix, terrain.iy, terrain.z, plain, 0.0, *passages, source, -1)
+    if not math.isfinite(terrain.cost[source]):
+        total[source] = math.inf  # a place in a passage is no place to look from
+    centers = terrain.centers(np.array([source]))[0]
     return np.asarray(total * terrain.resolution + math.dist(centers[:2], terrain.robot_xyz[:2]))
 
 
@@ -245,23 +317,50 @@ def plan_path(terrain: Terrain, goal_node: int, config: PlannerConfig, start_nod
     source = terrain.start if start_node is None else start_node
     if source is None or terrain.departure is None or not math.isfinite(terrain.cost[goal_node]):
         return None
-    corners = []
-    if not math.isfinite(terrain.cost[source]):
+    way_out = None
+    if not math.isfinite(terrain.cost[source]) and source != _source(terrain):
         cost = _escape_cost(terrain, config)
         way_out = _nodes_between(terrain, cost, source, terrain.departure, config)
         if way_out is None:
             return None
-        corners.append(_smooth(terrain, cost, way_out, config))
         source = terrain.departure
     nodes = _nodes_between(terrain, terrain.cost, source, goal_node, config)
     if nodes is None:
         return None
-    corners.append(_smooth(terrain, terrain.cost, nodes, config)[len(corners) :])
-    return Path(_resample(np.concatenate(corners), config.waypoint_spacing_m))
+    parts = _parts(terrain, terrain.cost, nodes, config)
+    if way_out is not None:
+        parts[0] = (np.concatenate([_smooth(terrain, cost, way_out, config), parts[0][0][1:]]), False)
+    return _joined(parts, config.waypoint_spacing_m)
+
+
+def _parts(
+    terrain: Terrain, cost: NDArray[np.float32], chain: NDArray[np.int64], config: PlannerConfig
+) -> list[tuple[NDArray[np.float64], bool]]:
+    """The corners of what lies before, in and after every passage of a chain of nodes, and whether it is one."""
+    ways = {way.nodes: way.line for way in _passages(terrain)}
+    lines = [(i, ways[key]) for i in range(len(chain) - 1) if (key := (int(chain[i]), int(chain[i + 1]))) in ways]
+    parts, begin = [], 0
+    for i, line in lines:
+        parts += [(_smooth(terrain, cost, chain[begin : i + 1], config), False), (line, True)]
+        begin = i + 1
+    return [*parts, (_smooth(terrain, cost, chain[begin:], config), False)]
+
+
+def _joined(parts: list[tuple[NDArray[np.float64], bool]], spacing_m: float) -> Path:
+    """One path of parts, each evenly spaced; between the passages it begins and ends at theirs, so that they stay straight."""
+    points, straight = [], [np.zeros(0, dtype=bool)]
+    for i, (corners, is_passage) in enumerate(parts):
+        if not is_passage:
+            before, after = (parts[j][0] if 0 <= j < len(parts) else np.empty((0, 3)) for j in (i - 1, i + 1))
+            corners = np.concatenate([before[-1:], corners, after[:1]])
+        even = _resample(corners, spacing_m)
+        points.append(even[1:] if i else even)
+        straight.append(np.full(len(even) - 1, is_passage))
+    return Path(np.concatenate(points), np.concatenate([*straight, np.zeros(1, dtype=bool)]))
 
 
 def trim_path(path: Path, frontier_xyz: NDArray[np.floating], distance_m: float) -> Path:
     """The path up to its last point that is at least `distance_m` from the frontier, seen from above; its first point when none is."""
     gap = np.hypot(path.points[:, 0] - frontier_xyz[0], path.points[:, 1] - frontier_xyz[1])
     far = np.flatnonzero(gap >= distance_m - 1e-6)
-    return Path(path.points[: (int(far[-1]) if far.size else 0) + 1])
+    return path.up_to((int(far[-1]) if far.size else 0) + 1)

@@ -56,5 +56,5 @@ def way_back(
         away = math.dist((x, y), T_map_base[:2, 3])
         reason = f"sweeps found no place in the map: back to where one did, {away:.1f} m away"
         goal = (float(end[0]), float(end[1]), float(end[2]), yaw)
-        return Decision(DecisionKind.GOAL, reason, terrain, scope, 0, 0, path.points, goal, (x, y, z), path.points)
+        return Decision(DecisionKind.GOAL, reason, terrain, scope, 0, 0, path.points, goal, (x, y, z), path.points, path.straight)
     return None

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 from octomap_server_3dnav import terrain_kernels as kernels
 from octomap_server_3dnav.classified_terrain import Terrain, TerrainClass
 from octomap_server_3dnav.column_runs import ColumnRuns
+from octomap_server_3dnav.passages import Barriers, Ground, Passage, connected_pieces, find_passages, narrow_radii
 from octomap_server_3dnav.surface_heights import SurfaceHeights
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 from octomap_server_3dnav.terrain_judgement import (
+    barriers_of,
     departure_of,
     first_flood,
     frontier_edges,
@@ -23,7 +25,7 @@ from octomap_server_3dnav.terrain_judgement import (
     unique_pairs,
 )
 from octomap_server_3dnav.terrain_scene import Scene, scene_around
-from rigid_geometry import as_transform
+from rigid_geometry import as_transform, yaw_of
 from rigid_geometry.transforms import Transform
 
 __all__ = ["Terrain", "TerrainClass", "TerrainConfig", "classify"]
@@ -58,6 +60,8 @@ def _assemble(
     limits: Limits,
     radius_m: float | None,
     robot: NDArray[np.float64],
+    narrow: NDArray[np.bool_],
+    passages: list[Passage],
 ) -> Terrain:
     keep, number = kernels.number_nodes(label)
     obstacles = unique_pairs(obstacles[:, 0], obstacles[:, 1])
@@ -79,6 +83,7 @@ def _assemble(
         bridged=np.concatenate([scene.surfaces.bridged[keep], np.zeros(len(beside), dtype=bool)]),
         reached=np.concatenate([reached[keep], np.zeros(len(obstacles), dtype=bool), seen_from_reached]),
         near_kerb=np.concatenate([near_kerb[keep], np.zeros(len(beside), dtype=bool)]),
+        narrow=np.concatenate([narrow[keep], np.zeros(len(beside), dtype=bool)]),
         cost=np.concatenate([cost[keep], np.full(len(beside), np.inf, dtype=np.float32)]),
         neighbours=neighbours,
         start=None if start is None else int(number[start]),
@@ -89,7 +94,39 @@ def _assemble(
         window_key=scene.key,
         window_size=(scene.columns.nx, scene.columns.ny),
         column_start=kernels.column_starts(scene.surfaces.start, number),
+        passages=tuple(Passage((int(number[p.nodes[0]]), int(number[p.nodes[1]])), p.line) for p in passages),
     )
+
+
+def _passages(
+    scene: Scene,
+    label: NDArray[np.uint8],
+    narrow: NDArray[np.bool_],
+    obstacles: NDArray[np.int64],
+    edges: NDArray[np.int64],
+    departure: int | None,
+    reached: NDArray[np.bool_],
+    config: TerrainConfig,
+    limits: Limits,
+) -> tuple[list[Passage], NDArray[np.bool_]]:
+    """The passages between pieces of traversable ground, and `reached` (N,) with what they connect the departure with."""
+    if departure is None or not narrow.any():
+        return [], reached
+    piece, sizes = kernels.components(label, scene.links.graph, departure, label.size + 1)
+    large = (sizes >= config.min_traversable_voxels) | (np.arange(sizes.size) == 0)
+    piece[(piece >= 0) & ~large[piece]] = -1
+    if np.count_nonzero(large) < 2:
+        return [], reached
+    drivable = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
+    passable = narrow | (label == TerrainClass.TRAVERSABLE)
+    surfaces, (stood, cliffs) = scene.surfaces, barriers_of(scene, label, obstacles)
+    ground = Ground(
+        scene.columns.ny, surfaces.start, surfaces.column, surfaces.z, scene.links.graph, drivable, passable, piece.astype(np.int32)
+    )
+    near, cliff = config.narrow_radius_m / limits.resolution, config.narrow_cliff_radius_m / limits.resolution
+    barriers = Barriers.of([(*stood, near), (*cliffs, cliff), (edges[:, 0], edges[:, 1], cliff)], scene.columns.ny)
+    found = find_passages(ground, barriers, scene, config, limits)
+    return found, connected_pieces(piece, found, departure)
 
 
 def classify(
@@ -116,9 +153,18 @@ def classify(
     obstacles = kernels.obstacles_seen(
         scene.columns, scene.surfaces, label, scene.links.near, limits.clearance, limits.step, limits.inflation, limits.max_slope
     )
-    inflate(scene, label, obstacles, config, limits)
+    narrow = label.copy()
+    inflate(scene, narrow, obstacles, narrow_radii(config, limits.resolution), config.inflation_shape, limits)
+    inflate(scene, label, obstacles, (config.inflation_radius_m, config.cliff_inflation_radius_m), config.inflation_shape, limits)
+    is_narrow = (narrow == TerrainClass.TRAVERSABLE) & (label == TerrainClass.INFLATION)
     departure, reached = (None, np.zeros(label.size, dtype=bool)) if start is None else departure_of(scene, label, start, config)
     edges = frontier_edges(scene, label, seen, radius_m, limits)
+    passages, reached = _passages(scene, label, is_narrow, obstacles, edges, departure, reached, config, limits)
+    if start is not None:
+        ways = [way for p in passages for way in (p, p.turned()) if is_narrow[start] or way.is_along(yaw_of(T_map_base))]
+        passages += [rest for way in ways if (rest := way.rest_from((robot[0], robot[1]), start))]
     near_kerb = near_kerbs(scene, label, config, limits)
     cost = soft_cost(scene, label, near_kerb, edges, config, limits)
-    return _assemble(scene, label, start, departure, reached, near_kerb, obstacles, edges, cost, limits, radius_m, robot)
+    return _assemble(
+        scene, label, start, departure, reached, near_kerb, obstacles, edges, cost, limits, radius_m, robot, is_narrow, passages
+    )

@@ -31,6 +31,21 @@ class TerrainConfig:
     cliff_area_voxels: int = parameter(2, "voxels", "half width of the areas of the cliff check (thesis figure 5.12)", low=0, high=6)
     inflation_radius_m: float = parameter(0.60, "m", "distance kept from obstacles by the robot's centre", low=0.0, high=3.0)
     cliff_inflation_radius_m: float = parameter(0.60, "m", "distance kept from cliffs by the robot's centre", low=0.0, high=3.0)
+    narrow_radius_m: float = parameter(
+        0.385,
+        "m",
+        "distance of a passage's middle line from obstacles, where there is no room to turn and the robot drives straight through; "
+        "inflation_radius_m or more: never",
+        low=0.0,
+        high=3.0,
+    )
+    narrow_cliff_radius_m: float = parameter(
+        0.42, "m", "the same from cliffs and from floor that was not seen; as much as cliff_inflation_radius_m: never", low=0.0, high=3.0
+    )
+    narrow_width_m: float = parameter(0.67, "m", "width of the robot: so wide a passage must be known ground all along", low=0.1, high=5.0)
+    narrow_length_m: float = parameter(6.0, "m", "longest way without room to turn", low=0.0, high=20.0)
+    run_up_m: float = parameter(0.5, "m", "way in line with a passage, over ground with room to turn, at both ends", low=0.0, high=5.0)
+    longest_run_up_m: float = parameter(0.8, "m", "the same where there is more room", low=0.0, high=5.0)
     inflation_shape: str = parameter("circle", "-", "exact distance, or the square cuboid of the thesis", choices=("circle", "square"))
     start_search_radius_m: float = parameter(0.5, "m", "where around the robot the start voxel is looked for", low=0.05, high=2.0)
     start_height_tolerance_m: float = parameter(0.30, "m", "how far the start voxel may lie off the wheels' plane", low=0.05, high=2.0)
@@ -54,6 +69,8 @@ class TerrainConfig:
     def validate(self) -> list[str]:
         """All violations, as sentences."""
         problems = check_ranges(self)
+        if min(self.narrow_radius_m, self.narrow_cliff_radius_m) < self.narrow_width_m / 2:
+            problems.append(f"narrow_radius_m or narrow_cliff_radius_m is below half of narrow_width_m = {self.narrow_width_m!r}")
         if self.cliff_look_m < self.max_step_m:
             problems.append(f"cliff_look_m = {self.cliff_look_m!r} is below max_step_m = {self.max_step_m!r}")
         return problems

@@ -42,6 +42,13 @@ class FollowerConfig:
     check_ahead_m: float = parameter(0.6, "m", "so far ahead the footprint must be free along the arc", low=0.1, high=3.0)
     max_detour_m: float = parameter(0.4, "m", "an arc round an obstacle may end this far beside the path", low=0.0, high=3.0)
     detour_speed_mps: float = parameter(0.2, "m/s", "speed of such an arc, and of making room for a turn", low=0.02, high=1.0)
+    passage_speed_mps: float = parameter(0.25, "m/s", "fastest speed where the path leads straight through a passage", low=0.05, high=2.0)
+    passage_turn_rad: float = parameter(
+        0.3, "rad", "heading errors above this are turned away standing before a passage, where that is free", low=0.05, high=1.6
+    )
+    passage_heading_rad: float = parameter(0.08, "rad", "and such a turn ends below this error", low=0.01, high=0.5)
+    passage_lookahead_m: float = parameter(0.30, "m", "distance of the point steered for in a passage", low=0.1, high=2.0)
+    passage_look_m: float = parameter(1.2, "m", "so far ahead the footprint must be free in a passage", low=0.1, high=3.0)
     blocked_patience_s: float = parameter(2.0, "s", "wait this long for a blocked way to become free", low=0.0, high=60.0)
     progress_distance_m: float = parameter(0.10, "m", "progress is this much along the path", low=0.01, high=1.0)
     progress_angle_rad: float = parameter(0.15, "rad", "or this much of a turn", low=0.01, high=1.0)
@@ -60,6 +67,7 @@ class FollowerConfig:
             ("min_turn_rate_radps", "max_turn_rate_radps"),
             ("min_lookahead_m", "max_lookahead_m"),
             ("turn_in_place_until_rad", "turn_in_place_above_rad"),
+            ("passage_heading_rad", "passage_turn_rad"),
         ):
             if getattr(self, low) > getattr(self, high):
                 problems.append(f"{low} = {getattr(self, low)} is above {high} = {getattr(self, high)}")

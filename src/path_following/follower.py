@@ -1,6 +1,7 @@
 """The follower itself: a state machine that answers every observation with one command."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,11 +11,15 @@ from path_following.interface import FollowerObservation, FollowerOutput, Follow
 from path_following.manoeuvres import Arc, Motion, Recovery, detour, make_room, recovery, turn_by
 from path_following.progress import ProgressWatch
 from path_following.pursuit import Steering, approached, lookahead_m, regulated_speed, steering_to, target_on
-from path_following.reference_path import Pose, Projection, ReferencePath
+from path_following.reference_path import Pose, Projection, ReferencePath, Stretch
+from path_following.straight_driving import StraightDrive, WayOut
 from path_following.surroundings import Surroundings, Unknown, arc_poses, footprint_lattice
 from rigid_geometry import angle_difference, yaw_of
 
 _STAND = Motion(0.0, 0.0)
+_BEFORE_M = 1.0  # so far before a passage its beginning is steered for
+_RUN_UP_M = 0.3  # where it begins there is room to turn, if not always to drift
+_AT_BEGIN_M = 0.08  # and so near to it the robot is there
 
 
 class PathFollower:
@@ -41,11 +46,14 @@ class PathFollower:
         self._goal_yaw: float | None = None
         self._begin(FollowerState.IDLE, reason)
 
-    def set_path(self, points: ArrayLike, goal_yaw: float | None) -> None:
-        """Follow (K, 3) points in map, metres, and face `goal_yaw` radians at the end unless it is None; ValueError if not finite."""
+    def set_path(self, points: ArrayLike, goal_yaw: float | None, straight: Sequence[bool] = ()) -> None:
+        """Follow (K, 3) points in map, metres, and face `goal_yaw` radians at the end unless it is None; ValueError if not finite.
+
+        `straight` (K,) or empty: whether from a point to the next the path leads through a passage in which the robot cannot turn.
+        """
         if goal_yaw is not None and not math.isfinite(goal_yaw):
             raise ValueError(f"goal_yaw is a finite heading or None, not {goal_yaw!r}")
-        self._path = ReferencePath(points, self._config.smoothing_m)
+        self._path = ReferencePath(points, self._config.smoothing_m, straight)
         self._goal_yaw = goal_yaw
         self._begin(FollowerState.FOLLOWING, "new path")
 
@@ -59,8 +67,9 @@ class PathFollower:
         self._turn_side = 0.0
         self._watch: ProgressWatch | None = None
         self._blocked_since: float | None = None
-        self._recovery: Recovery | None = None
+        self._recovery: Recovery | WayOut | None = None
         self._room: Arc | None = None
+        self._entered: Stretch | None = None
         self._after_recovery = (FollowerState.STUCK, "")
 
     def step(self, observation: FollowerObservation) -> FollowerOutput:
@@ -164,14 +173,46 @@ class PathFollower:
         return self._turn(angle, dt)
 
     def _follow(self, path: ReferencePath, at: Projection, pose: Pose, around: Surroundings, dt: float) -> Motion:
-        target = target_on(path, np.array(pose[:2]), at.s, lookahead_m(self._config, self._speed))
-        steering = steering_to(pose, target)
+        stretch = path.stretch_at(at.s, _BEFORE_M)
+        if stretch is not None and self._is_in(stretch, at.s, pose):
+            return self._go_straight(path, stretch, at, pose, around, dt)
+        lookahead = lookahead_m(self._config, self._speed)
+        if stretch is not None:  # to its beginning, without cutting the corner there
+            lookahead = min(lookahead, max(stretch.begin - at.s, 1.5 * _AT_BEGIN_M))
+        steering = steering_to(pose, target_on(path, np.array(pose[:2]), at.s, lookahead))
         turning = self._state is FollowerState.TURNING_TO_PATH
         limit = self._config.turn_in_place_until_rad if turning else self._config.turn_in_place_above_rad
         if abs(steering.heading_error) > limit:
             return self._turn_to_path(pose, steering.heading_error, around, dt)
         self._turn_side, self._room = 0.0, None
         return self._drive(path, at, pose, steering, around, dt)
+
+    def _is_in(self, stretch: Stretch, s: float, pose: Pose) -> bool:
+        """Whether the robot is where the stretch begins, or was: a turn there may take it a little back."""
+        at_begin = s >= stretch.begin or math.dist(stretch.begin_xy, pose[:2]) < _AT_BEGIN_M
+        self._entered = stretch if at_begin else self._entered
+        return self._entered is stretch
+
+    def _go_straight(self, path: ReferencePath, stretch: Stretch, at: Projection, pose: Pose, around: Surroundings, dt: float) -> Motion:
+        """Into the line of a passage where there is room to turn, and along it; backward where the robot stands in it turned away."""
+        self._room = None
+        way = 1.0 if abs(angle_difference(stretch.heading, pose[2])) <= math.pi / 2 else -1.0
+        drive = StraightDrive(path, stretch, way)
+        error = steering_to(pose, stretch.point_at(at.s + self._config.passage_lookahead_m)).heading_error
+        is_turning = self._state is FollowerState.TURNING_TO_PATH
+        if abs(error) > (self._config.passage_heading_rad if is_turning else self._config.passage_turn_rad):
+            angle = turn_by(error, self._turn_side)
+            is_at_begin = at.s < stretch.begin + _RUN_UP_M
+            if around.is_free_turn(pose, angle, drifting=True) or (is_at_begin and around.is_free_turn(pose, angle, drifting=False)):
+                self._be(FollowerState.TURNING_TO_PATH, f"{angle:.2f} rad to turn into the line of a passage")
+                return self._turn(angle, dt)
+        self._turn_side = 0.0
+        curvature = drive.free_curvature(self._config, around, pose, at.s)
+        if curvature is None:
+            return self._wait(pose, around, "the passage ahead is not free")
+        self._be(FollowerState.FOLLOWING, "straight through a passage")
+        speed = max(self._config.min_speed_mps, self._config.passage_speed_mps * (1.0 - min(1.0, 0.35 * abs(curvature))))
+        return self._ramped_along(drive.way * speed, curvature, dt)
 
     def _turn_to_path(self, pose: Pose, error: float, around: Surroundings, dt: float) -> Motion:
         if self._room is not None and self._room.goes_on(around, pose):
@@ -193,7 +234,8 @@ class PathFollower:
         return self._ramped(Motion(0.0, math.copysign(rate, angle)), dt)
 
     def _drive(self, path: ReferencePath, at: Projection, pose: Pose, steering: Steering, around: Surroundings, dt: float) -> Motion:
-        remaining = path.length - at.s
+        stretch = path.stretch_at(at.s, _BEFORE_M)
+        remaining = (path.length if stretch is None else stretch.begin) - at.s
         ahead = min(self._config.check_ahead_m, remaining + 0.05)
         if around.is_free(arc_poses(pose, 1.0, steering.curvature, ahead), Unknown.ALLOWED):
             self._be(FollowerState.FOLLOWING, "on the path")
@@ -239,17 +281,26 @@ class PathFollower:
     def _start_recovery(self, then: FollowerState, reason: str, pose: Pose, around: Surroundings) -> Motion:
         assert self._stamp is not None
         self._after_recovery = (then, reason)
-        self._recovery = recovery(self._config, around, pose, self._stamp)
+        self._recovery = self._way_out(around, pose, self._stamp) or recovery(self._config, around, pose, self._stamp)
         if self._recovery is None:
             return self._end(then, f"{reason}; nowhere to back off")
         self._state, self._reason = FollowerState.BACKING_OFF, reason
         return _STAND
 
-    def _recover(self, motion: Recovery, pose: Pose, around: Surroundings, dt: float) -> Motion:
+    def _way_out(self, around: Surroundings, pose: Pose, stamp: float) -> WayOut | None:
+        """Back to where the robot came into a passage, if it is in one nose first."""
+        stretch = None if self._path is None else self._path.stretch_at(self._s, 0.0)
+        if self._path is None or stretch is None or abs(angle_difference(stretch.heading, pose[2])) > math.pi / 4:
+            return None
+        way_out = WayOut(StraightDrive(self._path, stretch, -1.0), stamp)
+        return way_out if way_out.motion_from(self._config, around, pose) else None
+
+    def _recover(self, motion: Recovery | WayOut, pose: Pose, around: Surroundings, dt: float) -> Motion:
         assert self._stamp is not None
-        if motion.is_done(self._config, pose, self._stamp) or not motion.is_free(around, pose):
+        command = motion.motion_from(self._config, around, pose)
+        if command is None or motion.is_done(self._config, pose, self._stamp):
             return self._end(*self._after_recovery)
-        return self._ramped(motion.motion, dt)
+        return self._ramped(command, dt)
 
     def _end(self, state: FollowerState, reason: str) -> Motion:
         self._state, self._reason, self._recovery = state, reason, None

@@ -113,6 +113,10 @@ class Recovery:
         far = moved >= self.distance_m if self.motion.v else turned >= self.angle_rad
         return far or stamp - self.begun_s > config.recovery_limit_s
 
+    def motion_from(self, _config: FollowerConfig, around: Surroundings, pose: Pose) -> Motion | None:
+        """The command at a pose; None when the next part is not free."""
+        return self.motion if self.is_free(around, pose) else None
+
     def is_free(self, around: Surroundings, pose: Pose) -> bool:
         """True when the next part of the motion stays off everything that is not known to be free."""
         if self.motion.v:

@@ -1,6 +1,7 @@
 """The path as the follower sees it: evenly spaced, without the steps of the planner's grid, measured by arc length."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,16 +21,45 @@ class Projection:
     off_path: float
 
 
+@dataclass(frozen=True)
+class Stretch:
+    """Part of a path that is driven straight, because there is no room to turn: arc lengths in metres, first point and heading in map."""
+
+    begin: float
+    end: float
+    begin_xy: tuple[float, float]
+    heading: float
+
+    def point_at(self, s: float) -> NDArray[np.float64]:
+        """(2,) point of its line at an arc length of the path, also beyond its ends."""
+        along = s - self.begin
+        return np.array(self.begin_xy) + along * np.array([math.cos(self.heading), math.sin(self.heading)])
+
+
 class ReferencePath:
     """A polyline in the map's x-y plane with arc length; the planner's heights need no following: the ground has them."""
 
-    def __init__(self, points: ArrayLike, smoothing_m: float) -> None:
-        """(K, 3) or (K, 2) finite points in map, K >= 1; ValueError otherwise."""
+    def __init__(self, points: ArrayLike, smoothing_m: float, straight: Sequence[bool] = ()) -> None:
+        """(K, 3) or (K, 2) finite points in map, K >= 1; `straight` (K,) or empty: whether from each to the next there is no room to turn.
+
+        ValueError otherwise.
+        """
         given = np.asarray(points, dtype=np.float64)
         if given.ndim != 2 or len(given) == 0 or given.shape[1] not in (2, 3) or not np.isfinite(given).all():
             raise ValueError(f"a path is (K, 3) finite points with K >= 1, not {given!r}")
-        self.xy = _smoothed(_resampled(given[:, :2]), round(smoothing_m / _SPACING_M))
+        if len(straight) not in (0, len(given)):
+            raise ValueError(f"straight has one value for each of the {len(given)} points or none, not {len(straight)}")
+        even = _resampled(given[:, :2])
+        changes = _changes(straight)
+        borders = _indices_of(changes, given[:, :2], len(even))
+        self.xy = _smoothed(even, round(smoothing_m / _SPACING_M), borders)
         self._s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.xy, axis=0), axis=1))])
+        s = [float(self._s[int(np.argmin(np.linalg.norm(self.xy - even[k], axis=1)))]) for k in borders]
+        self.stretches = [
+            Stretch(s[i], s[i + 1], (float(a[0]), float(a[1])), math.atan2(b[1] - a[1], b[0] - a[0]))
+            for i in range(0, len(s), 2)
+            for a, b in [given[changes[i : i + 2]]]
+        ]
 
     @property
     def length(self) -> float:
@@ -62,6 +92,10 @@ class ReferencePath:
         beyond = np.maximum(0.0, s - self.length)
         return inside + beyond[:, None] * self._direction(self.length) if beyond.any() else inside
 
+    def stretch_at(self, s: float, before_m: float) -> Stretch | None:
+        """The straight stretch that arc length `s` lies in, or at most `before_m` before; None when there is none."""
+        return next((stretch for stretch in self.stretches if stretch.begin - before_m <= s < stretch.end), None)
+
     def heading_at(self, s: float) -> float:
         """Direction of the path around arc length `s`, radians."""
         direction = self._direction(s)
@@ -83,11 +117,23 @@ def _resampled(xy: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.column_stack([np.interp(at, s, xy[:, axis]) for axis in range(2)])
 
 
-def _smoothed(xy: NDArray[np.float64], half_window: int) -> NDArray[np.float64]:
-    """Mean over `half_window` points to each side, over fewer towards the ends, which stay where they are."""
+def _changes(straight: Sequence[bool]) -> NDArray[np.int64]:
+    """Indices of the points where straight stretches begin and end, in turns."""
+    flags = np.concatenate([[False], np.array(straight, dtype=bool)[:-1], [False]])
+    return np.flatnonzero(np.diff(flags.astype(int)))
+
+
+def _indices_of(points: NDArray[np.int64], given: NDArray[np.float64], count: int) -> list[int]:
+    """Of given points, where they lie among `count` evenly spaced ones on the same way."""
+    s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(given, axis=0), axis=1))])
+    return [round(float(s[k] / s[-1]) * (count - 1)) for k in points] if s[-1] > 0 else []
+
+
+def _smoothed(xy: NDArray[np.float64], half_window: int, borders: list[int]) -> NDArray[np.float64]:
+    """Mean over `half_window` points to each side, over fewer towards the ends and the borders, which stay where they are."""
     count = len(xy)
     index = np.arange(count)
-    half = np.minimum(half_window, np.minimum(index, count - 1 - index))
+    half = np.minimum(half_window, np.abs(index[:, None] - [0, *borders, count - 1]).min(axis=1))
     sums = np.concatenate([np.zeros((1, 2)), np.cumsum(xy, axis=0)])
     smooth: NDArray[np.float64] = (sums[index + half + 1] - sums[index - half]) / (2 * half + 1)[:, None]
     distinct = np.concatenate([[True], np.linalg.norm(np.diff(smooth, axis=0), axis=1) > 1e-9])

@@ -75,6 +75,11 @@ class Surroundings:
         """
         return bool(_is_free(self._cost, self._corner, self._footprint, poses, int(unknown)))
 
+    def is_clear(self, poses: NDArray[np.float64]) -> bool:
+        """The same for (K, 3) poses where every centimetre counts: it may touch nothing more than now, not by a point of its outline."""
+        touched = [_touched(self._cost, self._corner, self._footprint, pose, False) for pose in poses]
+        return self.is_free(poses, Unknown.NOT_UNDER_THE_CENTRE) and max(touched) <= touched[0]
+
     def is_free_turn(self, pose: Pose, angle: float, *, drifting: bool) -> bool:
         """True when the robot may turn on the spot by `angle` radians; `drifting`: also when its skidding wheels take it aside."""
         poses = turn_poses(pose, angle)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pybullet_simulation import ramp_world, rooms_world
+from pybullet_simulation import doors_world, ramp_world, rooms_world
 from pybullet_simulation.height_map import HeightMap, read_height_map, terrain_between
 from pybullet_simulation.mesh_file import MESH_SUFFIXES, cut_to, read_mesh
 from pybullet_simulation.moon_world import SIDE_M as MOON_SIDE_M
@@ -47,6 +47,10 @@ def _rooms(rng: np.random.Generator, start: Start | None) -> Parts:
     return Parts(rooms_world.rooms_solids(rng), np.array([rooms_world.LOW_XY, rooms_world.HIGH_XY]), ground_z=(-0.1, 0.1))
 
 
+def _doors(rng: np.random.Generator, start: Start | None) -> Parts:
+    return Parts(doors_world.doors_solids(rng), np.array([doors_world.LOW_XY, doors_world.HIGH_XY]), ground_z=(-0.1, 0.1))
+
+
 def _ramp(rng: np.random.Generator, start: Start | None) -> Parts:
     return Parts(ramp_world.ramp_solids(rng), np.array([ramp_world.LOW_XY, ramp_world.HIGH_XY]), ground_z=(-0.1, 0.1))
 
@@ -59,7 +63,7 @@ def _moon(rng: np.random.Generator, start: Start | None) -> Parts:
     return Parts(solids, np.array([spot, spot]), [surface], terrain)
 
 
-WORLDS: dict[str, Callable[[np.random.Generator, Start | None], Parts]] = {"rooms": _rooms, "ramp": _ramp, "moon": _moon}
+WORLDS: dict[str, Callable[[np.random.Generator, Start | None], Parts]] = {"rooms": _rooms, "doors": _doors, "ramp": _ramp, "moon": _moon}
 """The built-in worlds; each is made from a generator, and the moon is levelled around the start that was asked for."""
 
 

@@ -61,7 +61,7 @@ class MoveBaseTest(unittest.TestCase):
         MoveBaseTest.clock_s = round(self.clock_s + 2.0, 3)
         self.publish_terrain(np.zeros((CELLS, CELLS), np.int8))
         rospy.ServiceProxy(f"/{NODE}/clear_costmaps", Empty)()
-        self.store_plan(Path())
+        self.store_plan(plan=Path())
 
     def publish_terrain(self, cost: np.ndarray) -> None:
         """Terrain whose middle is the map's origin; the next command is that of a robot that knows it."""
@@ -81,7 +81,7 @@ class MoveBaseTest(unittest.TestCase):
 
     def store_straight_ahead(self) -> None:
         points = np.column_stack([np.linspace(0.0, 3.0, 31), np.zeros(31), np.full(31, 0.04)])
-        answer = self.store_plan(path_message(self.clock_s, "map", points, 0.0))
+        answer = self.store_plan(plan=path_message(self.clock_s, "map", points, 0.0))
         self.assertTrue(answer.accepted, answer.message)
 
     def test_every_odometry_is_answered_with_its_stamp(self) -> None:
@@ -99,7 +99,7 @@ class MoveBaseTest(unittest.TestCase):
     def test_empty_plan_stops_the_robot(self) -> None:
         self.store_straight_ahead()
         self.tick()
-        self.store_plan(Path())
+        self.store_plan(plan=Path())
         answer = self.tick()
         self.assertEqual((answer.state, answer.twist.linear.x), ("idle", 0.0))
 
@@ -131,13 +131,13 @@ class MoveBaseTest(unittest.TestCase):
         clicked.publish(header(self.clock_s, "map"), Point(3.0, 0.0, STOREY_M))
         wait_until(lambda: self.tick().state == "following", "the robot to follow")
         self.assertEqual([goal.z for goal in self.goals], [STOREY_M])
-        self.store_plan(Path())
+        self.store_plan(plan=Path())
         clicked.publish(header(self.clock_s, "map"), Point(3.0, 0.0, 9.0))
         wait_until(lambda: len(self.goals) == 2, "a plan to be asked for")
         self.assertEqual(self.tick().state, "idle")
 
     def test_plan_in_another_frame_is_refused_with_the_reason(self) -> None:
-        answer = self.store_plan(path_message(self.clock_s, "odom", np.zeros((2, 3)), 0.0))
+        answer = self.store_plan(plan=path_message(self.clock_s, "odom", np.zeros((2, 3)), 0.0))
         self.assertFalse(answer.accepted)
         self.assertIn("odom", answer.message)
         self.assertEqual(self.tick().state, "idle")
@@ -145,7 +145,7 @@ class MoveBaseTest(unittest.TestCase):
     def test_plan_that_is_no_number_is_refused(self) -> None:
         plan = path_message(self.clock_s, "map", np.zeros((2, 3)), 0.0)
         plan.poses[0].pose.position.x = float("nan")
-        self.assertFalse(self.store_plan(plan).accepted)
+        self.assertFalse(self.store_plan(plan=plan).accepted)
         self.assertEqual(self.tick().state, "idle")
 
     def test_odometry_that_is_no_pose_is_counted_and_gets_no_command(self) -> None:

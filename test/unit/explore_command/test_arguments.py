@@ -40,7 +40,7 @@ def test_world_file_becomes_an_absolute_path(monkeypatch: pytest.MonkeyPatch, tm
 
 
 def test_unknown_world_is_told_with_those_there_are() -> None:
-    with pytest.raises(ArgumentProblem, match="romms.*rooms, ramp, moon"):
+    with pytest.raises(ArgumentProblem, match="romms.*rooms, doors, ramp, moon"):
         parse(["--world", "romms"])
 
 

@@ -43,3 +43,26 @@ def classified(figure: list[str], config: TerrainConfig) -> list[str]:
     robot = next((k, line.index("R")) for k, line in enumerate(figure[::-1]) if "R" in line)
     drawn[robot[0]][robot[1]] = "R"
     return ["".join(line).rstrip() for line in drawn[::-1]]
+
+
+def classified_plan(figure: list[str], config: TerrainConfig) -> list[str]:
+    """A view from above, x to the right and y up, with its classes: # a wall from floor to ceiling, all else level floor.
+
+    Floor is T or I, small i where the robot fits straight, and - where a passage's middle line leads over that.
+    """
+    rows, width = figure[::-1], len(figure[0])
+    states = np.full((width, len(rows), ABOVE), FREE, dtype=np.uint8)
+    states[:, :, 0] = OCCUPIED
+    for y, row in enumerate(rows):
+        states[[x for x, c in enumerate(row) if c == "#"], y] = OCCUPIED
+    y = next(k for k, row in enumerate(rows) if "R" in row)
+    x = rows[y].index("R")
+    here = pose((x + 0.5) * RESOLUTION, (y + 0.5) * RESOLUTION, RESOLUTION)
+    terrain = classify(ColumnRuns.from_dense(states, (0, 0, 0), RESOLUTION), here, config, None)
+    drawn = [list(row) for row in rows]
+    for i in np.flatnonzero((terrain.label == TerrainClass.TRAVERSABLE) | (terrain.label == TerrainClass.INFLATION)):
+        drawn[terrain.iy[i]][terrain.ix[i]] = "i" if terrain.narrow[i] else LETTER_OF[TerrainClass(terrain.label[i])]
+    for px, py in np.floor(np.concatenate([p.line for p in terrain.passages])[:, :2] / RESOLUTION).astype(int):
+        drawn[py][px] = "-" if drawn[py][px] == "i" else drawn[py][px]
+    drawn[y][x] = "R"
+    return ["".join(line) for line in drawn[::-1]]

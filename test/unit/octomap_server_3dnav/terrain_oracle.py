@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from octomap_server_3dnav.passages import narrow_radii
 from octomap_server_3dnav.terrain import TerrainConfig
 from octomap_server_3dnav.terrain_config import Limits
 
@@ -50,6 +51,7 @@ class Oracle:
     resolution: float
     nodes: dict[Column, list[int]] = field(init=False)
     label: dict[Node, int] = field(init=False, default_factory=dict)
+    narrow: set[Node] = field(init=False, default_factory=set)  # inflated, and wide enough to drive straight
 
     def __post_init__(self) -> None:
         self.limits = Limits.of(self.config, self.resolution)
@@ -261,11 +263,15 @@ class Oracle:
                 n = self.near(s, k)
                 if n is not None and self.edge(s, k) is None and n.z > s.z:
                     self.label[n] = OBSTACLE
-        obstacles = self._obstacles()
-        self._inflate(
-            [(n[:2], n.z) for n in self._of(OBSTACLE)] + [(c, level) for c, _, level in obstacles], self.config.inflation_radius_m
-        )
-        self._inflate([(n[:2], n.z) for n in self._of(CLIFF)], self.config.cliff_inflation_radius_m)
+        obstacles, before = self._obstacles(), dict(self.label)
+        standing = [(n[:2], n.z) for n in self._of(OBSTACLE)] + [(c, level) for c, _, level in obstacles]
+        cliffs = [(n[:2], n.z) for n in self._of(CLIFF)]
+        for barriers, radius_m in zip((standing, cliffs), narrow_radii(self.config, self.resolution), strict=True):
+            self._inflate(barriers, radius_m)
+        wide_enough, self.label = set(self._of(TRAVERSABLE)), before
+        self._inflate(standing, self.config.inflation_radius_m)
+        self._inflate(cliffs, self.config.cliff_inflation_radius_m)
+        self.narrow = wide_enough & set(self._of(INFLATION))
         found = {(*s, label) for s, label in self.label.items()}
         return found | {(*c, z, OBSTACLE) for c, z, _ in obstacles} | {(*c, z, FRONTIER) for c, z in self._frontiers()}
 

@@ -129,7 +129,7 @@ def test_a_star_costs_what_dijkstra_costs():
     states[40, :40, BELOW:] = OCCUPIED
     t = terrain_of(states, pose(1.0, 1.0))
     goal = t.surface_near((6.0, 1.0, 0.04))
-    arguments = (t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, t.departure)
+    arguments = (t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, np.zeros((0, 2), np.int64), np.zeros(0), t.departure)
     assert _search(*arguments, goal)[0][goal] == pytest.approx(_search(*arguments, -1)[0][goal])
 
 

@@ -36,17 +36,20 @@ def rough_map(rng: np.random.Generator) -> np.ndarray:
 @given(
     seed=st.integers(0, 2**32 - 1),
     inflation_m=st.sampled_from([0.0, 0.16, 0.25]),
+    narrow_m=st.sampled_from([0.08, 0.16, 0.25]),
     hole=st.integers(0, 3),
     area=st.integers(0, 2),
     evidence=st.sampled_from(["seen", "seen", "assumed"]),
     shape=st.sampled_from(["circle", "square"]),
 )
-def test_classes_are_those_of_the_oracle(seed, inflation_m, hole, area, evidence, shape):
+def test_classes_are_those_of_the_oracle(seed, inflation_m, narrow_m, hole, area, evidence, shape):
     states = rough_map(np.random.default_rng(seed))
     config = TerrainConfig(
         **SMALL,
         inflation_radius_m=inflation_m,
         cliff_inflation_radius_m=inflation_m,
+        narrow_radius_m=narrow_m,
+        narrow_cliff_radius_m=narrow_m,
         hole_bridge_voxels=hole,
         cliff_area_voxels=area,
         cliff_evidence=evidence,
@@ -58,4 +61,7 @@ def test_classes_are_those_of_the_oracle(seed, inflation_m, hole, area, evidence
         return
     start = Node(int(terrain.ix[terrain.start]), int(terrain.iy[terrain.start]), int(terrain.z[terrain.start]))
     voxels = {(int(x), int(y), int(z)): int(states[x, y, z]) for x, y, z in np.argwhere(states != UNKNOWN)}
-    assert label_set(terrain) == Oracle(voxels, config, RESOLUTION).classes(start)
+    oracle = Oracle(voxels, config, RESOLUTION)
+    assert label_set(terrain) == oracle.classes(start)
+    at = np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[terrain.narrow]
+    assert {Node(*map(int, voxel)) for voxel in at} == oracle.narrow

@@ -62,6 +62,15 @@ def test_plateau_is_reached_by_the_ramp_and_has_headroom_below():
     assert steps.max() == pytest.approx(0.1 * math.tan(math.radians(15.0)), abs=1e-3) and steps.min() > -1e-4
 
 
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_doors_are_wide_enough_to_drive_through_and_too_narrow_to_turn_in(seed):
+    solids = {solid.name: solid.vertices for solid in load_world("doors", seed).solids}
+    pairs = (("south_0", "south_1", 1), ("north_0", "north_1", 1), ("between_west", "between_east", 0))
+    widths = [solids[b][:, axis].min() - solids[a][:, axis].max() for a, b, axis in pairs]
+    assert sorted(widths) == pytest.approx([0.9, 0.95, 1.0])
+    assert np.ptp(solids["ramp"][:, 1]) == pytest.approx(1.0)
+
+
 def test_moon_is_mostly_gentle_with_a_few_steep_craters():
     for seed in range(1, 6):
         field = load_world("moon", seed).heightfield
@@ -92,7 +101,7 @@ def test_start_where_the_robot_cannot_stand_is_refused_with_the_reason(name, sta
 
 
 def test_unknown_world_error_lists_the_known_ones():
-    with pytest.raises(ValueError, match="rooms, ramp, moon"):
+    with pytest.raises(ValueError, match="rooms, doors, ramp, moon"):
         load_world("romms", 1)
 
 

@@ -1,0 +1,103 @@
+"""Straight through where the robot fits but cannot turn: doors of 0.9 m and more, entered in line, and out again when they are blocked."""
+
+import math
+
+import numpy as np
+import pytest
+from drive_simulation import Robot, World, drive
+
+from path_following import FollowerConfig, FollowerState, PathFollower
+from path_following.reference_path import ReferencePath
+
+RUN_UP_M, NARROW_M = 0.8, 0.7  # of a wall at x = 0, 0.16 m thick
+
+
+def world_with_door(width: float, y: float = 0.0) -> World:
+    world = World(12.0)
+    world.lethal[world.cells(-0.08, 0.08, -6.0, 6.0)] = True
+    world.lethal[world.cells(-0.08, 0.08, y - width / 2, y + width / 2)] = False
+    return world
+
+
+def through_the_door(before: tuple[float, float], after: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """A path (K, 3) over two places, straight from one run-up's beginning to the other's end, and where it is straight."""
+    ends = [(-NARROW_M - RUN_UP_M, 0.0), (NARROW_M + RUN_UP_M, 0.0)]
+    points, straight = [], []
+    for a, b, is_straight in ((before, ends[0], False), (*ends, True), (ends[1], after, False)):
+        count = max(2, math.ceil(math.dist(a, b) / 0.15))
+        points += np.linspace(a, b, count, endpoint=False).tolist()
+        straight += [is_straight] * count
+    xy = np.array([*points, after])
+    return np.column_stack([xy, np.zeros(len(xy))]), np.array([*straight, False])
+
+
+def follower_on(before: tuple[float, float], after: tuple[float, float], goal_yaw: float | None = None) -> PathFollower:
+    follower = PathFollower(FollowerConfig())
+    points, straight = through_the_door(before, after)
+    follower.set_path(points, goal_yaw, straight)
+    return follower
+
+
+ROBOTS = [Robot(), Robot(sideways=0.04), Robot(turn_share=0.7), Robot(slide_m_per_rad=0.05)]
+
+
+@pytest.mark.parametrize("robot", ROBOTS, ids=["good", "pulls aside", "turns too little", "slides when it turns"])
+@pytest.mark.parametrize("start", [(-3.0, 0.0, 0.0), (-1.4, 2.0, -1.6), (-1.2, -2.0, 3.0), (-2.5, 1.5, 1.0)], ids=str)
+@pytest.mark.parametrize("width", [0.8, 0.88, 0.96])
+def test_door_is_entered_in_line_and_passed_without_a_touch(width, start, robot):
+    done = drive(follower_on(start[:2], (2.5, 1.0)), world_with_door(width), start, robot=robot)
+    assert done.last.state is FollowerState.REACHED and not done.touched
+    inside = np.abs(done.poses[:, 0]) < 0.6
+    assert np.abs(done.poses[inside, 2]).max() < 0.15 and np.abs(done.poses[inside, 1]).max() < 0.04
+    speeds = np.hypot(*np.diff(done.poses[:, :2], axis=0).T) / 0.05
+    assert speeds[inside[1:]].max() <= 0.26
+
+
+def test_robot_that_stands_in_the_door_turned_away_drives_out_backward():
+    points, straight = through_the_door((0.1, 0.0), (2.5, 1.0))
+    follower = PathFollower(FollowerConfig())
+    follower.set_path(points[straight.argmax() :][4:], None, straight[straight.argmax() :][4:])
+    done = drive(follower, world_with_door(0.88), (-0.5, 0.02, math.pi))
+    assert done.last.state is FollowerState.REACHED and not done.touched
+    assert min(out.v for out in done.outputs) < -0.1
+    inside = np.abs(done.poses[:, 0]) < 0.55
+    assert np.abs(np.abs(done.poses[inside, 2]) - math.pi).max() < 0.2
+
+
+def test_door_that_is_blocked_while_the_robot_is_in_it_is_left_the_way_it_came():
+    world, follower = world_with_door(0.88), follower_on((-3.0, 0.0), (2.5, 1.0))
+
+    def block(t: float) -> None:
+        world.lethal[world.cells(1.0, 1.3, -1.0, 1.0)] |= t > 13.0
+
+    done = drive(follower, world, (-3.0, 0.0, 0.0), each_tick=block)
+    assert done.poses[:, 0].max() > -0.4
+    assert done.last.state is FollowerState.BLOCKED and not done.touched
+    assert done.poses[-1, 0] < -1.1
+    assert "backing_off" in done.states()
+
+
+def test_passage_that_is_not_free_is_not_entered():
+    world = world_with_door(0.88)
+    world.lethal[world.cells(0.5, 0.6, -0.3, 0.3)] = True
+    done = drive(follower_on((-3.0, 0.0), (2.5, 1.0)), world, (-3.0, 0.0, 0.0))
+    assert done.last.state in (FollowerState.BLOCKED, FollowerState.STUCK) and not done.touched
+    assert done.poses[:, 0].max() < -0.4
+
+
+def test_straight_stretches_stay_straight_when_the_path_is_smoothed():
+    points, straight = through_the_door((-1.5, 2.0), (1.5, -2.0))
+    path = ReferencePath(points, 0.2, straight)
+    (stretch,) = path.stretches
+    assert path.points_at(np.array([stretch.begin, stretch.end])) == pytest.approx(np.array([[-1.5, 0.0], [1.5, 0.0]]), abs=0.03)
+    along = path.points_at(np.linspace(stretch.begin, stretch.end, 30))
+    assert np.abs(along[:, 1]).max() < 0.02
+    assert stretch.heading == pytest.approx(0.0, abs=0.01)
+
+
+def test_path_without_passages_is_what_it_was():
+    points, _ = through_the_door((-1.5, 2.0), (1.5, -2.0))
+    assert not ReferencePath(points, 0.2).stretches
+    assert np.array_equal(ReferencePath(points, 0.2).xy, ReferencePath(points, 0.2, [False] * len(points)).xy)
+    with pytest.raises(ValueError, match="straight"):
+        ReferencePath(points, 0.2, [True])
