@@ -4,7 +4,6 @@ After a frontier was chosen, before the path goes to move_base. The search moves
 both corners are open; inflated voxels cost infinity, but on the way out of the inflation when the robot stands in it.
 """
 
-import heapq
 import math
 from dataclasses import dataclass
 from typing import Any
@@ -14,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.passages import Passage
-from octomap_server_3dnav.surface_graph import diagonal
+from octomap_server_3dnav.path_search import Ways, cheapest_way, distances, edge_cost, neighbour
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
 from stage_config import check_ranges, parameter
 
@@ -35,6 +34,8 @@ class PlannerConfig:
         high=1e3,
     )
     escape_cost: float = parameter(5.0, "-", "cost factor of inflated ground on the way out of it", low=1.0, high=1000.0)
+    far_m: float = parameter(30.0, "m", "to goals that lie farther off along an axis a path need not be the cheapest", low=0.0, high=1e4)
+    far_weight: float = parameter(1.25, "-", "but costs at most so many times as much, and is found ten times sooner", low=1.0, high=5.0)
     waypoint_spacing_m: float = parameter(0.15, "m", "distance between the points of a path", low=0.02, high=2.0)
     trim_m: float = parameter(0.9, "m", "distance from the frontier at which a path ends", low=0.0, high=5.0)
 
@@ -90,58 +91,7 @@ class Path:
 
 
 @njit(cache=True)
-def _neighbour(graph: Any, s: Any, move: Any) -> Any:
-    return graph[s, move] if move < 4 else diagonal(graph, s, move - 4)
-
-
-@njit(cache=True)
-def _edge_cost(a: Any, b: Any, length: Any, z: Any, cost: Any, climb: Any) -> Any:
-    """Cost of an edge in voxels: its length in space times the mean factor of its ends, and what its climb costs."""
-    rise = abs(np.float64(z[b]) - np.float64(z[a]))
-    return np.sqrt(length * length + rise * rise) * 0.5 * (cost[a] + cost[b]) + climb * rise
-
-
-@njit(cache=True)
-def _search(graph: Any, ix: Any, iy: Any, z: Any, cost: Any, climb: Any, passages: Any, passage_cost: Any, source: Any, goal: Any) -> Any:
-    """Costs from `source` (N,) and predecessors; A* with the straight distance when `goal` is a node, Dijkstra when it is -1.
-
-    `passages` (P, 2) lead from node to node, besides the graph, at `passage_cost` (P,).
-
-    Equal costs are settled by the smaller node index, so that the result is the same every time.
-    """
-    total = np.full(cost.size, np.inf)
-    before = np.full(cost.size, -1, np.int32)
-    closed = np.zeros(cost.size, np.bool_)
-    total[source] = 0.0
-    heap = [(0.0, np.int64(source))]
-    while len(heap) > 0:
-        _, s = heapq.heappop(heap)
-        if closed[s]:
-            continue
-        closed[s] = True
-        if s == goal:
-            break
-        for move in range(8 + passage_cost.size):
-            n = _neighbour(graph, s, move) if move < 8 else passages[move - 8, 1] if passages[move - 8, 0] == s else -1
-            if n < 0 or closed[n] or not np.isfinite(cost[n]):
-                continue
-            if move < 8:
-                reached = total[s] + _edge_cost(s, n, 1.0 if move < 4 else np.sqrt(2.0), z, cost, climb)
-            else:
-                reached = total[s] + passage_cost[move - 8]
-            if reached < total[n]:
-                total[n], before[n] = reached, s
-                ahead = 0.0
-                if goal >= 0:
-                    ahead = np.sqrt(
-                        np.float64((ix[n] - ix[goal]) ** 2 + (iy[n] - iy[goal]) ** 2 + (np.int64(z[n]) - np.int64(z[goal])) ** 2)
-                    )
-                heapq.heappush(heap, (reached + ahead, np.int64(n)))
-    return total, before
-
-
-@njit(cache=True)
-def _line(graph: Any, ix: Any, iy: Any, a: Any, b: Any, out: Any) -> Any:
+def _line(graph: Any, ix: Any, iy: Any, cost: Any, a: Any, b: Any, out: Any) -> Any:
     """Number of nodes on the straight line over the surface from a to b, written to `out`; 0 when the surface has a gap on it."""
     dx, dy = np.int64(ix[b] - ix[a]), np.int64(iy[b] - iy[a])
     steps = max(abs(dx), abs(dy))
@@ -153,7 +103,7 @@ def _line(graph: Any, ix: Any, iy: Any, a: Any, b: Any, out: Any) -> Any:
             move = 4 + (0 if mx > 0 and my > 0 else 1 if mx < 0 and my > 0 else 2 if mx < 0 else 3)
         else:
             move = 0 if mx > 0 else 2 if mx < 0 else 1 if my > 0 else 3
-        node = _neighbour(graph, node, move)
+        node = neighbour(graph, cost, node, move)
         if node < 0:
             return 0
         x, y = tx, ty
@@ -169,7 +119,7 @@ def _line_cost(nodes: Any, count: Any, ix: Any, iy: Any, z: Any, cost: Any, clim
         a, b = nodes[i - 1], nodes[i]
         length = np.sqrt(np.float64((ix[a] - ix[b]) ** 2 + (iy[a] - iy[b]) ** 2))
         stairs += length
-        total += _edge_cost(a, b, length, z, cost, climb)
+        total += edge_cost(a, b, length, z, cost, climb)
     a, b = nodes[0], nodes[count - 1]
     return total * np.sqrt(np.float64((ix[a] - ix[b]) ** 2 + (iy[a] - iy[b]) ** 2)) / max(stairs, 1e-9)
 
@@ -181,32 +131,19 @@ def _shortcut(graph: Any, ix: Any, iy: Any, z: Any, cost: Any, climb: Any, chain
     for i in range(1, chain.size):
         a, b = chain[i - 1], chain[i]
         length = np.sqrt(np.float64((ix[a] - ix[b]) ** 2 + (iy[a] - iy[b]) ** 2))
-        along[i] = along[i - 1] + _edge_cost(a, b, length, z, cost, climb)
+        along[i] = along[i - 1] + edge_cost(a, b, length, z, cost, climb)
     kept = [0]
     line = np.empty(chain.size + 1, np.int32)
     i = 0
     while i < chain.size - 1:
         best = i + 1
         for j in range(i + 2, min(i + ahead, chain.size - 1) + 1):
-            count = _line(graph, ix, iy, chain[i], chain[j], line)
+            count = _line(graph, ix, iy, cost, chain[i], chain[j], line)
             if count > 0 and _line_cost(line, count, ix, iy, z, cost, climb) <= along[j] - along[i] + 1e-9:
                 best = j
         kept.append(best)
         i = best
     return np.array(kept)
-
-
-def _chain(before: NDArray[np.int32], source: int, goal: int) -> NDArray[np.int64]:
-    nodes = [goal]
-    while nodes[-1] != source:
-        nodes.append(int(before[nodes[-1]]))
-    return np.array(nodes[::-1], dtype=np.int64)
-
-
-def _open_graph(terrain: Terrain, cost: NDArray[np.float32]) -> NDArray[np.int32]:
-    """The graph without the nodes of infinite cost, so that a diagonal does not cut their corners either."""
-    graph = terrain.neighbours
-    return np.where((graph >= 0) & np.isfinite(cost)[graph], graph, -1)
 
 
 def _passages(terrain: Terrain) -> list[Passage]:
@@ -222,12 +159,14 @@ def _passage_costs(terrain: Terrain, config: PlannerConfig) -> tuple[NDArray[np.
     return nodes, np.array(lengths, dtype=np.float64) * config.passage_weight
 
 
+def _ways(terrain: Terrain, cost: NDArray[np.float32], climb: float, config: PlannerConfig) -> Ways:
+    return Ways(terrain.neighbours, terrain.ix, terrain.iy, terrain.z, cost, climb, *_passage_costs(terrain, config))
+
+
 def _nodes_between(terrain: Terrain, cost: NDArray[np.float32], source: int, goal: int, config: PlannerConfig) -> NDArray[np.int64] | None:
-    passages = _passage_costs(terrain, config)
-    total, before = _search(
-        _open_graph(terrain, cost), terrain.ix, terrain.iy, terrain.z, cost, config.climb_weight, *passages, source, goal
-    )
-    return _chain(before, source, goal) if math.isfinite(total[goal]) else None
+    is_far = np.ptp(terrain.centers(np.array([source, goal])), axis=0).max() > config.far_m
+    chain = cheapest_way(_ways(terrain, cost, config.climb_weight, config), source, goal, config.far_weight if is_far else 1.0)
+    return np.asarray(chain) if chain.size else None
 
 
 def _escape_cost(terrain: Terrain, config: PlannerConfig) -> NDArray[np.float32]:
@@ -249,8 +188,7 @@ def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np
     if source is None:
         return np.full(terrain.label.size, np.inf)
     plain = np.where(np.isfinite(terrain.cost), np.float32(1.0), np.float32(np.inf))
-    passages = _passage_costs(terrain, config)
-    total, _ = _search(_open_graph(terrain, plain), terrain.ix, terrain.iy, terrain.z, plain, 0.0, *passages, source, -1)
+    total = distances(_ways(terrain, plain, 0.0, config), source)
     if not math.isfinite(terrain.cost[source]):
         total[source] = math.inf  # a place in a passage is no place to look from
     centers = terrain.centers(np.array([source]))[0]
@@ -259,12 +197,12 @@ def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np
 
 def _smooth(terrain: Terrain, cost: NDArray[np.float32], chain: NDArray[np.int64], config: PlannerConfig) -> NDArray[np.float64]:
     """(K, 3) corners of the path after shortcuts, with the height of every voxel on the way."""
-    graph, ix, iy, z = _open_graph(terrain, cost), terrain.ix, terrain.iy, terrain.z
+    graph, ix, iy, z = terrain.neighbours, terrain.ix, terrain.iy, terrain.z
     kept = chain[_shortcut(graph, ix, iy, z, cost, config.climb_weight, chain, SHORTCUT_NODES)]
     line = np.empty(chain.size + 1, dtype=np.int32)
     parts = [terrain.centers(kept[:1]).astype(np.float64)]
     for a, b in zip(kept[:-1], kept[1:], strict=True):
-        count = _line(graph, ix, iy, a, b, line)
+        count = _line(graph, ix, iy, cost, a, b, line)
         ends = terrain.centers(np.array([a, b])).astype(np.float64)
         t = np.linspace(0.0, 1.0, count)[1:, None]
         xy = ends[0, :2] * (1 - t) + ends[1, :2] * t

@@ -5,11 +5,11 @@ import pytest
 from numba.core.registry import CPUDispatcher
 from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, grid_of_heights, pose, runs_of
 
-from octomap_server_3dnav import exploration, frontiers, passages, planner, surface_columns, surface_graph, terrain_kernels
+from octomap_server_3dnav import exploration, frontiers, passages, path_search, planner, surface_columns, surface_graph, terrain_kernels
 from octomap_server_3dnav.column_runs import VoxelState
 from octomap_server_3dnav.octree import OctreeMap
 
-MODULES = (surface_columns, surface_graph, terrain_kernels, passages, frontiers, planner)
+MODULES = (surface_columns, surface_graph, terrain_kernels, passages, frontiers, path_search, planner)
 
 
 def signatures():

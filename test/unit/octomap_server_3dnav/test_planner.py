@@ -9,6 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, grid_of_heights, pose, terrain_of
 
+from octomap_server_3dnav.path_search import Ways, cheapest_way, distances, edge_cost
 from octomap_server_3dnav.planner import Path, PlannerConfig, distances_over_ground, nearest_traversable, plan_path, trim_path
 from octomap_server_3dnav.terrain import TerrainClass
 
@@ -122,15 +123,32 @@ def test_distances_agree_with_scipy_on_the_same_graph():
     np.testing.assert_allclose(mine[open_nodes] - offset, oracle[open_nodes], atol=1e-5)
 
 
-def test_a_star_costs_what_dijkstra_costs():
-    from octomap_server_3dnav.planner import _search
+def cost_of(ways: Ways, chain: np.ndarray) -> float:
+    """What a chain of nodes costs, edge by edge."""
+    lengths = np.hypot(np.diff(ways.ix[chain]), np.diff(ways.iy[chain]))
+    return sum(edge_cost(a, b, length, ways.z, ways.cost, ways.climb) for a, b, length in zip(chain[:-1], chain[1:], lengths, strict=True))
 
+
+def test_a_star_costs_what_dijkstra_costs_and_a_weighted_one_at_most_so_much_more():
     states = flat()
     states[40, :40, BELOW:] = OCCUPIED
     t = terrain_of(states, pose(1.0, 1.0))
     goal = t.surface_near((6.0, 1.0, 0.04))
-    arguments = (t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, np.zeros((0, 2), np.int64), np.zeros(0), t.departure)
-    assert _search(*arguments, goal)[0][goal] == pytest.approx(_search(*arguments, -1)[0][goal])
+    ways = Ways(t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, np.zeros((0, 2), np.int64), np.zeros(0))
+    least = distances(ways, t.departure)[goal]
+    assert cost_of(ways, cheapest_way(ways, t.departure, goal, 1.0)) == pytest.approx(least)
+    assert least * (1 - 1e-9) <= cost_of(ways, cheapest_way(ways, t.departure, goal, 1.5)) <= 1.5 * least
+
+
+def test_nothing_leads_to_a_closed_node_and_a_link_leads_where_the_ground_does_not():
+    states = flat()
+    states[40, :, BELOW:] = OCCUPIED
+    t = terrain_of(states, pose(1.0, 1.0))
+    near, across = t.departure, t.surface_near((2.0, 2.0, 0.04))
+    ways = Ways(t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, np.array([[near, across]], np.int64), np.array([0.5]))
+    closed = int(np.flatnonzero(~np.isfinite(t.cost))[0])
+    assert cheapest_way(ways, near, closed, 1.0).size == 0 and np.isinf(distances(ways, near)[closed])
+    assert cheapest_way(ways, near, across, 1.0).tolist() == [near, across] and distances(ways, near)[across] == 0.5
 
 
 def test_trimmed_path_ends_the_distance_before_the_frontier():

@@ -1,0 +1,117 @@
+"""Shortest ways over the navigation graph, in the terrain's own arrays: A* to a goal, Dijkstra to everywhere (thesis 5.5.1).
+
+Everything is in voxels. A node of infinite cost is closed, and no diagonal cuts its corner.
+"""
+
+import heapq
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+_OPEN, _CLOSED = 1, 2
+
+
+class Ways(NamedTuple):
+    """What a search goes over: `graph` (N, 4), where its nodes are, their `cost` factors (N,) float32, what a voxel of height costs, and
+    `links` (P, 2) besides the graph, each one way, with the `link_cost` (P,) of their whole length."""
+
+    graph: NDArray[np.int32]
+    ix: NDArray[np.int32]
+    iy: NDArray[np.int32]
+    z: NDArray[np.int16]
+    cost: NDArray[np.float32]
+    climb: float
+    links: NDArray[np.int64]
+    link_cost: NDArray[np.float64]
+
+
+@njit(cache=True)
+def neighbour(graph: Any, cost: Any, s: Any, move: Any) -> Any:
+    """Node beside s in direction `move` (0-3) or diagonally after it (4-7), -1 where there is none that is open."""
+    a = graph[s, move & 3]
+    if a < 0 or not cost[a] < np.inf:
+        return -1
+    if move < 4:
+        return a
+    aside = (move + 1) & 3
+    b = graph[s, aside]
+    if b < 0 or not cost[b] < np.inf or graph[a, aside] != graph[b, move & 3]:
+        return -1
+    n = graph[a, aside]
+    return n if n >= 0 and cost[n] < np.inf else -1
+
+
+@njit(cache=True)
+def edge_cost(a: Any, b: Any, length: Any, z: Any, cost: Any, climb: Any) -> Any:
+    """Cost of an edge in voxels: its length in space times the mean factor of its ends, and what its climb costs."""
+    rise = abs(np.float64(z[b]) - np.float64(z[a]))
+    return np.sqrt(length * length + rise * rise) * 0.5 * (cost[a] + cost[b]) + climb * rise
+
+
+@njit(cache=True)
+def _ahead(ways: Any, n: Any, goal: Any) -> Any:
+    """The least that a way from n to the goal can cost: over a grid it turns by half right angles only."""
+    dx, dy = abs(np.float64(ways.ix[n]) - ways.ix[goal]), abs(np.float64(ways.iy[n]) - ways.iy[goal])
+    across, rise = max(dx, dy) + (np.sqrt(2.0) - 1.0) * min(dx, dy), abs(np.float64(ways.z[n]) - ways.z[goal])
+    return np.sqrt(across * across + rise * rise) + ways.climb * rise
+
+
+@njit(cache=True)
+def _grow(ways: Any, source: Any, goal: Any, weight: Any, total: Any, before: Any, state: Any) -> None:
+    """Costs and predecessors from `source`, until `goal` is closed or, where that is -1, everything is; only nodes with a `state` have any.
+
+    Equal costs are settled by the smaller node index, so that the result is the same every time.
+    """
+    graph, z, cost, climb, links = ways.graph, ways.z, ways.cost, ways.climb, ways.links  # arrays of a tuple are counted at every use
+    total[source], state[source] = 0.0, _OPEN
+    heap = [(0.0, np.int64(source))]
+    while len(heap) > 0:
+        _, s = heapq.heappop(heap)
+        if state[s] == _CLOSED:
+            continue
+        state[s] = _CLOSED
+        if s == goal:
+            break
+        for move in range(8 + links.shape[0]):
+            if move < 8:
+                n = neighbour(graph, cost, s, move)
+            else:
+                n = links[move - 8, 1] if links[move - 8, 0] == s and cost[links[move - 8, 1]] < np.inf else -1
+            if n < 0 or state[n] == _CLOSED:
+                continue
+            length = 1.0 if move < 4 else np.sqrt(2.0)
+            reached = total[s] + (edge_cost(s, n, length, z, cost, climb) if move < 8 else ways.link_cost[move - 8])
+            if state[n] != _OPEN or reached < total[n]:
+                total[n], before[n], state[n] = reached, s, _OPEN
+                heapq.heappush(heap, (reached + (weight * _ahead(ways, n, goal) if goal >= 0 else 0.0), np.int64(n)))
+
+
+@njit(cache=True)
+def cheapest_way(ways: Any, source: Any, goal: Any, weight: Any) -> Any:
+    """(K,) int64 nodes from `source` to `goal`, none where no way leads there, which costs at most `weight` times what the cheapest does.
+
+    With a weight above 1 what lies towards the goal is tried first (weighted A*, Pohl 1970).
+    """
+    total, before, state = np.empty(ways.cost.size), np.empty(ways.cost.size, np.int32), np.zeros(ways.cost.size, np.uint8)
+    _grow(ways, source, goal, weight, total, before, state)
+    count, node = 1, np.int64(goal)
+    if state[goal] != _CLOSED:
+        return np.empty(0, np.int64)
+    while node != source:
+        node = np.int64(before[node])
+        count += 1
+    way, node = np.empty(count, np.int64), np.int64(goal)
+    for i in range(count - 1, -1, -1):
+        way[i] = node
+        node = np.int64(before[node]) if i else node
+    return way
+
+
+@njit(cache=True)
+def distances(ways: Any, source: Any) -> Any:
+    """(N,) float64 cost of the cheapest way from `source` to every node, inf where there is none."""
+    total, before, state = np.full(ways.cost.size, np.inf), np.empty(ways.cost.size, np.int32), np.zeros(ways.cost.size, np.uint8)
+    _grow(ways, source, -1, 1.0, total, before, state)
+    return total
