@@ -36,7 +36,7 @@ class SensorModel:
         0.7, "-", "probability of a voxel in which a beam ended; higher: one hit is worth more misses", low=0.5, high=0.999
     )
     miss: float = parameter(
-        0.35, "-", "probability of a voxel that beams only crossed; lower: moved things vanish sooner", low=0.001, high=0.5
+        0.4, "-", "probability of a voxel that beams only crossed; lower: moved things vanish sooner", low=0.001, high=0.5
     )
     min: float = parameter(
         0.12, "-", "lower clamping probability; higher: free space is revised sooner and prunes better", low=0.001, high=0.5

@@ -26,13 +26,14 @@ from shapes import MODULES, SHAPES
 from exploration_evaluation.truth import reachable_ground
 
 LIMIT = "a slope of just 25 deg: half of the fits to voxels lie above it"
-REMAINS = "what two sweeps saw takes three that see it gone"
+REMAINS = "what two sweeps saw takes five that see it gone"
 WRONG = {
     "ramp up, 25 deg": LIMIT,
     "ramp up, 25 deg, first look": LIMIT,
     "ramp down, 25 deg": LIMIT,
     "hillside, 25 deg": LIMIT,
     "kerb of 10 cm, up": "a step of just 10 cm: a measured one must stay a centimetre below the limit",
+    "moved box": REMAINS,
     "gate that opens": REMAINS,
 }
 
