@@ -23,7 +23,7 @@ from octomap_server_3dnav.planner import PlannerConfig, plan_path
 from octomap_server_3dnav.terrain import Terrain, TerrainConfig, classify
 from rigid_geometry.transforms import Transform
 
-FIELD_M, PILLARS_EVERY_M, RESOLUTION_M = 100.0, 4.0, 0.08
+FIELD_M, PILLARS_EVERY_M, RESOLUTION_M = 72.0, 4.0, 0.08
 Row = tuple[str, str]
 
 

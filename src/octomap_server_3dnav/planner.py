@@ -35,7 +35,7 @@ class PlannerConfig:
     )
     escape_cost: float = parameter(5.0, "-", "cost factor of inflated ground on the way out of it", low=1.0, high=1000.0)
     far_m: float = parameter(30.0, "m", "to goals that lie farther off along an axis a path need not be the cheapest", low=0.0, high=1e4)
-    far_weight: float = parameter(1.25, "-", "but costs at most so many times as much, and is found ten times sooner", low=1.0, high=5.0)
+    far_weight: float = parameter(1.5, "-", "but costs at most so many times as much, and is found ten times sooner", low=1.0, high=5.0)
     waypoint_spacing_m: float = parameter(0.15, "m", "distance between the points of a path", low=0.02, high=2.0)
     trim_m: float = parameter(0.9, "m", "distance from the frontier at which a path ends", low=0.0, high=5.0)
 
