@@ -80,9 +80,8 @@ def main() -> int:
     wrong = 0
     for name, half_size, max_range_m in ROOMS:
         (theirs, coarser, ours), occupied, differ = compared(half_size, max_range_m, options.sweeps)
-        print(
-            f"| {name} | {max_range_m:.0f} m | {theirs:.0f} | {coarser:.0f} | {ours:.0f} | {theirs / ours:.1f} | {occupied}; {differ[0]}, {differ[-1]} |"
-        )
+        voxels = f"{occupied}; {differ[0]}, {differ[-1]}"
+        print(f"| {name} | {max_range_m:.0f} m | {theirs:.0f} | {coarser:.0f} | {ours:.0f} | {theirs / ours:.1f} | {voxels} |")
         wrong += differ[0]
     return int(wrong > 0)
 
