@@ -39,6 +39,7 @@ _VIEWS = {
     "map_angle.png": ("from the south-east", View.at_angle(math.radians(-58.0), math.radians(38.0))),
 }
 _MAP_PIXELS = (1500, 1150)
+_LEAST_WIDTH = 1300  # pixels: titles and legend need them
 _DPI = 100
 _MARGIN_M = 0.5
 _CEILING_M = 1.3
@@ -192,7 +193,7 @@ def _figure(voxels: _Voxels, path: _Path, view: View, direction: str, summary: M
     canvas = Canvas.around(view.project(voxels.centres), *_MAP_PIXELS, margin_m=_MARGIN_M)
     image, depth = _rendered(voxels, view, canvas)
     header, footer, side = 92, 84, 24
-    width, height = max(canvas.width, 1000) + 2 * side, canvas.height + header + footer
+    width, height = max(canvas.width, _LEAST_WIDTH) + 2 * side, canvas.height + header + footer
     figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
     FigureCanvasAgg(figure)
     left = (width - canvas.width) / 2
