@@ -35,7 +35,7 @@ def cube(path: Path, centre: tuple[float, float, float], size: float) -> Path:
 
 def test_unknown_world_is_named_with_those_there_are(tmp_path: Path) -> None:
     line = refused("--world", "romms", "--headless", "--out", tmp_path / "run")
-    assert "romms" in line and "rooms, ramp, moon" in line
+    assert "romms" in line and "rooms, doors, ramp, moon" in line
 
 
 def test_unreadable_mesh_is_refused(tmp_path: Path) -> None:
