@@ -38,7 +38,7 @@ def test_parameters_of_all_sections_are_taken(tmp_path):
     "text, said",
     [
         ("terrain: {max_stp_m: 0.2}", ["max_stp_m, did you mean max_step_m?", "terrain knows robot_height_m,", "hole_bridge_voxels"]),
-        ("planner: {zzz: 1}", ["unknown parameter zzz", "planner knows climb_weight, escape_cost"]),
+        ("planner: {zzz: 1}", ["unknown parameter zzz", "planner knows climb_weight, passage_weight"]),
         ("terain: {max_step_m: 0.2}", ["terain", "did you mean terrain?"]),
         ("zzz: 1", ["unknown parameter zzz", "without a section knows resolution"]),
         ("terrain: {max_step_m: .nan}", ["max_step_m = nan is not finite"]),
