@@ -1,12 +1,11 @@
 """Times of column runs, terrain classification, frontiers and a path, as medians in milliseconds; one version beside another.
 
-    python benchmarks/terrain_classification.py [MAP.bt] [--session DIR] [--sweeps 20] [--tiles 1 2] [--runs 15] [--against SRC:BINDING]
+    python benchmarks/terrain_classification.py [MAP.bt] [--session DIR] [--sweeps 20] [--runs 15] [--against SRC:BINDING]
 
 With PYTHONPATH as ./check sets it. Always measured: a made two-level world of 20 x 20 m. MAP.bt adds an octree file, the robot on ground
 near its middle. DIR adds the live map of a recorded run (sweeps/*.npz and trajectory.txt, as the pose graph saves them) after that many
-sweeps, and with --tiles N the same sweeps put down N x N times side by side, with what one more sweep costs there. A live tree was grown
-voxel by voxel and lies all over the memory; a file's is friendlier. --against takes the PYTHONPATH of another version, which this file
-then measures in turns with this one.
+sweeps; larger ones are terrain_timing.py's. A live tree was grown voxel by voxel and lies all over the memory; a file's is friendlier.
+--against takes the PYTHONPATH of another version, which this file then measures in turns with this one.
 """
 
 import argparse
@@ -21,20 +20,19 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from map_rebuild import from_scratch, recorded
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.frontiers import FrontierConfig, find_frontiers
-from octomap_server_3dnav.map_builder import RUNS_MARGIN_M, MapConfig
+from octomap_server_3dnav.map_builder import RUNS_MARGIN_M
 from octomap_server_3dnav.octree import OctreeMap
 from octomap_server_3dnav.planner import PlannerConfig, plan_path
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
-from rigid_geometry import transform_from_quat, transform_points
 
 LOCAL_RADIUS_M = 6.0
 TURNS = 3  # of the versions that are compared
 Array = NDArray[np.float64]
-Sweep = tuple[NDArray[np.float32], NDArray[np.float32]]
 Times = dict[str, float]
 
 
@@ -70,40 +68,6 @@ def pose_near_the_middle(runs: ColumnRuns, config: TerrainConfig) -> Array:
     if best is None or best[0] == 0:
         raise ValueError("no ground for the robot near the middle of the map")
     return best[1]
-
-
-def recorded_sweeps(session: Path, count: int) -> tuple[list[Sweep], list[Array]]:
-    """The first sweeps of a recorded run, in the map, and the poses that they were taken from."""
-    rows = np.loadtxt(session / "trajectory.txt", ndmin=2)[:count]
-    poses = [transform_from_quat(row[1:4], tuple(row[4:8])) for row in rows]
-    sweeps = []
-    for path, T_map_base in zip(sorted((session / "sweeps").glob("*.npz")), poses, strict=False):
-        with np.load(path) as file:
-            points, origins = (transform_points(T_map_base, file[name]).astype(np.float32) for name in ("points", "origins"))
-        sweeps.append((points, origins))
-    return sweeps, poses[: len(sweeps)]
-
-
-def insert(octree: OctreeMap, sweep: Sweep, T_map_base: Array, shift: Array, config: MapConfig) -> None:
-    """As the node does: cropped to the cuboid around the robot."""
-    center = T_map_base[:3, 3] + shift
-    low = center - [config.crop_half_m, config.crop_half_m, config.crop_below_m]
-    high = center + [config.crop_half_m, config.crop_half_m, config.crop_above_m]
-    points, origins = ((part + shift).astype(np.float32) for part in sweep)
-    octree.insert_sweep(points, origins, config.max_range_m, (low, high))
-
-
-def live_map(sweeps: list[Sweep], poses: list[Array], tiles: int, config: MapConfig) -> OctreeMap:
-    """The sweeps inserted one after the other, tiles x tiles times side by side, with the plane under the robot at every start."""
-    octree = OctreeMap(config.resolution)
-    span = np.ptp([T[:2, 3] for T in poses], axis=0) + 2 * config.crop_half_m
-    for ix, iy in np.ndindex(tiles, tiles):
-        shift = np.array([ix * span[0], iy * span[1], 0.0])
-        for i, (sweep, T_map_base) in enumerate(zip(sweeps, poses, strict=True)):
-            insert(octree, sweep, T_map_base, shift, config)
-            if i == 0:
-                octree.insert_plane(T_map_base[:3, 3] + shift - [0, 0, config.base_height_m + 0.02], config.start_plane_half_m)
-    return octree
 
 
 def median_ms(call: Callable[[], object], runs: int) -> float:
@@ -149,15 +113,6 @@ def octree_rows(name: str, octree: OctreeMap, T_map_base: Array, count: int) -> 
         )
 
 
-def tile_rows(name: str, octree: OctreeMap, sweep: Sweep, T_map_base: Array, count: int) -> Iterator[tuple[str, float]]:
-    """The whole map by its size, and one more sweep."""
-    runs = octree.column_runs()
-    millions = float((runs.z_hi.astype(np.int64) - runs.z_lo + 1).sum()) / 1e6
-    whole = median_ms(lambda: classify(octree.column_runs(), T_map_base, TerrainConfig(), None), count)
-    yield f"{name}: column runs and classify, a million of its {millions:.1f} M known voxels", whole / millions
-    yield f"{name}: one more sweep", median_ms(lambda: insert(octree, sweep, T_map_base, np.zeros(3), MapConfig()), count)
-
-
 def measure(arguments: argparse.Namespace) -> Times:
     """Everything that was asked for."""
     made = two_level_world()
@@ -166,12 +121,8 @@ def measure(arguments: argparse.Namespace) -> Times:
         octree = OctreeMap.read(arguments.map)
         rows += octree_rows(Path(arguments.map).name, octree, pose_near_the_middle(octree.column_runs(), TerrainConfig()), arguments.runs)
     if arguments.session:
-        sweeps, poses = recorded_sweeps(arguments.session, arguments.sweeps)
-        rows += octree_rows(f"live map of {len(sweeps)} sweeps", live_map(sweeps, poses, 1, MapConfig()), poses[-1], arguments.runs)
-        for tiles in arguments.tiles:
-            octree = live_map(sweeps, poses, tiles, MapConfig())
-            rows += octree_rows(f"{tiles} x {tiles} live maps", octree, poses[-1], arguments.runs)
-            rows += tile_rows(f"{tiles} x {tiles} live maps", octree, sweeps[-1], poses[-1], arguments.runs)
+        beams, poses = (part[: arguments.sweeps] for part in recorded(arguments.session))
+        rows += octree_rows(f"live map of {len(beams)} sweeps", from_scratch(beams, poses).tree, poses[-1], arguments.runs)
     return dict(rows)
 
 
@@ -197,7 +148,6 @@ def main() -> None:
     parser.add_argument("map", nargs="?", help="a .bt or .ot file")
     parser.add_argument("--session", type=Path, help="folder of a recorded run")
     parser.add_argument("--sweeps", type=int, default=20, help="sweeps of it to insert")
-    parser.add_argument("--tiles", type=int, nargs="*", default=[], help="edges of larger maps, in copies of the live one")
     parser.add_argument("--runs", type=int, default=15, help="calls that a median is taken of")
     parser.add_argument("--against", help="PYTHONPATH of another version")
     parser.add_argument("--json", action="store_true", help="print one object of names and milliseconds")

@@ -13,12 +13,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from map_rebuild import Array, Beams, recorded, tiled
+from map_rebuild import Array, Beams, from_scratch, recorded, tiled
 from terrain_classification import LOCAL_RADIUS_M, farthest_node, median_ms, pose_near_the_middle
 
 from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
-from octomap_server_3dnav.map_builder import RUNS_MARGIN_M, MapBuilder, MapConfig
-from octomap_server_3dnav.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.map_builder import RUNS_MARGIN_M, MapBuilder
+from octomap_server_3dnav.octree import OctreeMap
 from octomap_server_3dnav.planner import PlannerConfig, plan_path
 from octomap_server_3dnav.terrain import Terrain, TerrainConfig, classify
 from rigid_geometry.transforms import Transform
@@ -31,14 +31,6 @@ def classified(builder: MapBuilder, T_map_base: Transform, radius_m: float | Non
     """As the node does after a sweep: columns out of the tree, and the terrain in them."""
     runs = builder.runs_around(T_map_base, None if radius_m is None else radius_m + RUNS_MARGIN_M)
     return classify(runs, T_map_base, TerrainConfig(), radius_m, builder.heights)
-
-
-def grown(beams: list[Beams], poses: Array) -> MapBuilder:
-    """The map of these sweeps."""
-    builder = MapBuilder(MapConfig(), SensorModel())
-    for k, sweep in enumerate(beams):
-        builder.add_sweep(sweep, k, poses[: k + 1])
-    return builder
 
 
 def one_more(builder: MapBuilder, sweep: Beams, poses: Array, calls: int) -> float:
@@ -61,7 +53,7 @@ def bytes_of(*parts: object) -> int:
 def map_rows(beams: list[Beams], poses: Array, tiles: int, calls: int) -> Iterator[Row]:
     """One size of map."""
     all_beams, all_poses = tiled(beams, poses, tiles * len(beams))
-    builder = grown(all_beams, all_poses)
+    builder = from_scratch(all_beams, all_poses)
     T_map_base, runs = all_poses[-1], builder.runs_around(all_poses[-1], None)
     millions = float((runs.z_hi.astype(np.int64) - runs.z_lo + 1).sum()) / 1e6
     name = f"{millions:.1f} M voxels"

@@ -176,6 +176,27 @@ def _line_through(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: A
 
 
 @njit(cache=True)
+def _centred_line(g: Any, b: Any, demand: Any, s: Any, dx: Any, dy: Any, ahead: Any, behind: Any) -> Any:
+    """The line through node s in direction dx, dy, moved aside to where as much room is on its left as on its right: its nodes, how many
+    come before x, y, then x, y, and the lesser room; no nodes where there is none."""
+    x, y, node = g.column[s] // g.ny + 0.5, g.column[s] % g.ny + 0.5, np.int64(s)
+    line, before = _line_through(g, demand, node, x, y, dx, dy, ahead, behind)
+    if line.size == 0:
+        return line, 0, x, y, 0.0
+    left, right = _room(b, demand, x, y, dx, dy, g.z[line], -before)
+    shift = (left - right) / 2
+    x, y = x - shift * dy, y + shift * dx
+    node = find_node(g.start, g.z, int(np.floor(x)) * g.ny + int(np.floor(y)), np.int64(g.z[s]), demand.rise)
+    if left + right < 0 or node < 0 or not g.passable[node]:
+        return line[:0], 0, x, y, 0.0
+    line, before = _line_through(g, demand, node, x, y, dx, dy, ahead, behind)
+    if line.size == 0:
+        return line, 0, x, y, 0.0
+    left, right = _room(b, demand, x, y, dx, dy, g.z[line], -before)
+    return line, before, x, y, min(left, right)
+
+
+@njit(cache=True)
 def _best_line(g: Any, b: Any, demand: Any, starts: Any, directions: Any, longest: Any) -> Any:
     """The line with the most room through any of the nodes `starts`: its nodes, how many come before x, y, then x, y, dx, dy; no nodes
     where the robot fits along none."""
@@ -184,24 +205,11 @@ def _best_line(g: Any, b: Any, demand: Any, starts: Any, directions: Any, longes
     for s in starts:
         for k in range(directions):
             dx, dy = np.cos(np.pi * k / directions), np.sin(np.pi * k / directions)
-            x, y, node = g.column[s] // g.ny + 0.5, g.column[s] % g.ny + 0.5, np.int64(s)
-            for is_in_the_middle in (False, True):
-                line, before = _line_through(g, demand, node, x, y, dx, dy, ahead, behind)
-                if line.size == 0:
-                    break
-                left, right = _room(b, demand, x, y, dx, dy, g.z[line], -before)
-                if left + right < 0:
-                    break
-                if is_in_the_middle:
-                    score = min(left, right, _ENOUGH) - 0.02 * np.sum(g.piece[line] < 0) / max(abs(dx), abs(dy))
-                    if min(left, right) >= 0 and score > best_score and _is_covered(g, demand, x, y, dx, dy, line, -before):
-                        best, best_before, best_at, best_score = line, before, (x, y, dx, dy), score
-                    break
-                shift = (left - right) / 2
-                x, y = x - shift * dy, y + shift * dx
-                node = find_node(g.start, g.z, int(np.floor(x)) * g.ny + int(np.floor(y)), np.int64(g.z[s]), demand.rise)
-                if node < 0 or not g.passable[node]:
-                    break
+            line, before, x, y, room = _centred_line(g, b, demand, s, dx, dy, ahead, behind)
+            score = min(room, _ENOUGH) - 0.02 * np.sum(g.piece[line] < 0) / max(abs(dx), abs(dy))
+            is_better = line.size > 0 and room >= 0 and score > best_score
+            if is_better and _is_covered(g, demand, x, y, dx, dy, line, -before):
+                best, best_before, best_at, best_score = line, before, (x, y, dx, dy), score
     return best, best_before, best_at
 
 
@@ -210,12 +218,9 @@ def _necks(g: Any) -> Any:
     """(N,) bool nodes that are as far from one piece as from another, over ground where the middle of the robot fits."""
     owner, queue = g.piece.copy(), np.empty(g.piece.size, np.int32)
     neck = np.zeros(g.piece.size, np.bool_)
-    tail = 0
-    for s in range(owner.size):
-        if owner[s] >= 0:
-            queue[tail] = s
-            tail += 1
-    head = 0
+    seeds = np.flatnonzero(owner >= 0)
+    queue[: seeds.size] = seeds
+    head, tail = 0, seeds.size
     while head < tail:
         s = queue[head]
         head += 1

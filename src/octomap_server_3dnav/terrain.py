@@ -4,6 +4,8 @@ After the octree took in a sweep, before a goal is chosen. Free, occupied and un
 cliff, a hole of a few unknown voxels is floor, and any other unknown floor is a frontier, worth a look.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,22 +49,23 @@ def _filled(voxels: NDArray[np.int64], terrain_class: TerrainClass) -> NDArray[n
     return np.full(len(voxels), terrain_class, dtype=np.uint8)
 
 
-def _assemble(
-    scene: Scene,
-    label: NDArray[np.uint8],
-    start: int | None,
-    departure: int | None,
-    reached: NDArray[np.bool_],
-    near_kerb: NDArray[np.bool_],
-    obstacles: NDArray[np.int64],
-    edges: NDArray[np.int64],
-    cost: NDArray[np.float32],
-    limits: Limits,
-    radius_m: float | None,
-    robot: NDArray[np.float64],
-    narrow: NDArray[np.bool_],
-    passages: list[Passage],
-) -> Terrain:
+class _Judged(NamedTuple):
+    """What is known of the (N,) nodes of a scene, the obstacles (M, 3) and frontier edges (E, 4) beside them, and the ways over them."""
+
+    label: NDArray[np.uint8]
+    reached: NDArray[np.bool_]
+    narrow: NDArray[np.bool_]
+    near_kerb: NDArray[np.bool_]
+    cost: NDArray[np.float32]
+    obstacles: NDArray[np.int64]
+    edges: NDArray[np.int64]
+    start: int | None
+    departure: int | None
+    passages: list[Passage]
+
+
+def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | None, robot: NDArray[np.float64]) -> Terrain:
+    label, reached, narrow, near_kerb, cost, obstacles, edges, start, departure, passages = judged
     keep, number = kernels.number_nodes(label)
     obstacles = unique_pairs(obstacles[:, 0], obstacles[:, 1])
     frontiers, frontier_of_edge = _unique_frontiers(edges, limits.step)
@@ -165,6 +168,5 @@ def classify(
         passages += [rest for way in ways if (rest := way.rest_from((robot[0], robot[1]), start))]
     near_kerb = near_kerbs(scene, label, config, limits)
     cost = soft_cost(scene, label, near_kerb, edges, config, limits)
-    return _assemble(
-        scene, label, start, departure, reached, near_kerb, obstacles, edges, cost, limits, radius_m, robot, is_narrow, passages
-    )
+    judged = _Judged(label, reached, is_narrow, near_kerb, cost, obstacles, edges, start, departure, passages)
+    return _assemble(scene, judged, limits, radius_m, robot)

@@ -255,13 +255,10 @@ def hops_from(seeds: Any, passable: Any, graph: Any, most: Any) -> Any:
     """(N,) int32 number of edges from the nearest seed through passable nodes, `most` where it is farther."""
     hops = np.full(passable.size, most, np.int32)
     queue = np.empty(passable.size, np.int32)
-    tail = 0
-    for s in range(passable.size):
-        if seeds[s]:
-            hops[s] = 0
-            queue[tail] = s
-            tail += 1
-    head = 0
+    first = np.flatnonzero(seeds)
+    hops[first] = 0
+    queue[: first.size] = first
+    head, tail = 0, first.size
     while head < tail:
         s = queue[head]
         head += 1

@@ -164,8 +164,7 @@ def tilt_angle(T: Transform) -> float:
 
 def rotation_angle(T: Transform) -> float:
     """Angle of the rotation of `T`, in [0, pi]."""
-    skew = np.array([T[2, 1] - T[1, 2], T[0, 2] - T[2, 0], T[1, 0] - T[0, 1]])
-    return math.atan2(0.5 * float(np.linalg.norm(skew)), 0.5 * (float(np.trace(T[:3, :3])) - 1.0))
+    return float(rotation_angles(T[None])[0])
 
 
 def rotation_angles(T: NDArray[np.float64]) -> NDArray[np.float64]:
