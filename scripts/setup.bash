@@ -8,8 +8,8 @@ give_up() { printf '[setup] %s\n' "$*" >&2; exit 2; }
 missing_packages() {
   local wanted
   wanted=$(sed -e 's/#.*//' -e '/^[[:space:]]*$/d' "$root/apt-packages.txt")
-  # shellcheck disable=SC2086  # one word a package
-  dpkg-query -W -f '${db:Status-Abbrev} ${Package}\n' $wanted 2>/dev/null | awk '$1 == "ii" { print $2 }' | sort -u |
+  # shellcheck disable=SC2086  # one word a package; dpkg-query fails where it has never heard of one
+  { dpkg-query -W -f '${db:Status-Abbrev} ${Package}\n' $wanted 2>/dev/null || true; } | awk '$1 == "ii" { print $2 }' | sort -u |
     comm -13 - <(printf '%s\n' $wanted | sort -u)
 }
 
