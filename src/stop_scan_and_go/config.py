@@ -12,6 +12,15 @@ class StopScanAndGoConfig:
     start_delay_s: float = parameter(1.0, "s", "odometry must have been there for so long before the first sweep", low=0.0, high=60.0)
     max_distance_m: float = parameter(2.5, "m", "distance since the last sweep that asks for the next", low=0.2, high=100.0)
     max_yaw_rad: float = parameter(3.5, "rad", "sum of turns since the last sweep that asks for the next", low=0.3, high=100.0)
+    max_slope_turn_rad: float = parameter(
+        2.0,
+        "rad",
+        "sum of turns in place on a slope since the last sweep after which the next comes before it drives on: in these a skid steer "
+        "slides downhill, by up to a quarter of a metre for every radian, and its odometry does not feel it",
+        low=0.1,
+        high=100.0,
+    )
+    slope_rad: float = parameter(0.035, "rad", "ground that tilts the robot more than this is a slope", low=0.0, high=1.6)
     still_time_s: float = parameter(0.5, "s", "the robot must have been still so long before a sweep", low=0.0, high=10.0)
     still_speed_mps: float = parameter(0.02, "m/s", "slower than this is still", low=0.0, high=0.5)
     still_turn_rate_radps: float = parameter(0.02, "rad/s", "turning slower than this is still", low=0.0, high=0.5)

@@ -24,7 +24,7 @@ class StopScanAndGo:
         self._kind: SweepKind | None = SweepKind.INITIAL
         self._stamp: float | None = None
         self._entered_s = 0.0
-        self._travel = TravelMeter()
+        self._travel = TravelMeter(config.slope_rad)
         self._ready = HeldFor(config.start_delay_s)
         self._still = HeldFor(config.still_time_s)
         self._rocks, self._rocking = RockingWatch(), math.inf
@@ -225,13 +225,16 @@ class StopScanAndGo:
             self._awaits_follower = False
         if self._idle.holds(tick.stamp_s, tick.follower_state == "idle"):
             return SweepKind.IDLE, f"the follower is idle: {tick.follower_reason}"
-        return self._too_far()
+        return self._too_far(tick)
 
-    def _too_far(self) -> tuple[SweepKind, str] | None:
+    def _too_far(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
         if self._travel.distance_m > self._config.max_distance_m:
             return SweepKind.INTERMEDIATE, f"{self._travel.distance_m:.2f} m since the last sweep"
         if self._travel.yaw_rad > self._config.max_yaw_rad:
             return SweepKind.INTERMEDIATE, f"{self._travel.yaw_rad:.2f} rad since the last sweep"
+        drives_on = tick.command is not None and abs(tick.command[0]) > self._config.still_speed_mps
+        if drives_on and self._travel.slope_turn_rad > self._config.max_slope_turn_rad:
+            return SweepKind.INTERMEDIATE, f"turned {self._travel.slope_turn_rad:.2f} rad in place on a slope"
         return None
 
     def _is_old_end(self, stamp: float) -> bool:

@@ -3,13 +3,17 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from rigid_geometry import angle_difference, translation_distance, yaw_of
+from rigid_geometry import angle_difference, tilt_angle, translation_distance, yaw_of
+
+_PIVOT_M = 0.2  # a turn about a centre that is nearer than this is one in place
 
 
 class TravelMeter:
     """Sums the steps between poses of the odometry frame."""
 
-    def __init__(self) -> None:
+    def __init__(self, slope_rad: float) -> None:
+        """`slope_rad`: tilt from which on the robot stands on a slope."""
+        self._slope_rad = slope_rad
         self.total_m = 0.0
         self.restart()
         self._last: NDArray[np.float64] | None = None
@@ -18,6 +22,7 @@ class TravelMeter:
         """Begin the sums since the last sweep anew; `total_m` goes on."""
         self.distance_m = 0.0
         self.yaw_rad = 0.0
+        self.slope_turn_rad = 0.0  # of it in place on a slope
 
     def skip_to(self, T_odom_base: NDArray[np.float64] | None) -> None:
         """Take a pose (4, 4) as the next step's beginning without counting the way to it; None forgets the last one."""
@@ -29,5 +34,8 @@ class TravelMeter:
             step = translation_distance(T_odom_base, self._last)
             self.distance_m += step
             self.total_m += step
-            self.yaw_rad += abs(angle_difference(yaw_of(T_odom_base), yaw_of(self._last)))
+            turn = abs(angle_difference(yaw_of(T_odom_base), yaw_of(self._last)))
+            self.yaw_rad += turn
+            if step < _PIVOT_M * turn and tilt_angle(T_odom_base) > self._slope_rad:
+                self.slope_turn_rad += turn
         self._last = T_odom_base

@@ -210,6 +210,21 @@ def test_turning_to_and_fro_adds_up_to_a_sweep():
     assert abs(script.yaw) < 1.0 and 2.0 < script.machine.yaw_since_sweep_rad < 2.1
 
 
+@pytest.mark.parametrize(("slope_rad", "sweeps"), [(0.1, True), (0.0, False)])
+def test_turn_in_place_on_a_slope_asks_for_a_sweep_before_the_robot_drives_on(slope_rad, sweeps):
+    script = Script(max_slope_turn_rad=1.6, slope_rad=0.05).driving()
+
+    def tick(command):
+        pose = transform_from_rpy([script.x, 0.0, 0.0], (0.0, 0.0, script.yaw))
+        return script.tick(command, "turning_to_path", T_odom_base=transform_from_rpy([0.0, 0.0, 0.0], (slope_rad, 0.0, 0.0)) @ pose)
+
+    for _ in range(44):
+        assert tick((0.0, 0.8)).state is DriveState.DRIVING
+    action = tick(FORWARD)
+    assert (action.state is DriveState.SETTLING) == sweeps
+    assert not sweeps or (action.sweep_kind is SweepKind.INTERMEDIATE and "on a slope" in action.reason)
+
+
 def test_goal_that_is_reached_where_the_way_is_long_enough_counts_as_reached():
     script = Script(max_distance_m=1.01).driving()
     while script.machine.distance_since_sweep_m < 0.99:
