@@ -35,7 +35,8 @@ void BlockValues::update(const VoxelBlock& seen, const UpdateRule& rule) {
     for (std::uint64_t rest = touched; rest; rest &= rest - 1) {
       const int bit = __builtin_ctzll(rest);
       float& value = log_odds[64 * word + bit];
-      value = std::clamp(value + (seen.hit[word] >> bit & 1 ? rule.hit : rule.miss), rule.min, rule.max);
+      const float miss = value > 0 && (seen.through[word] >> bit & 1) ? rule.through : rule.miss;
+      value = std::clamp(value + (seen.hit[word] >> bit & 1 ? rule.hit : miss), rule.min, rule.max);
     }
     known[word] |= touched;
   }

@@ -58,6 +58,52 @@ bool VoxelBlocks::is_hit(const Voxel& v) const {
   return block && test(block->hit, bit(v));
 }
 
+const VoxelBlock* VoxelBlocks::beside(std::uint64_t position, int axis, int way) const {
+  const std::uint32_t found = slots_[slot_of(position + (std::uint64_t{1} << 13 * axis) * way)];
+  return found == kNone ? nullptr : &blocks_[found];
+}
+
+// Within a word of 4^3 bits the step to the voxel beside depends on where along the axis a voxel lies: 0 to 1, 1 to 2 and 2 to 3;
+// from 3 it leads to the word beside.
+struct Steps {
+  std::uint64_t even, at_1, at_2, odd, at_0, at_3;  // masks of the bits there
+  int one, seven, nine;                             // distances of bits
+  unsigned word;                                    // bit of the word's number
+};
+
+static Steps steps_along(int axis) {
+  Steps s{0, 0, 0, 0, 0, 0, 1 << axis, 7 << axis, 9 << axis, 1u << axis};
+  for (int bit = 0; bit < 64; ++bit) {
+    const int at = (bit >> axis & 1) | (bit >> (axis + 3) & 1) << 1;
+    const std::uint64_t mask = std::uint64_t{1} << bit;
+    (at & 1 ? s.odd : s.even) |= mask;
+    (at == 0 ? s.at_0 : at == 1 ? s.at_1 : at == 2 ? s.at_2 : s.at_3) |= mask;
+  }
+  return s;
+}
+
+static std::uint64_t seen(const VoxelBlock* block, unsigned word) { return block ? block->free[word] | block->hit[word] : 0; }
+
+void VoxelBlocks::mark_through() {
+  static const Steps kSteps[3] = {steps_along(0), steps_along(1), steps_along(2)};
+  for (std::size_t i = 0; i < blocks_.size(); ++i) {
+    VoxelBlock& block = blocks_[i];
+    for (unsigned word = 0; word < 8; ++word) block.through[word] = block.free[word] & ~block.hit[word];
+    for (int axis = 0; axis < 3; ++axis) {
+      const Steps& s = kSteps[axis];
+      const VoxelBlock* above = beside(positions_[i], axis, 1);
+      const VoxelBlock* below = beside(positions_[i], axis, -1);
+      for (unsigned word = 0; word < 8; ++word) {
+        const bool is_upper = word & s.word;
+        const std::uint64_t here = seen(&block, word), other = seen(&block, word ^ s.word);
+        const std::uint64_t next = is_upper ? seen(above, word ^ s.word) : other, last = is_upper ? other : seen(below, word ^ s.word);
+        block.through[word] &= (here >> s.one & s.even) | (here >> s.seven & s.at_1) | (next << s.nine & s.at_3);
+        block.through[word] &= (here << s.one & s.odd) | (here << s.seven & s.at_2) | (last >> s.nine & s.at_0);
+      }
+    }
+  }
+}
+
 std::vector<VoxelBlock> VoxelBlocks::take_sorted() {
   const auto holds = [](std::uint64_t word) { return word != 0; };
   std::vector<VoxelBlock> taken;
@@ -228,6 +274,7 @@ SweepVoxels trace_sweep(const float* points, const float* origins, std::size_t n
   SweepVoxels out;
   VoxelBlocks voxels;
   for (const Ray& ray : rays_of(points, origins, n, rules, voxels, out.dropped)) carve(ray, rules, voxels);
+  voxels.mark_through();
   out.blocks = voxels.take_sorted();
   for (VoxelBlock& block : out.blocks) {
     for (int word = 0; word < 8; ++word) block.free[word] &= ~block.hit[word];

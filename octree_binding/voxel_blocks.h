@@ -40,6 +40,7 @@ struct VoxelBlock {
   std::uint64_t order = 0;  // position of the block along the octree's own (Morton) order
   BlockBits free{};
   BlockBits hit{};
+  BlockBits through{};  // those of `free` amid what was seen, too: all six voxels beside are free or hit
 };
 
 // The blocks that were touched, found by a hash of their position.
@@ -59,12 +60,14 @@ class VoxelBlocks {
   static bool test(const BlockBits& bits, unsigned bit) { return bits[bit >> 6] >> (bit & 63) & 1; }
   static void set(BlockBits& bits, unsigned bit) { bits[bit >> 6] |= std::uint64_t{1} << (bit & 63); }
 
+  void mark_through();  // sets `through` of all blocks
   // The blocks that hold something, in the octree's order; nothing is left.
   std::vector<VoxelBlock> take_sorted();
 
  private:
   static constexpr std::uint32_t kNone = 0xffffffff;
   static std::uint64_t position(const Voxel& v);
+  const VoxelBlock* beside(std::uint64_t position, int axis, int way) const;
   std::size_t slot_of(std::uint64_t position) const;
   void grow();
 

@@ -38,6 +38,13 @@ class SensorModel:
     miss: float = parameter(
         0.4, "-", "probability of a voxel that beams only crossed; lower: moved things vanish sooner", low=0.001, high=0.5
     )
+    through: float = parameter(
+        0.28,
+        "-",
+        "the same of an occupied voxel where the sweep saw all that is beside it, too: what stood there has gone; as miss: off",
+        low=0.001,
+        high=0.5,
+    )
     min: float = parameter(
         0.12, "-", "lower clamping probability; higher: free space is revised sooner and prunes better", low=0.001, high=0.5
     )
@@ -79,7 +86,8 @@ class OctreeMap:
         if problems := self._model.validate():
             raise ValueError("; ".join(problems))
         self._resolution = float(resolution)
-        self._tree = _octree_binding.Tree(self._resolution, self._model.hit, self._model.miss, self._model.min, self._model.max)
+        m = self._model
+        self._tree = _octree_binding.Tree(self._resolution, m.hit, m.miss, m.through, m.min, m.max)
 
     @property
     def resolution(self) -> float:

@@ -68,10 +68,10 @@ def test_heights_follow_moved_vertices():
     built = builder()
     built.add_sweep(wall(), 0, [pose()])
     before, after = (np.array([[math.floor(x / 0.08)], [0], [10]]) for x in (3.0, 3.3))
-    assert not np.isnan(built.heights.at(*before)) and np.isnan(built.heights.at(*after))
+    assert not np.isnan(built.heights.at(*before)).all() and np.isnan(built.heights.at(*after)).all()
     built.add_sweep(wall(1.0), 1, [pose(0.3), pose(0.5)])
     built.runs_around(pose(0.5), 5.0)
-    assert np.isnan(built.heights.at(*before)) and not np.isnan(built.heights.at(*after))
+    assert np.isnan(built.heights.at(*before)).all() and not np.isnan(built.heights.at(*after)).all()
 
 
 def random_beams(rng: np.random.Generator) -> Beams:

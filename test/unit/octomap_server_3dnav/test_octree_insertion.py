@@ -185,6 +185,25 @@ def test_same_sweeps_give_the_same_tree_bit_by_bit(seed):
     assert first.to_full() == second.to_full()
 
 
+def amid_seen(indices: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """(N,) whether all six voxels beside one were seen; indices (N, 3) of a whole cube, in order."""
+    known = np.pad((states != UNKNOWN).reshape(np.ptp(indices, axis=0) + 1), 1)
+    beside = [np.roll(known, way, axis)[1:-1, 1:-1, 1:-1] for axis in range(3) for way in (-1, 1)]
+    return np.logical_and.reduce(beside).ravel()
+
+
+@pytest.mark.parametrize(("hits", "sweeps_until_free"), [(1, 1), (2, 2), (9, 4)])
+def test_obstacle_vanishes_sooner_where_all_that_is_beside_it_is_seen(hits, sweeps_until_free):
+    octree = OctreeMap(RES, PLAIN)
+    for _ in range(hits):
+        one_ray(octree, (0, 0, 0), (5, 0, 0))
+    ends = centers(*((9, y, z) for y in range(-2, 3) for z in range(-2, 3)))
+    for sweeps in range(1, sweeps_until_free + 1):
+        octree.insert_sweep(ends, ends - np.float32([9 * RES, 0, 0]))
+        expected = FREE if sweeps == sweeps_until_free else OCCUPIED
+        assert octree.states_at(centers((5, 0, 0))).tolist() == [expected], sweeps
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_bulk_insertion_has_the_log_odds_of_single_updates(seed):
     """Values at every voxel after several sweeps, against clamped sums; bulk updates of whole cubes and pruning change none."""
@@ -199,7 +218,8 @@ def test_bulk_insertion_has_the_log_odds_of_single_updates(seed):
         indices = BruteForce(points[:0], origins[:0]).indices
         states = alone.states_at((indices + 0.5) * RES)
         total = np.full(len(states), np.nan) if total is None else total
-        update = np.select([states == FREE, states == OCCUPIED], [logit["miss"], logit["hit"]], 0.0)
+        gone = (states == FREE) & amid_seen(indices, states) & (total > 0)
+        update = np.select([gone, states == FREE, states == OCCUPIED], [logit["through"], logit["miss"], logit["hit"]], 0.0)
         total = np.where(states == UNKNOWN, total, np.clip(np.nan_to_num(total) + update, logit["min"], logit["max"]))
     expected = np.select([np.isnan(total), total >= 0], [UNKNOWN, OCCUPIED], FREE)
     assert np.array_equal(octree.states_at((indices + 0.5) * RES), expected)
