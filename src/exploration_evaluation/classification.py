@@ -24,7 +24,7 @@ Ints = NDArray[np.int64]
 Codes = NDArray[np.int8]
 Mask = NDArray[np.bool_]
 
-LABELS = ("traversable", "obstacle", "cliff", "inflation", "frontier")
+LABELS = ("traversable", "obstacle", "cliff", "inflation", "frontier", "potential cliff")
 TRUE_CLASSES = ("drivable", "obstacle", "cliff", "other")
 UNMAPPED, EDGE, NO_GROUND = "unmapped", "edge", "no ground"
 BARRIERS = ("obstacle", "cliff", "low ceiling", "too steep")

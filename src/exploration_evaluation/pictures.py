@@ -1,8 +1,8 @@
 """Two pictures of a run: the classified map from above and at an angle, with the path that was driven.
 
 They are made from the run folder alone (occupied.npz, terrain.npz, trajectory.txt and, where it is there, trajectory_truth.txt),
-and in the thesis's colours (figures 5.16 to 5.18): traversable green, obstacle red, potential cliff purple, inflation
-orange, frontier blue. Everything else that is occupied is grey. Ceilings are cut off, so that one looks into rooms.
+and in the thesis's colours (figures 5.16 to 5.18): traversable green, obstacle red, cliff purple, inflation orange, frontier
+blue; potential cliff light blue. Everything else that is occupied is grey. Ceilings are cut off, so that one looks into rooms.
 """
 
 import math
@@ -20,6 +20,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from exploration_evaluation.classification import LABELS
 from exploration_evaluation.run_files import read_arrays, read_occupied, read_trajectory
 from exploration_evaluation.scores import trajectory_errors
 from exploration_evaluation.voxel_renderer import Canvas, Depth, Image, View, render_cubes
@@ -27,9 +28,14 @@ from rigid_geometry import inverse, transform_points
 
 Floats = NDArray[np.float64]
 
-# Label values of terrain.npz, in order; a `label_names` array in the file overrides it.
-LABEL_NAMES = ("traversable", "obstacle", "cliff", "inflation", "frontier")
-_COLOURS = {"traversable": "#63b46c", "obstacle": "#d5483f", "cliff": "#8e5bb8", "inflation": "#f0a040", "frontier": "#2f7fdb"}
+_COLOURS = {
+    "traversable": "#63b46c",
+    "obstacle": "#d5483f",
+    "cliff": "#8e5bb8",
+    "inflation": "#f0a040",
+    "frontier": "#2f7fdb",
+    "potential cliff": "#35c4d7",
+}
 _OTHER_COLOUR = "#d4d7dc"
 _BACKGROUND = (1.0, 1.0, 1.0)
 _INK = "#20242b"
@@ -39,7 +45,7 @@ _VIEWS = {
     "map_angle.png": ("from the south-east", View.at_angle(math.radians(-58.0), math.radians(38.0))),
 }
 _MAP_PIXELS = (1500, 1150)
-_LEAST_WIDTH = 1300  # pixels: titles and legend need them
+_LEAST_WIDTH = 1500  # pixels: titles and legend need them
 _DPI = 100
 _MARGIN_M = 0.5
 _CEILING_M = 1.3
@@ -115,12 +121,11 @@ def _occupied_voxels(folder: Path) -> _Voxels:
 
 def _classified_voxels(folder: Path) -> _Voxels:
     data = read_arrays(folder / "terrain.npz", ("x", "y", "z", "label"))
-    names = tuple(str(n).lower() for n in data["label_names"]) if "label_names" in data else LABEL_NAMES
-    known = data["label"] < len(names)
+    known = data["label"] < len(LABELS)
     centres = np.column_stack([data[axis] for axis in "xyz"]).astype(np.float64)[known]
     label = data["label"][known].astype(np.int64)
-    palette = np.stack([_rgb(_COLOURS.get(name, _OTHER_COLOUR)) for name in names])
-    present = tuple(name for k, name in enumerate(names) if name in _COLOURS and (label == k).any())
+    palette = np.stack([_rgb(_COLOURS[name]) for name in LABELS])
+    present = tuple(name for k, name in enumerate(LABELS) if (label == k).any())
     size = _spacing(centres)
     # Of classes that share a face the rarer tells more: a frontier beside ground, a cliff beside its inflation.
     return _Voxels(centres, np.full(len(centres), size), palette[label], np.asarray(0.02 * size + 1e-5 * label, dtype=np.float64), present)
@@ -276,7 +281,7 @@ def _facts(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _draw_legend(figure: Figure, voxels: _Voxels, path: _Path, x: float, y: float) -> None:
-    handles: list[Any] = [Patch(facecolor=_COLOURS[n], label=n) for n in LABEL_NAMES if n in voxels.classes]
+    handles: list[Any] = [Patch(facecolor=_COLOURS[n], label=n) for n in LABELS if n in voxels.classes]
     if "other" in voxels.classes:
         handles.append(Patch(facecolor=_OTHER_COLOUR, label="other occupied"))
     if len(path.line):

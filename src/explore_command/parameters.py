@@ -30,7 +30,7 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
         "terrain": "octomap_server_3dnav.terrain.TerrainConfig",
         "frontier": "octomap_server_3dnav.frontiers.FrontierConfig",
         "planner": "octomap_server_3dnav.planner.PlannerConfig",
-        "exploration": "octomap_server_3dnav.exploration.ExplorationConfig",
+        "exploration": "octomap_server_3dnav.exploration_config.ExplorationConfig",
     },
     "octomap_server_3dnav_local_node": {
         "": "octomap_server_3dnav.local_grid.LocalGridConfig",

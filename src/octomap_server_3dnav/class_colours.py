@@ -8,4 +8,5 @@ CLASS_RGB: dict[TerrainClass, tuple[float, float, float]] = {
     TerrainClass.CLIFF: (0.6, 0.1, 0.8),
     TerrainClass.INFLATION: (1.0, 0.6, 0.1),
     TerrainClass.FRONTIER: (0.1, 0.35, 1.0),
+    TerrainClass.POTENTIAL_CLIFF: (0.1, 0.85, 0.95),
 }

@@ -12,13 +12,14 @@ from octomap_server_3dnav.passages import Passage
 
 
 class TerrainClass(IntEnum):
-    """Class of a surface voxel (thesis figures 5.16-5.18)."""
+    """Class of a surface voxel (thesis figures 5.16-5.18); a potential cliff is a frontier of its own kind."""
 
     TRAVERSABLE = kernels.TRAVERSABLE
     OBSTACLE = kernels.OBSTACLE
     CLIFF = kernels.CLIFF
     INFLATION = kernels.INFLATION
     FRONTIER = kernels.FRONTIER
+    POTENTIAL_CLIFF = kernels.POTENTIAL_CLIFF
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +28,7 @@ class Terrain:
 
     Voxel (ix, iy, z) of the octree's index spans [i * resolution, (i + 1) * resolution) on each axis of map. N nodes: first
     `surface_count` surface voxels that the flood reached, sorted by column of the window (`window_key`, `window_size`,
-    `column_start`) and height, then obstacle voxels beside them, then frontier voxels.
+    `column_start`) and height, then obstacle voxels beside them, then frontier voxels of both kinds.
 
     Fields: ix, iy (N,) int32; z (N,) int16; label (N,) uint8 of TerrainClass; bridged (N,) bool, floor assumed over a hole; reached (N,)
     bool, in the second flood (frontiers: seen from such a node), or connected with it by passages; near_kerb (N,) bool, where wheels should
@@ -67,6 +68,10 @@ class Terrain:
     def nodes_of(self, terrain_class: TerrainClass) -> NDArray[np.int64]:
         """Indices of the nodes of one class."""
         return np.flatnonzero(self.label == terrain_class)
+
+    def frontiers(self) -> NDArray[np.int64]:
+        """Indices of the nodes of floor that was not seen, of both kinds."""
+        return np.flatnonzero((self.label == TerrainClass.FRONTIER) | (self.label == TerrainClass.POTENTIAL_CLIFF))
 
     def surface_near(self, xyz: NDArray[np.floating] | tuple[float, float, float], reach_m: float = 0.3) -> int | None:
         """Surface node of the column at a point in map that is nearest in height, within `reach_m`; None when there is none."""

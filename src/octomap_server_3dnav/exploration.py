@@ -12,16 +12,16 @@ from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
+from octomap_server_3dnav.approach import Approach
 from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
-from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
-from octomap_server_3dnav.planner import Path, PlannerConfig, plan_path, trim_path
+from octomap_server_3dnav.exploration_config import ExplorationConfig
+from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, find_frontiers
+from octomap_server_3dnav.planner import Path, PlannerConfig, plan_path
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
-from rigid_geometry import angle_difference, as_transform, yaw_of
+from rigid_geometry import as_transform
 from rigid_geometry.transforms import Transform
-from stage_config import check_ranges, parameter
 
 TerrainWithin = Callable[[float | None], Terrain]
 
@@ -40,44 +40,6 @@ class Validity(Enum):
     VALID = "valid"
     PATH_BLOCKED = "path blocked"
     FRONTIER_GONE = "frontier gone"
-
-
-@dataclass(frozen=True)
-class ExplorationConfig:
-    """The search for the next goal; the parts it is made of have their own configurations."""
-
-    local_radius_m: float = parameter(6.0, "m", "terrain that is searched for frontiers before the whole map is", low=1.0, high=100.0)
-    place_radius_m: float = parameter(0.6, "m", "frontiers within this distance of each other are the same place", low=0.05, high=5.0)
-    near_m: float = parameter(1.6, "m", "a sweep taken within this distance of a frontier was a look at it", low=0.1, high=10.0)
-    max_looks: int = parameter(2, "-", "looks that did not change a frontier before it is set aside", low=1, high=20)
-    max_failures: int = parameter(2, "-", "failed drives to a frontier before it is set aside", low=1, high=20)
-    max_goals: int = parameter(6, "-", "goals at one frontier that brought the robot no nearer before it is set aside", low=1, high=100)
-    nearer_m: float = parameter(0.5, "m", "a frontier this much nearer over the ground than ever before is progress", low=0.05, high=10.0)
-    min_trim_m: float = parameter(0.75, "m", "but never nearer to the frontier than this: its floor is not known", low=0.0, high=5.0)
-    unknown_clearance_m: float = parameter(
-        0.40, "m", "distance of a path from floor that was not seen; half the robot's width and more", low=0.0, high=3.0
-    )
-    least_way_m: float = parameter(0.3, "m", "a shorter safe way towards a distant frontier is none", low=0.0, high=5.0)
-    most_back_m: float = parameter(1.0, "m", "a goal beside a kerb is moved back along its path by at most this", low=0.0, high=10.0)
-    max_refused_sweeps: int = parameter(
-        2, "-", "sweeps in a row that match nothing after which the robot goes back to known ground; 0: never", low=0, high=100
-    )
-    entry_m: float = parameter(
-        0.25, "m", "a robot so near to where a passage begins drives in; from farther it stops there", low=0.0, high=2.0
-    )
-    entry_rad: float = parameter(0.35, "rad", "and when it faces along it within this angle", low=0.0, high=3.2)
-    closer_factor: float = parameter(0.6, "-", "the path is trimmed to this share at every further look", low=0.1, high=1.0)
-
-    turn_slope_rad: float = parameter(
-        math.radians(8.0), "rad", "on steeper ground the robot does not turn to face the frontier", low=0.0, high=1.6
-    )
-
-    def validate(self) -> list[str]:
-        """All violations, as sentences."""
-        problems = check_ranges(self)
-        if self.max_goals < max(self.max_looks, self.max_failures):
-            problems.append(f"max_goals = {self.max_goals!r} is below max_looks or max_failures")
-        return problems
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +96,7 @@ class ExplorationPlanner:
         if problems:
             raise ValueError("\n".join(problems))
         self._places: list[_Place] = []
-        self._entry: tuple[float, float] | None = None  # of the passage that the robot was last sent to
+        self._approach = Approach(self.config, self.planner_config.trim_m)
 
     def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
         """Frontiers given up so far, each with the reason."""
@@ -184,7 +146,7 @@ class ExplorationPlanner:
         robot, target = np.asarray(terrain.robot_xyz), np.asarray(frontier_xyz)
         if terrain.radius_m is not None and np.linalg.norm(target[:2] - robot[:2]) > terrain.radius_m - self.config.place_radius_m:
             return Validity.VALID
-        frontiers = terrain.centers(terrain.nodes_of(TerrainClass.FRONTIER))
+        frontiers = terrain.centers(terrain.frontiers())
         near = np.linalg.norm(frontiers - target, axis=1) <= self.config.place_radius_m
         return Validity.VALID if np.count_nonzero(near) >= self.frontier_config.min_voxels else Validity.FRONTIER_GONE
 
@@ -203,74 +165,13 @@ class ExplorationPlanner:
         left = [f for f in frontiers if not self._is_aside(f.xyz)]
         for count, frontier in enumerate(left):
             path = plan_path(terrain, frontier.node, self.planner_config)
-            trimmed = None if path is None else self._safe_part(terrain, T_map_base, frontier, path)
+            place = self._known_place(frontier.xyz)
+            looks = 0 if place is None else place.looks
+            trimmed = None if path is None else self._approach.part_of(path, terrain, T_map_base, frontier, looks)
             if path is not None and trimmed is not None:
                 return self._goal(terrain, T_map_base, scope, frontier, (path, trimmed), len(left) - count)
             self._place(frontier.xyz).failures.append("no path" if path is None else "no path clear of unknown floor")
         return None
-
-    def _safe_part(self, terrain: Terrain, T_map_base: Transform, frontier: Frontier, path: Path) -> Path | None:
-        """The path up to where the robot looks at the frontier, and never beside floor that was not seen: it may be a cliff.
-
-        None when that leaves no way to go although the frontier is far.
-        """
-        place = self._known_place(frontier.xyz)
-        looks = 0 if place is None else place.looks
-        distance = max(self.config.min_trim_m, self.planner_config.trim_m * self.config.closer_factor**looks)
-        trimmed = trim_path(path, np.asarray(frontier.xyz), distance)
-        unknown = terrain.centers(terrain.nodes_of(TerrainClass.FRONTIER))
-        gaps = cKDTree(unknown).query(trimmed.points)[0]
-        from_robot = np.linalg.norm(trimmed.points[:, :2] - T_map_base[:2, 3], axis=1)
-        beside = np.flatnonzero((gaps < self.config.unknown_clearance_m) & (from_robot > self.config.place_radius_m))
-        if beside.size:
-            trimmed = trimmed.up_to(int(beside[0]))
-        if not len(trimmed.points):
-            return None
-        trimmed = self._clear_of_kerbs(terrain, self._out_of_passage(path, trimmed, unknown))
-        trimmed, is_in_line = self._up_to_passage(T_map_base, path, trimmed)
-        is_near = math.dist(frontier.xyz[:2], T_map_base[:2, 3]) <= self.config.near_m
-        is_entry = path.leads_on_straight(trimmed) and not is_in_line
-        return trimmed if is_near or is_entry or trimmed.length_m >= self.config.least_way_m else None
-
-    def _up_to_passage(self, T_map_base: Transform, path: Path, trimmed: Path) -> tuple[Path, bool]:
-        """A path up to where its first passage begins, unless the robot stands there in line: which it does, is told too.
-
-        There a sweep tells where the robot is: odometry that slipped in turns is off by more than a door leaves at the sides.
-        """
-        is_in_line = False
-        for first in path.entries():
-            if first >= len(trimmed.points):
-                break
-            if not self._is_at_entry(T_map_base, path.points[first : first + 2]):
-                return path.up_to(first + 1), is_in_line
-            is_in_line = True
-        return trimmed, is_in_line
-
-    def _is_at_entry(self, T_map_base: Transform, line: NDArray[np.float64]) -> bool:
-        """Whether the robot stands where a line (2, 3) begins and looks along it, or was sent there already and could not turn more."""
-        here = T_map_base[:2, 3]
-        is_aligned = abs(angle_difference(facing_yaw(line[0], line[1]), yaw_of(T_map_base))) <= self.config.entry_rad
-        was_sent = self._entry is not None and math.dist(self._entry, here) <= self.config.entry_m
-        return math.dist(line[0, :2], here) <= self.config.entry_m and (is_aligned or was_sent)
-
-    def _out_of_passage(self, path: Path, trimmed: Path, unknown: NDArray[np.float32]) -> Path:
-        """A path that ends inside of a passage goes on to where the robot can turn, if that is known all around, or ends before it."""
-        if not trimmed.ends_inside(len(trimmed.points) - 1):
-            return trimmed
-        whole = path.to_the_end_of_passage(len(trimmed.points) - 1)
-        beyond = whole.points[len(trimmed.points) - 1 :]
-        is_known = cKDTree(unknown).query(beyond)[0] >= [*[self.config.unknown_clearance_m] * (len(beyond) - 1), self.config.min_trim_m]
-        return whole if is_known.all() else trimmed.outside_passages()
-
-    def _clear_of_kerbs(self, terrain: Terrain, path: Path) -> Path:
-        """The path up to the last place where wheels may turn, unless that is far back, or no way to go is left."""
-        places = [terrain.surface_near(point) for point in path.points]
-        clear = [i for i, node in enumerate(places) if node is not None and not terrain.near_kerb[node] and not path.ends_inside(i)]
-        if not clear:
-            return path
-        shorter = path.up_to(clear[-1] + 1)
-        is_better = shorter.length_m >= max(self.config.least_way_m, path.length_m - self.config.most_back_m)
-        return shorter if is_better else path
 
     def _goal(
         self, terrain: Terrain, T_map_base: Transform, scope: str, frontier: Frontier, paths: tuple[Path, Path], left: int
@@ -279,24 +180,10 @@ class ExplorationPlanner:
         place = self._place(frontier.xyz)
         place.goals += 1
         self._count_progress(place, frontier.distance_m)
-        x, y, z = (float(v) for v in trimmed.points[-1])
-        is_entry = path.leads_on_straight(trimmed)
-        self._entry = (x, y) if is_entry else None
-        target = path.points[len(trimmed.points)] if is_entry else np.asarray(frontier.xyz)
-        yaw = self._goal_yaw(terrain, T_map_base, trimmed.points, target)
         reason = f"frontier of {len(frontier.voxels)} voxels, {frontier.distance_m:.1f} m away"
         decision = self._decision(DecisionKind.GOAL, reason, terrain, scope, left)
-        goal = (x, y, z, yaw)
+        goal = self._approach.goal_of(trimmed, path, terrain, T_map_base, frontier)
         return replace(decision, path=trimmed.points, goal=goal, frontier=frontier.xyz, full_path=path.points, straight=trimmed.straight)
-
-    def _goal_yaw(self, terrain: Terrain, T_map_base: Transform, points: NDArray[np.float64], frontier_xyz: NDArray[np.float64]) -> float:
-        """Faces what it is to look at; on a slope as the path arrives: wheels slip when they turn there, and a sweep looks all around."""
-        if math.hypot(frontier_xyz[0] - points[-1, 0], frontier_xyz[1] - points[-1, 1]) <= 1e-6:
-            return yaw_of(T_map_base)
-        slope = terrain.slope_near(points[-1])
-        if len(points) < 2 or slope is None or slope <= self.config.turn_slope_rad:
-            return facing_yaw(points[-1], frontier_xyz)
-        return facing_yaw(points[max(-4, -len(points))], points[-1])
 
     def _decision(self, kind: DecisionKind, reason: str, terrain: Terrain, scope: str, left: int) -> Decision:
         return Decision(kind, reason, terrain, scope, left, len(self.set_aside()))

@@ -1,6 +1,6 @@
 """Frontiers as targets (thesis 5.5): frontier voxels are clustered, split to what one sweep can look at, and sorted by cost.
 
-After `terrain.classify`, before a path is planned. The cost is the thesis's: distance + angle * weight.
+After `terrain.classify`, before a path is planned. The cost is the thesis's, distance + angle * weight, less what a look may show.
 """
 
 import math
@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from octomap_server_3dnav.frontier_gain import unknown_area_m2
 from octomap_server_3dnav.planner import PlannerConfig, distances_over_ground
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
 from rigid_geometry import yaw_of
@@ -28,6 +29,10 @@ class FrontierConfig:
     approach_m: float = parameter(1.0, "m", "farthest traversable ground from which such a cluster is looked at", low=0.0, high=5.0)
     target_radius_m: float = parameter(1.0, "m", "extent of one target: larger clusters are split", low=0.1, high=10.0)
     angle_weight_m_per_rad: float = parameter(0.5, "m/rad", "cost of turning to a frontier", low=0.0, high=20.0)
+    gain_weight_m_per_m2: float = parameter(
+        0.1, "m/m2", "way that is worth a square metre of ground that a look may show; 0: none, as in the thesis", low=0.0, high=10.0
+    )
+    gain_radius_m: float = parameter(3.0, "m", "ground around a frontier of which a look may show something", low=0.5, high=20.0)
     frontier_distance: str = parameter("path", "-", "distance over the ground, or straight as in the thesis", choices=("path", "euclidean"))
 
     def validate(self) -> list[str]:
@@ -37,7 +42,11 @@ class FrontierConfig:
 
 @dataclass(frozen=True)
 class Frontier:
-    """A place worth a look: xyz of its middle voxel in map, the traversable node nearest to it, its voxels (node indices), its cost."""
+    """A place worth a look: xyz of its middle voxel in map, the traversable node nearest to it, its voxels (node indices).
+
+    `distance_m` over the ground, and its `cost`; `inflated`: it lies beside inflated ground only; `potential_cliff`: most of its voxels
+    are; gain_m2: ground that a look may show.
+    """
 
     xyz: tuple[float, float, float]
     node: int
@@ -45,6 +54,8 @@ class Frontier:
     distance_m: float
     cost: float
     inflated: bool
+    potential_cliff: bool
+    gain_m2: float
 
 
 @njit(cache=True)
@@ -121,12 +132,12 @@ def _split(xyz: NDArray[np.float32], cost: NDArray[np.float64], radius_m: float)
 
 
 def find_frontiers(terrain: Terrain, T_map_base: Transform, config: FrontierConfig, planner: PlannerConfig) -> list[Frontier]:
-    """The frontiers that traversable ground leads to, cheapest first (thesis: cost = distance + angle * weight).
+    """The frontiers that traversable ground leads to, cheapest first: distance + angle * weight (thesis 6.2.2) - gain * weight.
 
     A cluster counts when one of its voxels lies beside ground that the second flood reached; one that lies wholly beside inflated ground
     must be larger, and traversable ground must come near it. Clusters larger than one sweep can look at are split into several targets.
     """
-    frontier = terrain.nodes_of(TerrainClass.FRONTIER)
+    frontier = terrain.frontiers()
     if not frontier.size or terrain.departure is None:
         return []
     distance = distances_over_ground(terrain, planner)
@@ -136,33 +147,52 @@ def find_frontiers(terrain: Terrain, T_map_base: Transform, config: FrontierConf
     straight = np.linalg.norm(xyz - np.asarray(terrain.robot_xyz, dtype=np.float32), axis=1)
     length = np.where(node >= 0, distance[node] + gap if config.frontier_distance == "path" else straight, np.inf)
     cost = _costs(terrain, frontier, length, T_map_base, config.angle_weight_m_per_rad)
-    cluster = cluster_voxels(np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[frontier])
-    found = []
-    for number in range(int(cluster.max()) + 1):
-        members = np.flatnonzero(cluster == number)
-        inflated = not terrain.reached[frontier[members]].any()
-        usable = members[np.isfinite(cost[members])]
-        if members.size < (config.min_inflated_voxels if inflated else config.min_voxels) or not usable.size:
-            continue
-        for group in _split(xyz[usable], cost[usable], config.target_radius_m):
-            found.append(_target(frontier, xyz, node, length, cost, usable[group], inflated))
+    groups, inflated = _groups(terrain, frontier, cost, config)
+    middle = np.array([_middle(xyz, members) for members in groups], dtype=np.int64)
+    gain = unknown_area_m2(terrain, frontier[middle], config.gain_radius_m)
+    least = [cost[members].min() for members in groups] - config.gain_weight_m_per_m2 * gain
+    found = [
+        Frontier(
+            xyz=(float(xyz[m, 0]), float(xyz[m, 1]), float(xyz[m, 2])),
+            node=int(node[m]),
+            voxels=tuple(np.sort(frontier[members]).tolist()),
+            distance_m=float(length[m]),
+            cost=float(least[i]),
+            inflated=inflated[i],
+            potential_cliff=_are_edges(terrain, frontier[members]),
+            gain_m2=float(gain[i]),
+        )
+        for i, (m, members) in enumerate(zip(middle.tolist(), groups, strict=True))
+    ]
     return sorted(found, key=lambda f: (round(f.cost, 6), f.xyz))
 
 
-def _target(
-    frontier: NDArray[np.int64],
-    xyz: NDArray[np.float32],
-    node: NDArray[np.int64],
-    length: NDArray[np.float64],
-    cost: NDArray[np.float64],
-    members: NDArray[np.int64],
-    inflated: bool,
-) -> Frontier:
-    """One target: the member nearest to the middle, approached by its own node."""
-    middle = members[np.argmin(np.round(np.linalg.norm(xyz[members] - xyz[members].mean(axis=0), axis=1), 5))]
-    x, y, z = (float(v) for v in xyz[middle])
-    voxels = tuple(int(v) for v in np.sort(frontier[members]))
-    return Frontier((x, y, z), int(node[middle]), voxels, float(length[middle]), float(cost[members].min()), inflated)
+def _groups(
+    terrain: Terrain, frontier: NDArray[np.int64], cost: NDArray[np.float64], config: FrontierConfig
+) -> tuple[list[NDArray[np.int64]], list[bool]]:
+    """The voxels (indices into `frontier`) of every target, and whether it lies beside inflated ground only."""
+    xyz, cluster = terrain.centers(frontier), cluster_voxels(np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[frontier])
+    groups, inflated = [], []
+    for number in range(int(cluster.max()) + 1):
+        members = np.flatnonzero(cluster == number)
+        is_inflated = not terrain.reached[frontier[members]].any()
+        usable = members[np.isfinite(cost[members])]
+        if members.size < (config.min_inflated_voxels if is_inflated else config.min_voxels) or not usable.size:
+            continue
+        parts = _split(xyz[usable], cost[usable], config.target_radius_m)
+        groups += [usable[part] for part in parts]
+        inflated += [is_inflated] * len(parts)
+    return groups, inflated
+
+
+def _middle(xyz: NDArray[np.float32], members: NDArray[np.int64]) -> int:
+    """The member nearest to the middle, by whose own node a target is approached."""
+    return int(members[np.argmin(np.round(np.linalg.norm(xyz[members] - xyz[members].mean(axis=0), axis=1), 5))])
+
+
+def _are_edges(terrain: Terrain, voxels: NDArray[np.int64]) -> bool:
+    """Whether most of the frontier voxels are potential cliffs."""
+    return bool(2 * np.count_nonzero(terrain.label[voxels] == TerrainClass.POTENTIAL_CLIFF) > len(voxels))
 
 
 def facing_yaw(from_xyz: NDArray[np.floating] | tuple[float, ...], to_xyz: NDArray[np.floating] | tuple[float, ...]) -> float:

@@ -15,6 +15,7 @@ from octomap_server_3dnav.column_runs import ColumnRuns
 DX = np.array([1, 0, -1, 0], dtype=np.int64)
 DY = np.array([0, 1, 0, -1], dtype=np.int64)
 NO_VOXEL = 32767
+_SLOPED = np.tan(np.deg2rad(10.0))  # what is less steep is level: a slope that is none leads farther astray than it tells
 
 
 class Columns(NamedTuple):
@@ -32,7 +33,8 @@ class Surfaces(NamedTuple):
     """Surface nodes sorted by column and height: column (N,), z (N,) of the voxel, bridged (N,), and start per column.
 
     level (N,) is the height of the surface in voxels: where beams hit it on average, or on a line over a hole between two such, which
-    `measured` (N,) tells; else the voxel's middle.
+    `measured` (N,) tells; else the voxel's middle. slope_level (N,) is the same with what was hit in the voxel below, too: a slope passes
+    through both.
     """
 
     start: NDArray[np.int32]
@@ -40,12 +42,14 @@ class Surfaces(NamedTuple):
     z: NDArray[np.int16]
     bridged: NDArray[np.bool_]
     level: NDArray[np.float32]
+    slope_level: NDArray[np.float32]
     measured: NDArray[np.bool_]
 
-    def at_heights(self, height: NDArray[np.float32]) -> "Surfaces":
-        """The same with measured heights (N,) in voxels, NaN where there are none."""
-        measured = np.isfinite(height)
-        return self._replace(level=np.where(measured, height, self.level), measured=measured)
+    def at_heights(self, heights: NDArray[np.float32]) -> "Surfaces":
+        """The same with measured heights (N, 2) in voxels as `SurfaceHeights.at` gives them, NaN where there are none."""
+        measured = np.isfinite(heights[:, 0])
+        level, slope_level = (np.where(measured, heights[:, i], self.level) for i in (0, 1))
+        return self._replace(level=level, slope_level=slope_level, measured=measured)
 
 
 @njit(cache=True)
@@ -143,6 +147,16 @@ def find_node(start: Any, z: Any, c: Any, level: Any, reach: Any) -> Any:
 
 
 @njit(cache=True)
+def slope_behind(surfaces: Any, a: Any, back: Any, step: Any) -> Any:
+    """Rise per column from the node of column `back`, three columns behind node a, to a; 0 where it is level or not measured."""
+    n = find_node(surfaces.start, surfaces.z, back, np.int64(surfaces.z[a]), step)
+    if n < 0 or not surfaces.measured[n]:
+        return 0.0
+    slope = (surfaces.slope_level[a] - surfaces.slope_level[n]) / 3.0
+    return slope if abs(slope) > _SLOPED else 0.0
+
+
+@njit(cache=True)
 def blocking_voxel(columns: Any, c: Any, level: Any, step: Any, clearance: Any) -> Any:
     """Lowest occupied voxel of column c where something stands in the way of a robot at `level`, NO_VOXEL when nothing does.
 
@@ -202,4 +216,5 @@ def tops_of(columns: Columns, clearance: int, step: int) -> Surfaces:
     """Every surface of the window with `clearance` voxels of room above, at the middle of its voxel."""
     start, column, z = _tops(columns, clearance, step)
     unknown = np.zeros(z.size, dtype=bool)
-    return Surfaces(start, column, z, unknown, z.astype(np.float32) + np.float32(0.5), unknown)
+    middle = z.astype(np.float32) + np.float32(0.5)
+    return Surfaces(start, column, z, unknown, middle, middle, unknown)

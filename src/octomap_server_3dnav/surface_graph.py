@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.surface_columns import DX, DY, find_node
+from octomap_server_3dnav.surface_columns import DX, DY, find_node, slope_behind
 
 UNFITTED, GENTLE, STEEP = 0, 1, 2
 _BLOCK = 4096  # columns whose sums stay in the cache
@@ -51,17 +51,33 @@ def nearest_neighbours(start: Any, z: Any, ny: Any, spans: Any, step: Any) -> An
 
 
 @njit(cache=True)
-def _patch_mean(near: Any, level: Any, measured: Any, s: Any, k: Any) -> Any:
-    """Mean height of s, the node beyond it in direction k, and the neighbours aside of both, where they exist; whether all are measured."""
+def _off_tread(level: Any, measured: Any, row: Any, aside: Any, tread: Any) -> Any:
+    """1 or -1 where a neighbour is measured to lie more than `tread` higher or lower than a node, else 0."""
+    if aside < 0 or not (measured[aside] and measured[row]) or abs(level[aside] - level[row]) <= tread:
+        return 0
+    return 1 if level[aside] > level[row] else -1
+
+
+@njit(cache=True)
+def _patch_mean(near: Any, level: Any, measured: Any, s: Any, k: Any, tread: Any) -> Any:
+    """Mean height of s, the node beyond it in direction k, and the neighbours aside of both, where they exist; whether all are measured.
+
+    A neighbour more than `tread` higher or lower than its row is not of the patch, as a kerb may run obliquely to the grid: unless it is so
+    on both sides, where a beam or two went astray.
+    """
     total, count, known = 0.0, 0, True
     row = s
     for _ in range(2):
         total += level[row]
         known &= measured[row]
         count += 1
-        for side in (1, 3):
-            aside = near[row, (k + side) % 4]
-            if aside >= 0:
+        off = (
+            _off_tread(level, measured, row, near[row, (k + 1) % 4], tread),
+            _off_tread(level, measured, row, near[row, (k + 3) % 4], tread),
+        )
+        for i in range(2):
+            aside = near[row, (k + 1 + 2 * i) % 4]
+            if aside >= 0 and (off[i] == 0 or off[0] == off[1]):
                 total += level[aside]
                 known &= measured[aside]
                 count += 1
@@ -72,22 +88,32 @@ def _patch_mean(near: Any, level: Any, measured: Any, s: Any, k: Any) -> Any:
 
 
 @njit(cache=True)
+def _is_on_slope(surfaces: Any, s: Any, n: Any, max_step: Any) -> Any:
+    """Whether the rise or fall from node s to its neighbour n is that of a slope, which goes on behind and beyond."""
+    a, b, reach = np.int64(surfaces.column[s]), np.int64(surfaces.column[n]), np.int64(np.ceil(max_step))
+    rise = surfaces.slope_level[n] - surfaces.slope_level[s]
+    behind, beyond = slope_behind(surfaces, s, 4 * a - 3 * b, reach), -slope_behind(surfaces, n, 4 * b - 3 * a, reach)
+    return min(behind * np.sign(rise), beyond * np.sign(rise)) > 0 and 2 * abs(rise) <= max_step
+
+
+@njit(cache=True)
 def steppable_neighbours(near: Any, surfaces: Any, max_step: Any, max_measured_step: Any) -> Any:
     """`near` without the edges over which the mean ground rises or falls by more than `max_step`, or `max_measured_step` where the
-    heights of all of it were measured (float voxels).
+    heights of all of it were measured (float voxels): but edges along a slope stay, which alone may have hits in two voxels of a column.
 
     Where a column has two surfaces, `near` need not lead back: each way is judged on its own.
     """
     z, level, measured = surfaces.z, surfaces.level, surfaces.measured
-    out = near.copy()
+    out, tread = near.copy(), max_measured_step / 2
     for s in range(z.size):
         for k in range(4):
             n = near[s, k]
             if n < 0 or (z[n] == z[s] and not abs(level[n] - level[s]) > max_measured_step):
                 continue
-            beyond, known_beyond = _patch_mean(near, level, measured, n, k)
-            behind, known_behind = _patch_mean(near, level, measured, s, (k + 2) % 4)
-            if abs(beyond - behind) > (max_measured_step if known_beyond and known_behind else max_step):
+            beyond, known_beyond = _patch_mean(near, level, measured, n, k, tread)
+            behind, known_behind = _patch_mean(near, level, measured, s, (k + 2) % 4, tread)
+            limit = max_measured_step if known_beyond and known_behind else max_step
+            if abs(beyond - behind) > limit and not _is_on_slope(surfaces, s, n, limit):
                 out[s, k] = -1
     return out
 

@@ -94,9 +94,9 @@ def _place_from(key: Any, wanted: Any, place: Any) -> Any:
 
 
 @njit(cache=True)
-def _heights(key: Any, total: Any, count: Any, wanted: Any, z: Any) -> Any:
-    """(N,) float32 heights of the voxels with the `wanted` keys and levels z, NaN where they are none; ascending keys are fastest."""
-    out = np.full(wanted.size, np.nan, np.float32)
+def _heights(key: Any, total: Any, count: Any, wanted: Any, z: Any, out: Any) -> None:
+    """Writes the heights of the voxels with the `wanted` keys and levels z into `out` (N, 2): of the hits in the voxel, and of these
+    together with the hits in the voxel below. Ascending keys are fastest."""
     place = 0
     for i in range(wanted.size):
         if i and wanted[i] < wanted[i - 1]:
@@ -104,8 +104,12 @@ def _heights(key: Any, total: Any, count: Any, wanted: Any, z: Any) -> Any:
         if place < key.size and key[place] < wanted[i]:
             place = _place_from(key, wanted[i], place)
         if place < key.size and key[place] == wanted[i]:
-            out[i] = z[i] + total[place] / (_FINE * count[place])
-    return out
+            height, hits, below = total[place] / (_FINE * count[place]), count[place], place - 1
+            out[i, 0] = z[i] + height
+            if below >= 0 and key[below] == wanted[i] - 1:
+                hits += count[below]
+                height = (total[place] + total[below] - _FINE * count[below]) / (_FINE * hits)
+            out[i, 1] = z[i] + height
 
 
 class SurfaceHeights:
@@ -147,13 +151,17 @@ class SurfaceHeights:
                 del self._slabs[number]
 
     def at(self, x: NDArray[np.integer], y: NDArray[np.integer], z: NDArray[np.integer]) -> NDArray[np.float32]:
-        """(N,) heights in voxels of the surfaces in voxels (N,) of index x, y, z: from z to z + 1, NaN where no beam ended."""
+        """(N, 2) heights in voxels of the surfaces in voxels (N,) of index x, y, z, NaN where no beam ended.
+
+        First of what lies in the voxel, from z to z + 1: the tread of a step. Then of that and what lies in the voxel below: the middle of
+        a slope, which passes through both.
+        """
         wanted, levels = _keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64)), z.astype(np.int64)
-        out = np.full(wanted.shape, np.nan, dtype=np.float32)
+        out = np.full((wanted.size, 2), np.nan, dtype=np.float32)
         for number, part in _stretches(wanted >> _SLAB_BITS):
             slab = self._slabs.get(number)
             if slab is not None:
-                out[part] = _heights(slab.key, slab.total, slab.count, wanted[part], levels[part])
+                _heights(slab.key, slab.total, slab.count, wanted[part], levels[part], out[part])
         return out
 
 

@@ -9,19 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.surface_columns import NO_VOXEL, Columns, Surfaces, blocking_voxel, find_node, seen_down_to
-
-_SLOPED = np.tan(np.deg2rad(10.0))  # what is less steep is level: over a hole it would lead farther astray than it tells
-
-
-@njit(cache=True)
-def _slope_behind(surfaces: Any, a: Any, back: Any, step: Any) -> Any:
-    """Rise per column from the node of column `back`, three columns behind node a, to a; 0 where it is level or not measured."""
-    n = find_node(surfaces.start, surfaces.z, back, np.int64(surfaces.z[a]), step)
-    if n < 0 or not surfaces.measured[n]:
-        return 0.0
-    slope = (surfaces.level[a] - surfaces.level[n]) / 3.0
-    return slope if abs(slope) > _SLOPED else 0.0
+from octomap_server_3dnav.surface_columns import NO_VOXEL, Columns, Surfaces, blocking_voxel, find_node, seen_down_to, slope_behind
 
 
 @njit(cache=True)
@@ -31,7 +19,7 @@ def _is_step_between(surfaces: Any, a: Any, b: Any, gap: Any, back: Any, front: 
     `back` and `front` are the columns three before a and three after b.
     """
     rise = surfaces.level[b] - surfaces.level[a]
-    behind, beyond = _slope_behind(surfaces, a, back, step), -_slope_behind(surfaces, b, front, step)
+    behind, beyond = slope_behind(surfaces, a, back, step), -slope_behind(surfaces, b, front, step)
     return min(abs(rise), abs(rise - gap * behind), abs(rise - gap * beyond)) > max_step
 
 
@@ -115,12 +103,16 @@ def _bridges(columns: Any, surfaces: Any, limits: Any) -> Any:
 
 
 def _one_per_hole(found: NDArray[np.float64], step: int) -> NDArray[np.float64]:
-    """Those of the (M, 4) bridges that stay: where some meet in one column at one level the narrowest, the higher when they tie."""
-    found = found[np.lexsort((found[:, 1], found[:, 0]))]
-    new = np.r_[True, (np.diff(found[:, 0]) != 0) | (np.diff(found[:, 1]) > step)]
-    group = np.cumsum(new)
-    found = found[np.lexsort((-found[:, 1], found[:, 2], group))]
-    return found[np.r_[True, np.diff(np.sort(group)) != 0]]
+    """Those of the (M, 4) bridges that stay: where some meet in one column at one level the narrowest, the higher when they tie.
+
+    As single numbers they sort faster than by three keys.
+    """
+    column, z, gap = found[:, :3].astype(np.int64).T
+    order = np.argsort(column << 16 | z + 2**15)
+    column, z, gap = column[order], z[order], gap[order]
+    group = np.cumsum(np.r_[True, (np.diff(column) != 0) | (np.diff(z) > step)])
+    best = np.argsort(group << 20 | gap << 16 | 2**15 - 1 - z)
+    return np.asarray(found[order[best[np.r_[True, np.diff(group[best]) != 0]]]])
 
 
 @njit(cache=True)
@@ -147,11 +139,13 @@ def bridge_holes(columns: Columns, surfaces: Surfaces, clearance: int, hole: int
     column, z, _, level = _one_per_hole(found, step).T
     order, start = _merged(surfaces, column, z)
     measured = np.isfinite(level)
+    height = np.where(measured, level, z + 0.5).astype(np.float32)
     return Surfaces(
         start,
         np.concatenate([surfaces.column, column.astype(np.int32)])[order],
         np.concatenate([surfaces.z, z.astype(np.int16)])[order],
         np.concatenate([surfaces.bridged, np.ones(z.size, dtype=bool)])[order],
-        np.concatenate([surfaces.level, np.where(measured, level, z + 0.5).astype(np.float32)])[order],
+        np.concatenate([surfaces.level, height])[order],
+        np.concatenate([surfaces.slope_level, height])[order],
         np.concatenate([surfaces.measured, measured])[order],
     )

@@ -50,7 +50,7 @@ def _filled(voxels: NDArray[np.int64], terrain_class: TerrainClass) -> NDArray[n
 
 
 class _Judged(NamedTuple):
-    """What is known of the (N,) nodes of a scene, the obstacles (M, 3) and frontier edges (E, 4) beside them, and the ways over them."""
+    """What is known of the (N,) nodes of a scene, the obstacles (M, 3) and frontier edges (E, 5) beside them, and the ways over them."""
 
     label: NDArray[np.uint8]
     reached: NDArray[np.bool_]
@@ -73,6 +73,8 @@ def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | N
     neighbours = kernels.drivable_neighbours(label, scene.links.graph, keep, number, len(beside))
     parents = neighbours[len(neighbours) - len(frontiers) :]
     parents[frontier_of_edge, (edges[:, 3] + 2) % 4] = number[edges[:, 2]]
+    kind = _filled(frontiers, TerrainClass.FRONTIER)
+    kind[frontier_of_edge[edges[:, 4] == kernels.SEES_EDGE]] = TerrainClass.POTENTIAL_CLIFF
     seen_from_reached = np.zeros(len(frontiers), dtype=bool)
     seen_from_reached[frontier_of_edge[reached[edges[:, 2]]]] = True
     column = np.concatenate([scene.surfaces.column[keep], beside[:, 0].astype(np.int32)])
@@ -82,7 +84,7 @@ def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | N
         ix=ix + np.int32(scene.key[0]),
         iy=iy + np.int32(scene.key[1]),
         z=np.concatenate([scene.surfaces.z[keep], beside[:, 1].astype(np.int16)]),
-        label=np.concatenate([label[keep], _filled(obstacles, TerrainClass.OBSTACLE), _filled(frontiers, TerrainClass.FRONTIER)]),
+        label=np.concatenate([label[keep], _filled(obstacles, TerrainClass.OBSTACLE), kind]),
         bridged=np.concatenate([scene.surfaces.bridged[keep], np.zeros(len(beside), dtype=bool)]),
         reached=np.concatenate([reached[keep], np.zeros(len(obstacles), dtype=bool), seen_from_reached]),
         near_kerb=np.concatenate([near_kerb[keep], np.zeros(len(beside), dtype=bool)]),
@@ -147,7 +149,9 @@ def classify(
     T_map_base = as_transform(T_map_base)
     if radius_m is not None and not radius_m > 0:
         raise ValueError(f"radius_m must be positive metres or None for the whole map, not {radius_m!r}")
-    limits = Limits.of(config, runs.resolution)
+    if config.step_heights != "measured" or heights is None or not len(heights):
+        heights = None
+    limits = Limits.of(config, runs.resolution, is_measured=heights is not None)
     robot = T_map_base[:3, 3]
     reach_m = None if radius_m is None else radius_m + (limits.inflation + 1) * runs.resolution
     scene = scene_around(runs, heights, robot, reach_m, config, limits)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from stage_config import check_ranges, parameter
 
@@ -22,7 +23,17 @@ class TerrainConfig:
     )
     step_margin_m: float = parameter(0.01, "m", "how much lower than the highest step a measured one must be", low=0.0, high=0.2)
     max_slope_rad: float = parameter(math.radians(25.0), "rad", "steepest slope the robot drives", low=0.05, high=0.8)
-    slope_radius_m: float = parameter(0.35, "m", "ground around a voxel that its slope is fitted to", low=0.1, high=1.0)
+    slope_margin_rad: float = parameter(
+        math.radians(1.0),
+        "rad",
+        "how much gentler than the steepest slope one that is fitted to measured heights must be",
+        low=0.0,
+        high=0.2,
+    )
+    slope_radius_m: float = parameter(0.25, "m", "ground around a voxel that its slope is fitted to", low=0.1, high=1.0)
+    voxel_slope_radius_m: float = parameter(
+        0.35, "m", "the same where no heights are measured: slopes are stairs then, and look steeper over a short way", low=0.1, high=1.0
+    )
     hole_bridge_voxels: int = parameter(3, "voxels", "widest unknown gap in a level floor that counts as floor", low=0, high=8)
     cliff_look_m: float = parameter(0.8, "m", "how far beyond an edge a drop is looked for", low=0.08, high=3.0)
     cliff_evidence: str = parameter(
@@ -71,14 +82,15 @@ class TerrainConfig:
         problems = check_ranges(self)
         if min(self.narrow_radius_m, self.narrow_cliff_radius_m) < self.narrow_width_m / 2:
             problems.append(f"narrow_radius_m or narrow_cliff_radius_m is below half of narrow_width_m = {self.narrow_width_m!r}")
+        if self.slope_margin_rad >= self.max_slope_rad:
+            problems.append(f"slope_margin_rad = {self.slope_margin_rad!r} is not below max_slope_rad = {self.max_slope_rad!r}")
         if self.cliff_look_m < self.max_step_m:
             problems.append(f"cliff_look_m = {self.cliff_look_m!r} is below max_step_m = {self.max_step_m!r}")
         return problems
 
 
-@dataclass(frozen=True)
-class Limits:
-    """The configuration in voxels of one resolution."""
+class Limits(NamedTuple):
+    """The configuration in voxels of one resolution, as the kernels take it; `assumes_cliffs`: also where no drop was seen."""
 
     resolution: float
     step: int
@@ -87,11 +99,16 @@ class Limits:
     clearance: int
     slope_reach: int
     max_slope: float
+    max_fitted_slope: float
     look: int
     inflation: int
+    cliff_area: int
+    assumes_cliffs: bool
 
     @classmethod
-    def of(cls, config: TerrainConfig, resolution: float) -> "Limits":
+    def of(cls, config: TerrainConfig, resolution: float, is_measured: bool) -> "Limits":
+        """For a map with or without measured heights."""
+        slope_radius_m, margin = (config.slope_radius_m, config.slope_margin_rad) if is_measured else (config.voxel_slope_radius_m, 0.0)
         largest = max(config.inflation_radius_m, config.cliff_inflation_radius_m)
         return cls(
             resolution=resolution,
@@ -99,10 +116,13 @@ class Limits:
             max_step=(config.max_step_m + 0.01) / resolution,
             max_measured_step=(config.max_step_m - config.step_margin_m) / resolution,
             clearance=math.ceil((config.robot_height_m + config.clearance_margin_m) / resolution - 1e-9),
-            slope_reach=max(2, round(config.slope_radius_m / resolution)),
+            slope_reach=max(2, round(slope_radius_m / resolution)),
             max_slope=math.tan(config.max_slope_rad),
+            max_fitted_slope=math.tan(config.max_slope_rad - margin),
             look=max(1, round(config.cliff_look_m / resolution)),
             inflation=math.ceil(largest / resolution - 1e-9),
+            cliff_area=config.cliff_area_voxels,
+            assumes_cliffs=config.cliff_evidence == "assumed",
         )
 
     @property

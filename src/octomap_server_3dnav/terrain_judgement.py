@@ -35,24 +35,16 @@ def first_flood(
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], int | None]:
     """Labels of the first candidate with enough ground around it (algorithm 3 lines 8-16) and what its nodes see, or none and None."""
     inside = scene.within(reach_m)
-    shape = _shape(config, limits)
     tried = np.zeros(scene.surfaces.z.size, dtype=bool)
     for first in candidates:
         if tried[first]:
             continue
-        label, traversable, seen = kernels.flood(
-            scene.columns, scene.surfaces, scene.links, first, inside, limits.clearance, limits.slope_reach, shape
-        )
+        label, traversable, seen = kernels.flood(scene.columns, scene.surfaces, scene.links, first, inside, limits)
         if traversable >= config.min_traversable_voxels:
             return label, seen, int(first)
         tried |= label == TerrainClass.TRAVERSABLE
     unreached = np.full(scene.surfaces.z.size, kernels.UNREACHED, dtype=np.uint8)
     return unreached, np.empty((unreached.size, 4), dtype=np.uint8), None
-
-
-def _shape(config: TerrainConfig, limits: Limits) -> tuple[int, int, int, float, bool, float]:
-    assumed = config.cliff_evidence == "assumed"
-    return limits.step, config.cliff_area_voxels, limits.look, limits.max_slope, assumed, limits.max_measured_step
 
 
 def _half_widths(radius_m: float, shape: str, resolution: float) -> NDArray[np.int64]:

@@ -18,12 +18,13 @@ from octomap_server_3dnav.surface_columns import (
     is_top_seen,
     lowest_occupied,
     seen_down_to,
+    slope_behind,
     top_near,
 )
 from octomap_server_3dnav.surface_graph import STEEP, UNFITTED, slope_at
 
-UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = 255, 0, 1, 2, 3, 4
-SEES_UNKNOWN, SEES_OBSTACLE, SEES_DROP = 0, 1, 2
+UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = 255, 0, 1, 2, 3, 4, 5
+SEES_UNKNOWN, SEES_OBSTACLE, SEES_DROP, SEES_EDGE = 0, 1, 2, 3
 ROW_LAST = (0, 2, 1, 3)  # a stack filled in this order is worked off along y, where neighbours are neighbours in memory
 
 
@@ -34,28 +35,31 @@ def _limit(j: Any, step: Any, max_slope: Any) -> Any:
 
 
 @njit(cache=True)
-def _falls_to(surfaces: Any, s: Any, n: Any, j: Any, shape: Any) -> Any:
-    """Whether node n, j columns beyond node s and nothing in between, lies lower than a step and than any slope between would lead."""
+def _falls_to(surfaces: Any, s: Any, n: Any, j: Any, stride: Any, limits: Any) -> Any:
+    """Whether node n, j columns beyond node s and nothing in between, lies lower than a step and than any slope between would lead.
+
+    Where ground slopes down already the hits in both may lie up to a column farther apart than their columns.
+    """
     if not (surfaces.measured[s] and surfaces.measured[n]):
         return False
-    return surfaces.level[s] - surfaces.level[n] > max(shape[5], j * shape[3])
+    slopes_down = slope_behind(surfaces, s, surfaces.column[s] - 3 * stride, limits.step) < 0
+    return surfaces.slope_level[s] - surfaces.slope_level[n] > max(limits.max_measured_step, (j + slopes_down) * limits.max_slope)
 
 
 @njit(cache=True)
-def _drop_along(columns: Any, surfaces: Any, s: Any, c: Any, stride: Any, shape: Any) -> Any:
+def _drop_along(columns: Any, surfaces: Any, s: Any, c: Any, stride: Any, limits: Any, assumed: Any) -> Any:
     """Whether from column c in steps of `stride` all ground that could be driven to from node s lies too low, or free space below it.
 
-    Where a drop is assumed, as the thesis does (7.3), it is enough that a beam passed where ground would be and none was seen.
+    Where a drop is `assumed`, as the thesis does (7.3), it is enough that a beam passed where ground would be and none was seen.
     """
     start, z = surfaces.start, surfaces.z
-    step, _, look, max_slope, assumed, _ = shape
-    level = np.int64(z[s])
-    for j in range(1, look + 1):
+    step, level = limits.step, np.int64(z[s])
+    for j in range(1, limits.look + 1):
         cj = c + j * stride
-        limit = _limit(j, step, max_slope)
+        limit = _limit(j, step, limits.max_slope)
         n = find_node(start, z, cj, level, limit)
         if n >= 0:
-            return _falls_to(surfaces, s, n, j, shape)
+            return _falls_to(surfaces, s, n, j, stride, limits)
         if lowest_occupied(columns, cj, level - step, level + step) != NO_VOXEL:
             return False
         seen = seen_down_to(columns, cj, level)
@@ -68,40 +72,39 @@ def _drop_along(columns: Any, surfaces: Any, s: Any, c: Any, stride: Any, shape:
 
 
 @njit(cache=True)
-def _ground_aside(start: Any, z: Any, c: Any, stride: Any, aside: Any, level: Any, shape: Any) -> Any:
+def _ground_aside(start: Any, z: Any, c: Any, stride: Any, aside: Any, level: Any, limits: Any) -> Any:
     """Whether the area beside the ray (thesis figure 5.12) holds ground at about this level."""
-    step, half_width, max_slope = shape[0], shape[1], shape[3]
+    half_width = limits.cliff_area
     for offset in range(-half_width, half_width + 1):
         for j in range(1, 4):
-            if find_node(start, z, c + offset * aside + j * stride, level, _limit(j, step, max_slope)) >= 0:
+            if find_node(start, z, c + offset * aside + j * stride, level, _limit(j, limits.step, limits.max_slope)) >= 0:
                 return True
     return False
 
 
 @njit(cache=True)
-def look(columns: Any, surfaces: Any, s: Any, c: Any, k: Any, clearance: Any, shape: Any) -> Any:
-    """What lies in direction k of node s of column c where no ground goes on: obstacle, drop that was seen, or the unknown.
+def look(columns: Any, surfaces: Any, s: Any, c: Any, k: Any, limits: Any) -> Any:
+    """What lies in direction k of node s of column c where no ground goes on: obstacle, drop that was seen, edge, or the unknown.
 
-    `shape` is (step, cliff area half width, cliff look, tangent of the steepest drivable slope, whether unseen drops are assumed, highest
-    measured step).
+    An edge is unknown ground over which a beam passed.
     """
-    step, half_width, level = shape[0], shape[1], np.int64(surfaces.z[s])
+    half_width, assumed, level = limits.cliff_area, limits.assumes_cliffs, np.int64(surfaces.z[s])
     stride, aside = DX[k] * columns.ny + DY[k], DX[(k + 1) % 4] * columns.ny + DY[(k + 1) % 4]
-    if blocking_voxel(columns, c + stride, level, step, clearance) != NO_VOXEL:
+    if blocking_voxel(columns, c + stride, level, limits.step, limits.clearance) != NO_VOXEL:
         return SEES_OBSTACLE
-    if _drop_along(columns, surfaces, s, c, stride, shape):
+    if _drop_along(columns, surfaces, s, c, stride, limits, assumed):
         return SEES_DROP
-    if _ground_aside(surfaces.start, surfaces.z, c, stride, aside, level, shape):
+    if _ground_aside(surfaces.start, surfaces.z, c, stride, aside, level, limits):
         return SEES_UNKNOWN
     for offset in range(1, half_width + 1):
         for side in (-offset, offset):
-            if _drop_along(columns, surfaces, s, c + side * aside, stride, shape):
+            if _drop_along(columns, surfaces, s, c + side * aside, stride, limits, assumed):
                 return SEES_DROP
-    return SEES_UNKNOWN
+    return SEES_EDGE if _drop_along(columns, surfaces, s, c, stride, limits, True) else SEES_UNKNOWN
 
 
 @njit(cache=True)
-def _judge_sides(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: Any, clearance: Any, shape: Any, seen: Any) -> Any:
+def _judge_sides(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: Any, limits: Any, seen: Any) -> Any:
     """Cliff where a drop was seen beside node s of column c, else traversable; what was seen where no edge leads goes into `seen`.
 
     Lower ground whose top was not seen may be higher than it looks: a wall under a deck that was seen from below only.
@@ -109,7 +112,7 @@ def _judge_sides(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: 
     for k in range(4):
         n = near[s, k]
         if n < 0:
-            seen[s, k] = look(columns, surfaces, s, c, k, clearance, shape)
+            seen[s, k] = look(columns, surfaces, s, c, k, limits)
             if seen[s, k] == SEES_DROP:
                 return CLIFF
         elif graph[s, k] < 0:
@@ -122,21 +125,21 @@ def _judge_sides(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: 
 
 
 @njit(cache=True)
-def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, clearance: Any, reach: Any, shape: Any) -> Any:
+def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limits: Any) -> Any:
     """(N,) uint8 labels of all nodes reached from `first`, UNREACHED elsewhere, the number of traversable ones, and (N, 4) uint8 of
     what those see in directions without ground.
 
     Nodes are traversable, obstacles (too steep) or cliffs. Only traversable ones are expanded, and only into columns that are `inside`
     (bool per column).
     """
-    column, level = surfaces.column, surfaces.level  # arrays of a tuple are counted at every use
+    column, level = surfaces.column, surfaces.slope_level  # arrays of a tuple are counted at every use
     near, graph, slope = links.near, links.graph, links.slope
     label, seen = np.full(column.size, UNREACHED, np.uint8), np.empty((column.size, 4), np.uint8)
     queued = np.zeros(column.size, np.bool_)
     waiting = np.empty(column.size, np.int32)
     waiting[0], left, traversable = first, 1, 0
     queued[first] = True
-    max_slope = shape[3]
+    reach, max_slope = limits.slope_reach, limits.max_fitted_slope
     while left:
         left -= 1
         s = np.int64(waiting[left])
@@ -147,7 +150,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, clea
         label[s] = TRAVERSABLE
         for k in range(4):
             if graph[s, k] < 0:
-                label[s] = _judge_sides(columns, surfaces, near, graph, s, c, clearance, shape, seen)
+                label[s] = _judge_sides(columns, surfaces, near, graph, s, c, limits, seen)
                 break
         if label[s] != TRAVERSABLE:
             continue
@@ -295,7 +298,7 @@ def _ends_around(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, st
 
 @njit(cache=True)
 def frontier_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources: Any, seen: Any, clearance: Any, step: Any) -> Any:
-    """(M, 4) int64 (column, z, node it was seen from, direction) of frontier voxels beside the `sources` (bool per node).
+    """(M, 5) int64 (column, z, node it was seen from, direction, what was seen) of frontier voxels beside the `sources` (bool per node).
 
     The two-step test of thesis figure 5.13: no ground in a direction, and nothing occupied around one step further. Ground that the flood
     did not reach does not count as occupied here, it is what the look is for: a deck seen from below only, a slope behind a gap.
@@ -306,14 +309,14 @@ def frontier_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources:
         if not sources[s]:
             continue
         for k in range(4):
-            if graph[s, k] >= 0 or seen[s, k] != SEES_UNKNOWN:
+            if graph[s, k] >= 0 or (seen[s, k] != SEES_UNKNOWN and seen[s, k] != SEES_EDGE):
                 continue
             c, level, stride = np.int64(column[s]), np.int64(z[s]), DX[k] * columns.ny + DY[k]
             if not _ends_around(columns, surfaces, label, c + 2 * stride, level, step, clearance):
-                found.append((c + stride, level, np.int64(s), np.int64(k)))
-    out = np.empty((len(found), 4), np.int64)
+                found.append((c + stride, level, np.int64(s), np.int64(k), np.int64(seen[s, k])))
+    out = np.empty((len(found), 5), np.int64)
     for i in range(len(found)):
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = found[i]
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = found[i]
     return out
 
 

@@ -70,13 +70,13 @@ def _linked_spans(x: NDArray[np.float64], y: NDArray[np.float64], radius_m: floa
 def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: Limits) -> Links:
     near = nearest_neighbours(surfaces.start, surfaces.z, ny, spans, limits.step)
     graph = steppable_neighbours(near, surfaces, limits.max_step, limits.max_measured_step)
-    slope = slopes_of_open_ground(surfaces.start, surfaces.level, graph, ny, spans, limits.slope_reach, limits.max_slope)
+    slope = slopes_of_open_ground(surfaces.start, surfaces.slope_level, graph, ny, spans, limits.slope_reach, limits.max_fitted_slope)
     return Links(near, graph, slope)
 
 
 def _surfaces(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | None, config: TerrainConfig, limits: Limits) -> Surfaces:
     surfaces = tops_of(columns, limits.clearance, limits.step)
-    if heights is not None and config.step_heights == "measured":
+    if heights is not None:
         ix, iy = np.divmod(surfaces.column, np.int32(columns.ny))
         surfaces = surfaces.at_heights(heights.at(ix + key[0], iy + key[1], surfaces.z))
     return bridge_holes(columns, surfaces, limits.clearance, config.hole_bridge_voxels, limits.step, limits.max_measured_step)

@@ -27,6 +27,7 @@ _WHY_NO_GOAL = {
     TerrainClass.CLIFF: "a cliff is there",
     TerrainClass.INFLATION: "the ground there is too near to an obstacle or a cliff",
     TerrainClass.FRONTIER: "the floor there was not seen",
+    TerrainClass.POTENTIAL_CLIFF: "there may be a cliff: beams passed over an edge, and saw nothing behind it",
     TerrainClass.TRAVERSABLE: "the ground there is cut off from that of the start by obstacles, cliffs or their inflation",
 }
 

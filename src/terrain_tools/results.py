@@ -106,6 +106,8 @@ def _frontier(frontier: Frontier) -> dict[str, Any]:
         "xyz_m": _rounded(frontier.xyz),
         "voxels": len(frontier.voxels),
         "distance_m": round(distance, 3) if math.isfinite(distance) else None,
+        "gain_m2": round(frontier.gain_m2, 2),
+        "potential_cliff": frontier.potential_cliff,
     }
 
 

@@ -147,7 +147,7 @@ def test_wrong_voxels_and_labels_are_refused() -> None:
     true = true_classes(*room(4, 4), reachable_ground(*room(4, 4), START))
     with pytest.raises(ValueError, match="one label each"):
         classification(true, floor(), np.zeros(3))
-    with pytest.raises(ValueError, match=r"labels are 0\.\.4"):
+    with pytest.raises(ValueError, match=r"labels are 0\.\.5"):
         classification(true, floor(), np.full(1600, 7))
     with pytest.raises(ValueError, match="edge_m"):
         classification(true, floor(), np.zeros(1600), ClassificationConfig(edge_m=-1.0))

@@ -2,7 +2,7 @@
 
 One character a voxel, x to the right and z up, the same at every y; the layers above the first line are like it. # occupied, . free,
 space unknown, R free and the robot stands on the voxel below. A surface is the letter of its class: T traversable, O obstacle, C cliff,
-I inflation, F frontier; small where nothing was hit there: floor assumed over a hole, or a frontier in free space.
+I inflation, F frontier, P potential cliff; small where nothing was hit there: floor assumed over a hole, or a frontier in free space.
 """
 
 import numpy as np
@@ -13,8 +13,8 @@ from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
 
 LETTERS = {"T": TerrainClass.TRAVERSABLE, "O": TerrainClass.OBSTACLE, "C": TerrainClass.CLIFF, "I": TerrainClass.INFLATION}
-LETTER_OF = {of: letter for letter, of in LETTERS.items()} | {TerrainClass.FRONTIER: "F"}
-STATES = {"#": OCCUPIED, ".": FREE, " ": UNKNOWN, "R": FREE, "F": UNKNOWN, "f": FREE}
+LETTER_OF = {of: letter for letter, of in LETTERS.items()} | {TerrainClass.FRONTIER: "F", TerrainClass.POTENTIAL_CLIFF: "P"}
+STATES = {"#": OCCUPIED, ".": FREE, " ": UNKNOWN, "R": FREE, "F": UNKNOWN, "f": FREE, "P": UNKNOWN, "p": FREE}
 STATES |= dict.fromkeys(LETTERS, OCCUPIED) | {letter.lower(): UNKNOWN for letter in LETTERS}
 ROWS, ABOVE = 41, 24  # columns along y, and layers above what is drawn
 
@@ -38,7 +38,7 @@ def classified(figure: list[str], config: TerrainConfig) -> list[str]:
     for i in np.flatnonzero(terrain.iy == ROWS // 2):
         x, z, letter = terrain.ix[i], terrain.z[i], LETTER_OF[TerrainClass(terrain.label[i])]
         if 0 <= x < width and 0 <= z < height:
-            is_hit = states[x, 0, z] == OCCUPIED or (letter == "F" and states[x, 0, z] == UNKNOWN)
+            is_hit = states[x, 0, z] == OCCUPIED or (letter in "FP" and states[x, 0, z] == UNKNOWN)
             drawn[z][x] = letter if is_hit else letter.lower()
     robot = next((k, line.index("R")) for k, line in enumerate(figure[::-1]) if "R" in line)
     drawn[robot[0]][robot[1]] = "R"

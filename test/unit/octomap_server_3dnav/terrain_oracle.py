@@ -14,7 +14,7 @@ from octomap_server_3dnav.terrain_config import Limits
 
 Column = tuple[int, int]
 SIDES = ((1, 0), (0, 1), (-1, 0), (0, -1))
-TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = range(5)
+TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = range(6)
 FREE, OCCUPIED = 1, 2
 
 
@@ -54,7 +54,7 @@ class Oracle:
     narrow: set[Node] = field(init=False, default_factory=set)  # inflated, and wide enough to drive straight
 
     def __post_init__(self) -> None:
-        self.limits = Limits.of(self.config, self.resolution)
+        self.limits = Limits.of(self.config, self.resolution, is_measured=False)
         self.step, self.clearance = self.limits.step, self.limits.clearance
         heights: dict[Column, list[int]] = {}
         for x, y, z in sorted(self.voxels):
@@ -216,8 +216,8 @@ class Oracle:
 
     # -- what lies beside
 
-    def falls(self, s: Node, beside: Column, way: Column) -> bool:
-        """Whether free space was seen below all ground that could be driven to, from a column on."""
+    def falls(self, s: Node, beside: Column, way: Column, assumed: bool) -> bool:
+        """Whether free space was seen below all ground that could be driven to, from a column on; or, `assumed`, where ground would be."""
         for j in range(1, self.limits.look + 1):
             c, limit = moved(beside, way, j), self.drivable(j)
             if self.find(c, s.z, limit) or self.occupied(c, s.z - self.step, s.z + self.step) is not None:
@@ -226,8 +226,7 @@ class Oracle:
             if seen is None:
                 continue
             on_ground = self.occupied(c, seen - 2, seen - 1) is not None
-            assumed = self.config.cliff_evidence == "assumed" and seen <= s.z
-            if assumed or seen < s.z - limit or (on_ground and seen <= s.z - limit):
+            if (assumed and seen <= s.z) or seen < s.z - limit or (on_ground and seen <= s.z - limit):
                 return True
         return False
 
@@ -235,16 +234,19 @@ class Oracle:
         c, way, aside, half = s[:2], SIDES[k], turned(k, 1), self.config.cliff_area_voxels
         if self.blocks(moved(c, way), s.z) is not None:
             return "obstacle"
-        if self.falls(s, c, way):
+        assumed = self.config.cliff_evidence == "assumed"
+        if self.falls(s, c, way, assumed):
             return "drop"
         for offset in range(-half, half + 1):
             if any(self.find(moved(moved(c, aside, offset), way, j), s.z, self.drivable(j)) for j in (1, 2, 3)):
                 return "unknown"
         around = (moved(c, aside, side * offset) for offset in range(1, half + 1) for side in (-1, 1))
-        return "drop" if any(self.falls(s, beside, way) for beside in around) else "unknown"
+        if any(self.falls(s, beside, way, assumed) for beside in around):
+            return "drop"
+        return "edge" if self.falls(s, c, way, True) else "unknown"
 
     def beside(self, s: Node, k: int) -> str:
-        """What lies in a direction in which no step leads: "obstacle", "drop" or "unknown"."""
+        """What lies in a direction in which no step leads: "obstacle", "drop", "edge" or "unknown"."""
         n = self.near(s, k)
         if n is None:
             return self.look(s, k)
@@ -273,7 +275,7 @@ class Oracle:
         self._inflate(cliffs, self.config.cliff_inflation_radius_m)
         self.narrow = wide_enough & set(self._of(INFLATION))
         found = {(*s, label) for s, label in self.label.items()}
-        return found | {(*c, z, OBSTACLE) for c, z, _ in obstacles} | {(*c, z, FRONTIER) for c, z in self._frontiers()}
+        return found | {(*c, z, OBSTACLE) for c, z, _ in obstacles} | self._frontiers()
 
     def _of(self, label: int) -> list[Node]:
         return [s for s, found in self.label.items() if found == label]
@@ -284,7 +286,7 @@ class Oracle:
             s = waiting.pop()
             if s in self.label:
                 continue
-            if self.slope(s) > self.limits.max_slope:
+            if self.slope(s) > self.limits.max_fitted_slope:
                 self.label[s] = OBSTACLE
                 continue
             edges = [self.edge(s, k) for k in range(4)]
@@ -324,13 +326,24 @@ class Oracle:
                     self.label[s] = INFLATION
                     break
 
-    def _frontiers(self) -> list[tuple[Column, int]]:
-        found: dict[Column, set[int]] = {}
+    def _frontiers(self) -> set[tuple[int, int, int, int]]:
+        found: dict[Column, dict[int, bool]] = {}  # whether one of the looks to it passed over an edge
         for s in [*self._of(TRAVERSABLE), *self._of(INFLATION)]:
             for k in range(4):
-                if self.edge(s, k) is None and self.beside(s, k) == "unknown" and not self._ends_around(moved(s[:2], SIDES[k], 2), s.z):
-                    found.setdefault(moved(s[:2], SIDES[k]), set()).add(s.z)
-        return [(c, z) for c, levels in found.items() for z in levels if not any(z < other <= z + self.step + 1 for other in levels)]
+                what = "" if self.edge(s, k) else self.beside(s, k)
+                if what in ("unknown", "edge") and not self._ends_around(moved(s[:2], SIDES[k], 2), s.z):
+                    levels = found.setdefault(moved(s[:2], SIDES[k]), {})
+                    levels[s.z] = levels.get(s.z, False) or what == "edge"
+        return {voxel for c, levels in found.items() for voxel in self._frontier_voxels(c, levels)}
+
+    def _frontier_voxels(self, c: Column, levels: dict[int, bool]) -> Iterator[tuple[int, int, int, int]]:
+        """One frontier voxel for levels of a column that steps part, the highest; a potential cliff when one of them is."""
+        group: list[int] = []
+        for z in sorted(levels):
+            group.append(z)
+            if not any(z < other <= z + self.step + 1 for other in levels):
+                yield (*c, z, POTENTIAL_CLIFF if any(levels[g] for g in group) else FRONTIER)
+                group = []
 
     def _ends_around(self, c: Column, level: int) -> bool:
         return any(self._ends_at(moved(c, side), level) for side in ((0, 0), *SIDES))

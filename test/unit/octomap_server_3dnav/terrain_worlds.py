@@ -12,7 +12,7 @@ from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, c
 RESOLUTION = 0.08
 BELOW = 8  # voxel layers of the grids under height 0
 LETTERS = {None: " ", TerrainClass.TRAVERSABLE: ".", TerrainClass.OBSTACLE: "#", TerrainClass.CLIFF: "v"}
-LETTERS |= {TerrainClass.INFLATION: "o", TerrainClass.FRONTIER: "?"}
+LETTERS |= {TerrainClass.INFLATION: "o", TerrainClass.FRONTIER: "?", TerrainClass.POTENTIAL_CLIFF: "!"}
 
 UNKNOWN, FREE, OCCUPIED = (np.uint8(s) for s in VoxelState)
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy.sparse.csgraph import connected_components
-from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, terrain_of
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, terrain_of
 
 from octomap_server_3dnav.frontiers import FrontierConfig, cluster_voxels, find_frontiers
 from octomap_server_3dnav.planner import PlannerConfig
@@ -85,6 +85,29 @@ def test_frontier_beside_inflated_ground_only_is_approached_from_the_nearest_ope
     assert [f.inflated for f in found] == [True] * len(found) and found
     assert all(terrain.label[f.node] == TerrainClass.TRAVERSABLE for f in found)
     assert find_frontiers(terrain, pose(1.6, 3.2), FrontierConfig(approach_m=0.5), PlannerConfig()) == []
+
+
+def test_look_into_the_open_shows_more_than_one_at_a_hole_between_walls():
+    states = room(openings=[np.s_[-1, 30:50]])
+    states[40:44, 36:44] = UNKNOWN
+    found = sorted(targets(states, pose(1.6, 3.2), gain_radius_m=1.0), key=lambda f: f.gain_m2)
+    assert len(found) >= 2
+    assert found[0].gain_m2 == pytest.approx(4 * 8 * 0.08**2, rel=0.5) and found[-1].xyz[0] > 6.0
+    assert found[-1].gain_m2 > 2 * found[0].gain_m2
+
+
+def test_what_a_look_may_show_is_worth_a_longer_way():
+    states = room(openings=[np.s_[-1, 30:50]])
+    states[40:44, 36:44] = UNKNOWN  # a hole in the floor on the way to the opening
+    near, far = (targets(states, pose(1.6, 3.2), gain_weight_m_per_m2=weight, gain_radius_m=2.0)[0] for weight in (0.0, 5.0))
+    assert near.distance_m + 1.0 < far.distance_m and near.gain_m2 < far.gain_m2
+
+
+def test_edge_over_which_a_beam_passed_is_a_target_of_its_own_kind():
+    states = room(openings=[np.s_[-1, 30:50]])
+    assert [f.potential_cliff for f in targets(states, pose(1.6, 3.2))] == [False]
+    states[-1, 30:50, BELOW:] = FREE
+    assert [f.potential_cliff for f in targets(states, pose(1.6, 3.2))] == [True]
 
 
 def test_clusters_agree_with_scipy():

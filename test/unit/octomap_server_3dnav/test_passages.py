@@ -186,6 +186,24 @@ def test_robot_stops_in_line_before_the_door_and_drives_in_from_there() -> None:
     assert planner.still_valid(terrain_of(blocked, BEFORE), near.path, near.frontier, near.straight) is Validity.PATH_BLOCKED
 
 
+def test_robot_stops_once_more_before_the_second_door_of_a_path() -> None:
+    first, second = 45, 85
+    states = floor(nx=140)
+    for wall in (first, second):
+        for beside in (np.s_[: MIDDLE_Y - 5], np.s_[MIDDLE_Y + 6 :]):
+            states[wall : wall + 2, beside, BELOW:] = OCCUPIED
+    states[125:] = UNKNOWN
+    planner, runs = ExplorationPlanner(), runs_of(states)
+    at, stops = BEFORE, []
+    for _ in range(3):
+        decision = planner.decide(runs, at)
+        assert decision.kind is DecisionKind.GOAL
+        x, y, _, yaw = decision.goal
+        stops.append(x)
+        at = pose(x, y, yaw=yaw)
+    assert stops[0] < first * RESOLUTION < stops[1] < second * RESOLUTION < stops[2]
+
+
 def test_no_goal_lies_inside_of_a_passage() -> None:
     for last in range(WALL_X + 3, 105, 2):
         states = with_door(11, thick=8)

@@ -7,7 +7,8 @@ import pytest
 from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of, terrain_of
 from virtual_explorer import explore
 
-from octomap_server_3dnav.exploration import DecisionKind, ExplorationConfig, ExplorationPlanner, Validity
+from octomap_server_3dnav.exploration import DecisionKind, ExplorationPlanner, Validity
+from octomap_server_3dnav.exploration_config import ExplorationConfig
 from octomap_server_3dnav.planner import PlannerConfig
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
 

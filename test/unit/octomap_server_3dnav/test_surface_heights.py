@@ -7,7 +7,7 @@ from terrain_worlds import RESOLUTION, grid_of_heights, label_at, pose, runs_of
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
 
-TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = TerrainClass
+TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = TerrainClass
 
 
 def voxels(*xyz):
@@ -21,7 +21,13 @@ def hits(seed, n=400):
 def test_height_is_the_mean_of_the_hits_in_the_voxel():
     heights = SurfaceHeights(0.5)
     heights.add(HitHeights.of(np.array([[0.1, 0.1, 0.75], [0.2, 0.3, 0.875], [-0.1, 0.1, -0.25]]), 0.5))
-    assert heights.at(*voxels((0, 0, 1), (-1, 0, -1))).tolist() == pytest.approx([1.625, -0.5])
+    assert heights.at(*voxels((0, 0, 1), (-1, 0, -1)))[:, 0].tolist() == pytest.approx([1.625, -0.5])
+
+
+def test_height_of_a_slope_is_the_mean_of_the_hits_in_the_voxel_and_in_the_one_below():
+    heights = SurfaceHeights(0.5)
+    heights.add(HitHeights.of(np.array([[0.1, 0.1, 0.5625], [0.2, 0.3, 0.4375], [0.4, 0.3, 0.4375], [0.1, 0.1, 1.5]]), 0.5))
+    assert heights.at(*voxels((0, 0, 1), (0, 0, 3)))[:, 1].tolist() == pytest.approx([23 / 24, 3.0], abs=2e-3)
 
 
 def test_voxel_without_a_hit_has_no_height():

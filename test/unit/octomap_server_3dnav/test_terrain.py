@@ -21,7 +21,7 @@ from terrain_worlds import (
 
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
 
-TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = TerrainClass
+TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = TerrainClass
 
 
 def flat(nx=60, ny=60):
@@ -87,9 +87,9 @@ def drivable_crest():
     return states
 
 
-def test_view_over_a_drivable_crest_is_a_frontier_and_no_cliff():
+def test_view_over_a_drivable_crest_is_a_potential_cliff_and_no_cliff():
     terrain = terrain_of(drivable_crest(), pose(1.6, 2.4))
-    assert label_at(terrain, 3.24, 2.4, 0.04) == FRONTIER
+    assert label_at(terrain, 3.24, 2.4, 0.04) == POTENTIAL_CLIFF
     assert not (terrain.label == CLIFF).any()
 
 

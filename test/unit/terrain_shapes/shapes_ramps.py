@@ -107,11 +107,11 @@ VALLEY = run_of(0.6, 15.0)
 
 SHAPES = (
     _up(5.0, 0.5),
-    *(_up(angle) for angle in (10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0)),
+    *(_up(angle) for angle in (10.0, 15.0, 20.0, 22.0, 25.0, 27.0, 30.0, 35.0, 40.0)),
     _first_look_up(15.0),
     _first_look_up(25.0),
-    *(_down(angle) for angle in (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0)),
-    *(_sideways(angle) for angle in (10.0, 20.0, 25.0, 30.0)),
+    *(_down(angle) for angle in (5.0, 10.0, 15.0, 20.0, 22.0, 25.0, 27.0, 30.0, 40.0)),
+    *(_sideways(angle) for angle in (10.0, 20.0, 22.0, 25.0, 27.0, 30.0)),
     _crest("crest, its back hidden", stands=BEFORE_THE_CREST, expected=HIDDEN),
     _crest("crest, its back hidden, a hill behind", stands=BEFORE_THE_CREST, expected=HIDDEN, behind=True),
     _crest("crest, looked over", stands=(Stand(-1.5, 0.0), Stand(0.4, 0.0), Stand(3.0, 0.0, 0.53)), expected=OVER),

@@ -92,8 +92,10 @@ def _rubble(low: float, high: float, gap: float, seed: int) -> list[Solid]:
 BEFORE = (Stand(-2.6, 0.0), Stand(-1.1, 0.3))
 
 SHAPES = (
-    *(_kerb(height) for height in (0.02, 0.05, 0.08, 0.10, 0.15, 0.20)),
+    *(_kerb(height) for height in (0.02, 0.05, 0.08, 0.10, 0.12, 0.15, 0.20)),
     _kerb(0.05, ground=0.06),
+    _kerb(0.12, ground=0.03),
+    _kerb(0.12, ground=0.06),
     _kerb(0.15, ground=0.06),
     _kerb(0.15, ground=0.02),
     *(_kerb_down(height) for height in (0.05, 0.08, 0.12, 0.15, 0.20, 0.30)),
