@@ -10,13 +10,13 @@ from exploring import ExploreRun
 
 from pose_graph_mapping.session_store import SessionStore
 
-SWEEPS = re.compile(r"\b([3-9]) sweeps\b")
+THREE_MAPPED = re.compile(r"\b[3-9] sweeps\b.*\| (?!mapping)")  # a sweep that is being mapped counts already, and is not on disk yet
 
 
 def killed_run(out: Path) -> int:
-    """Kills everything of a run in rooms at once, after three sweeps; how many are on disk."""
+    """Kills everything of a run in rooms at once, after three mapped sweeps; how many are on disk."""
     with ExploreRun("--headless", "--world", "rooms", "--seed", "1", "--out", str(out)) as run:
-        run.wait_for_line(SWEEPS, 150.0)
+        run.wait_for_line(THREE_MAPPED, 150.0)
         run.end()
     return len(SessionStore(out).sweeps)
 
