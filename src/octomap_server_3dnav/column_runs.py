@@ -8,8 +8,10 @@ neighbouring entry.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 KEY_OFFSET = 32768  # octomap's keys are voxel indices plus this, 16 bits an axis: a tree is 16 levels deep
@@ -21,6 +23,17 @@ class VoxelState(IntEnum):
     UNKNOWN = 0
     FREE = 1
     OCCUPIED = 2
+
+
+@njit(cache=True)
+def _first_wrong(start: Any, z_lo: Any, z_hi: Any, occupied: Any) -> Any:
+    """First run that the next one of its column does not lie above, or touches in the same state; -1 when there is none."""
+    for c in range(start.size - 1):
+        for r in range(start[c], start[c + 1] - 1):
+            gap = np.int64(z_lo[r + 1]) - z_hi[r] - 1
+            if gap < 0 or (gap == 0 and occupied[r] == occupied[r + 1]):
+                return r
+    return -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,15 +87,9 @@ class ColumnRuns:
     def _check_runs(self) -> None:
         if (self.z_hi < self.z_lo).any():
             raise ValueError(f"run {int(np.argmax(self.z_hi < self.z_lo))} ends below its beginning")
-        if self.z_lo.size < 2:
-            return
-        same_column = np.ones(self.z_lo.size, dtype=bool)
-        same_column[self.start[:-1][self.start[:-1] < self.z_lo.size]] = False  # the first run of a column has none below it
-        gap = self.z_lo[1:].astype(np.int32) - self.z_hi[:-1] - 1
-        touching_alike = (gap == 0) & (self.occupied[1:] == self.occupied[:-1])
-        wrong = same_column[1:] & ((gap < 0) | touching_alike)
-        if wrong.any():
-            raise ValueError(f"runs {int(np.argmax(wrong))} and the next overlap, descend, or touch in the same state")
+        wrong = _first_wrong(self.start, self.z_lo, self.z_hi, self.occupied)
+        if wrong >= 0:
+            raise ValueError(f"runs {wrong} and the next overlap, descend, or touch in the same state")
 
     @classmethod
     def from_dense(cls, states: NDArray[np.uint8], origin: Sequence[int] = (0, 0, 0), resolution: float = 0.08) -> "ColumnRuns":

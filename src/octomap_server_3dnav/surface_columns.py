@@ -53,37 +53,39 @@ class Surfaces(NamedTuple):
 
 
 @njit(cache=True)
-def _crop(start: Any, z_lo: Any, z_hi: Any, occupied: Any, ny: Any, x0: Any, x1: Any, y0: Any, y1: Any, margin: Any) -> Any:
-    """Runs of columns [x0, x1) x [y0, y1) with `margin` empty columns around them."""
-    wx, wy = x1 - x0 + 2 * margin, y1 - y0 + 2 * margin
+def _crop(start: Any, z_lo: Any, z_hi: Any, occupied: Any, rows: Any, wy: Any) -> Any:
+    """Runs of a window wy columns wide: of row ix the columns rows[ix, 0] to before rows[ix, 1], in the map from column rows[ix, 2] on."""
     total = 0
-    for ix in range(x0, x1):
-        total += start[ix * ny + y1] - start[ix * ny + y0]
-    out_start = np.zeros(wx * wy + 1, np.int32)
+    for ix in range(rows.shape[0]):
+        total += start[rows[ix, 2] + rows[ix, 1] - rows[ix, 0]] - start[rows[ix, 2]]
+    out_start = np.empty(rows.shape[0] * wy + 1, np.int32)
     lo, hi, occ = np.empty(total, np.int16), np.empty(total, np.int16), np.empty(total, np.bool_)
     n = 0
-    for ix in range(x0, x1):
-        first, last = start[ix * ny + y0], start[ix * ny + y1]
-        begin = (ix - x0 + margin) * wy + margin
-        out_start[begin - margin : begin] = n
-        for j in range(y1 - y0):
-            out_start[begin + j] = start[ix * ny + y0 + j] - first + n
+    for ix in range(rows.shape[0]):
+        y0, y1, c = rows[ix]
+        first, last = start[c], start[c + y1 - y0]
+        out_start[ix * wy : ix * wy + y0] = n
+        for iy in range(y0, y1):
+            out_start[ix * wy + iy] = start[c + iy - y0] - first + n
         lo[n : n + last - first] = z_lo[first:last]
         hi[n : n + last - first] = z_hi[first:last]
         occ[n : n + last - first] = occupied[first:last]
         n += last - first
-        out_start[begin + y1 - y0 : begin + y1 - y0 + margin] = n
-    out_start[(x1 - x0 + margin) * wy :] = n
-    return wx, wy, out_start, lo, hi, occ
+        out_start[ix * wy + y1 : (ix + 1) * wy] = n
+    out_start[-1] = n
+    return out_start, lo, hi, occ
 
 
-def crop_columns(runs: ColumnRuns, low: tuple[int, int], high: tuple[int, int], margin: int) -> tuple[Columns, tuple[int, int]]:
-    """The columns of voxel indices low..high (inclusive) that exist, `margin` unknown ones around, and the first one's index."""
-    x0, y0 = (int(np.clip(low[a] - runs.origin_key[a], 0, n)) for a, n in enumerate((runs.nx, runs.ny)))
-    x1, y1 = (int(np.clip(high[a] + 1 - runs.origin_key[a], 0, n)) for a, n in enumerate((runs.nx, runs.ny)))
-    x1, y1 = max(x0, x1), max(y0, y1)
-    window = _crop(runs.start, runs.z_lo, runs.z_hi, runs.occupied, runs.ny, x0, x1, y0, y1, margin)
-    return Columns(*window), (runs.origin_key[0] + x0 - margin, runs.origin_key[1] + y0 - margin)
+def crop_columns(runs: ColumnRuns, key: tuple[int, int], ny: int, spans: NDArray[np.int64]) -> Columns:
+    """The window from column index `key` on, ny wide: of row ix the columns from spans[ix, 0] to before spans[ix, 1], unknown ones around.
+
+    `spans` (nx, 2) must lie within what `runs` hold.
+    """
+    rows = np.empty((len(spans), 3), dtype=np.int64)
+    rows[:, :2] = spans
+    rows[:, 2] = (np.arange(len(spans)) + key[0] - runs.origin_key[0]) * runs.ny + key[1] - runs.origin_key[1] + spans[:, 0]
+    rows[spans[:, 0] >= spans[:, 1]] = 0
+    return Columns(len(spans), ny, *_crop(runs.start, runs.z_lo, runs.z_hi, runs.occupied, rows, ny))
 
 
 @njit(cache=True)
@@ -170,44 +172,31 @@ def blocking_voxel(columns: Any, c: Any, level: Any, step: Any, clearance: Any) 
 
 
 @njit(cache=True)
-def _seen_only_from_below(z_lo: Any, z_hi: Any, occupied: Any, first: Any, r: Any, last: Any) -> Any:
-    """Whether occupied run r of a column's first..last is the underside of something with unknown top: air below it, none directly above.
-
-    Air may begin one voxel below, for the beams that hit an underside flatly leave its layer unknown. Above there is no such tolerance:
-    a thin plate's unknown top would be taken for its underside, a few voxels too low.
-    """
-    if r == first or occupied[r - 1] or z_hi[r - 1] < z_lo[r] - 2:
-        return False
-    return r == last or z_lo[r + 1] > z_hi[r] + 1
-
-
-@njit(cache=True)
-def _seen_only_from_aside(z_lo: Any, z_hi: Any, r: Any, last: Any, step: Any) -> Any:
-    """Whether occupied run r is a wall, higher than a step, whose top was not seen: what lies directly above is unknown."""
-    return z_hi[r] - z_lo[r] >= step and (r == last or z_lo[r + 1] > z_hi[r] + 1)
-
-
-@njit(cache=True)
 def _tops(columns: Any, clearance: Any, step: Any) -> Any:
-    """(start, column, z) of the tops of occupied runs with at least `clearance` voxels below the next occupied one."""
+    """(start, column, z) of the tops of occupied runs with at least `clearance` voxels below the next occupied one.
+
+    Not of those with something unknown directly above that are a wall, higher than a step, or an underside, with air below: their tops
+    were not seen. Air may begin one voxel below, for the beams that hit an underside flatly leave its layer unknown. Above there is no such
+    tolerance: a thin plate's unknown top would be taken for its underside, a few voxels too low.
+    """
     runs, z_lo, z_hi, occupied = columns.start, columns.z_lo, columns.z_hi, columns.occupied  # named once: see terrain_kernels
     start = np.zeros(runs.size, np.int32)
     column, z = np.empty(z_lo.size, np.int32), np.empty(z_lo.size, np.int16)
     n = 0
     for c in range(runs.size - 1):
         first, last = np.int64(runs[c]), np.int64(runs[c + 1]) - 1
-        ceiling = NO_VOXEL + clearance
-        begin = n
-        for r in range(last, first - 1, -1):
+        below = -1  # the run that ends at the last top, until it is known how much room is above
+        for r in range(first, last + 1):
             if not occupied[r]:
                 continue
-            unseen = _seen_only_from_below(z_lo, z_hi, occupied, first, r, last) or _seen_only_from_aside(z_lo, z_hi, r, last, step)
-            if ceiling - z_hi[r] > clearance and not unseen:
-                column[n], z[n] = c, z_hi[r]
+            if below >= 0 and z_lo[r] - z_hi[below] <= clearance:
+                n -= 1
+            is_open = r == last or z_lo[r + 1] > z_hi[r] + 1
+            hangs = r > first and not occupied[r - 1] and z_hi[r - 1] >= z_lo[r] - 2
+            below = -1
+            if not (is_open and (hangs or z_hi[r] - z_lo[r] >= step)):
+                column[n], z[n], below = c, z_hi[r], r
                 n += 1
-            ceiling = np.int64(z_lo[r])
-        for k in range((n - begin) // 2):
-            z[begin + k], z[n - 1 - k] = z[n - 1 - k], z[begin + k]
         start[c + 1] = n
     return start, column[:n], z[:n]
 

@@ -60,16 +60,6 @@ def _level_between(z: Any, a: Any, b: Any, j: Any, gap: Any) -> Any:
 
 
 @njit(cache=True)
-def _beyond_hole(surfaces: Any, a: Any, c: Any, stride: Any, gap: Any, step: Any, max_step: Any) -> Any:
-    """Node that goes on the floor of node a of column c `gap` columns further, -1 for none, -2 where ground lies before it."""
-    start, z = surfaces.start, surfaces.z
-    if find_node(start, z, c + (gap - 1) * stride, np.int64(z[a]), step) >= 0:
-        return -2
-    b = find_node(start, z, c + gap * stride, np.int64(z[a]), 2)
-    return b if b >= 0 and _is_one_floor(surfaces, a, b, gap, c - 3 * stride, c + (gap + 3) * stride, step, max_step) else -1
-
-
-@njit(cache=True)
 def _bridges(columns: Any, surfaces: Any, limits: Any) -> Any:
     """(M, 4) of (column, z, gap, level) of virtual floor between two nodes of one floor with at most `hole` columns unknown.
 
@@ -80,22 +70,26 @@ def _bridges(columns: Any, surfaces: Any, limits: Any) -> Any:
     start, column, z, level, measured = surfaces.start, surfaces.column, surfaces.z, surfaces.level, surfaces.measured
     found = [(0.0, 0.0, 0.0, 0.0) for _ in range(0)]
     for a in range(z.size):
-        c = np.int64(column[a])
+        c, z_a = np.int64(column[a]), np.int64(z[a])
         for k in range(2):
             stride = ny if k == 0 else 1
-            if find_node(start, z, c + stride, np.int64(z[a]), step) >= 0:
+            if find_node(start, z, c + stride, z_a, step) >= 0:
                 continue
             ix, iy = c // ny, c % ny
             room = min(hole + 1, (nx - ix - 4 if k == 0 else ny - iy - 4)) if ix >= 3 and iy >= 3 else 0
             for gap in range(2, room + 1):
-                b = _beyond_hole(surfaces, a, c, stride, gap, step, max_step)
-                if b == -2:
-                    break
-                if b >= 0 and _spans(columns, start, z, a, b, c, stride, gap, step, clearance, drop):
+                b = find_node(start, z, c + gap * stride, z_a, 2)
+                if (
+                    b >= 0
+                    and _is_one_floor(surfaces, a, b, gap, c - 3 * stride, c + (gap + 3) * stride, step, max_step)
+                    and _spans(columns, start, z, a, b, c, stride, gap, step, clearance, drop)
+                ):
                     rise = level[b] - level[a] if measured[a] and measured[b] else np.nan
                     for j in range(1, gap):
                         between = _level_between(z, a, b, j, gap)
                         found.append((float(c + j * stride), float(between), float(gap), float(level[a] + rise * j / gap)))
+                if find_node(start, z, c + gap * stride, z_a, step) >= 0:
+                    break
     out = np.empty((len(found), 4))
     for i in range(len(found)):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = found[i]

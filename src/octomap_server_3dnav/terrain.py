@@ -107,7 +107,7 @@ def _passages(
     scene: Scene,
     label: NDArray[np.uint8],
     narrow: NDArray[np.bool_],
-    obstacles: NDArray[np.int64],
+    barriers: tuple[NDArray[np.int64], NDArray[np.int64]],
     edges: NDArray[np.int64],
     departure: int | None,
     reached: NDArray[np.bool_],
@@ -124,13 +124,13 @@ def _passages(
         return [], reached
     drivable = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
     passable = narrow | (label == TerrainClass.TRAVERSABLE)
-    surfaces, (stood, cliffs) = scene.surfaces, barriers_of(scene, label, obstacles)
+    surfaces, (stood, cliffs) = scene.surfaces, barriers
     ground = Ground(
         scene.columns.ny, surfaces.start, surfaces.column, surfaces.z, scene.links.graph, drivable, passable, piece.astype(np.int32)
     )
     near, cliff = config.narrow_radius_m / limits.resolution, config.narrow_cliff_radius_m / limits.resolution
-    barriers = Barriers.of([(*stood, near), (*cliffs, cliff), (edges[:, 0], edges[:, 1], cliff)], scene.columns.ny)
-    found = find_passages(ground, barriers, scene, config, limits)
+    parts = [(*stood.T, near), (*cliffs.T, cliff), (*edges[:, :2].T, cliff)]
+    found = find_passages(ground, Barriers.of(parts, scene.columns.ny), scene, config, limits)
     return found, connected_pieces(piece, found, departure)
 
 
@@ -160,13 +160,14 @@ def classify(
     obstacles = kernels.obstacles_seen(
         scene.columns, scene.surfaces, label, scene.links.near, limits.clearance, limits.step, limits.inflation, limits.max_slope
     )
+    barriers = barriers_of(scene, label, obstacles)
     narrow = label.copy()
-    inflate(scene, narrow, obstacles, narrow_radii(config, limits.resolution), config.inflation_shape, limits)
-    inflate(scene, label, obstacles, (config.inflation_radius_m, config.cliff_inflation_radius_m), config.inflation_shape, limits)
+    inflate(scene, narrow, barriers, narrow_radii(config, limits.resolution), config.inflation_shape, limits)
+    inflate(scene, label, barriers, (config.inflation_radius_m, config.cliff_inflation_radius_m), config.inflation_shape, limits)
     is_narrow = (narrow == TerrainClass.TRAVERSABLE) & (label == TerrainClass.INFLATION)
     departure, reached = (None, np.zeros(label.size, dtype=bool)) if start is None else departure_of(scene, label, start, config)
     edges = frontier_edges(scene, label, seen, radius_m, limits)
-    passages, reached = _passages(scene, label, is_narrow, obstacles, edges, departure, reached, config, limits)
+    passages, reached = _passages(scene, label, is_narrow, barriers, edges, departure, reached, config, limits)
     if start is not None:
         ways = [way for p in passages for way in (p, p.turned()) if is_narrow[start] or way.is_along(yaw_of(T_map_base))]
         passages += [rest for way in ways if (rest := way.rest_from((robot[0], robot[1]), start))]

@@ -63,21 +63,24 @@ def unique_pairs(column: NDArray[np.int64], z: NDArray[np.int64]) -> NDArray[np.
     return np.stack([keys >> 16, (keys & 0xFFFF) - 2**15], axis=1)
 
 
-def barriers_of(
-    scene: Scene, label: NDArray[np.uint8], obstacles: NDArray[np.int64]
-) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]], tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """Columns and levels of the ground that obstacles stand on, and of cliffs."""
+def barriers_of(scene: Scene, label: NDArray[np.uint8], obstacles: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(M, 2) distinct columns and levels of the ground that obstacles stand on, and (K, 2) of cliffs."""
     column, z = scene.surfaces.column.astype(np.int64), scene.surfaces.z.astype(np.int64)
     own, cliff = np.flatnonzero(label == TerrainClass.OBSTACLE), np.flatnonzero(label == TerrainClass.CLIFF)
-    return (np.r_[column[own], obstacles[:, 0]], np.r_[z[own], obstacles[:, 2]]), (column[cliff], z[cliff])
+    stood = unique_pairs(np.r_[column[own], obstacles[:, 0]], np.r_[z[own], obstacles[:, 2]])
+    return stood, unique_pairs(column[cliff], z[cliff])
 
 
 def inflate(
-    scene: Scene, label: NDArray[np.uint8], obstacles: NDArray[np.int64], radii_m: tuple[float, float], shape: str, limits: Limits
+    scene: Scene,
+    label: NDArray[np.uint8],
+    barriers: tuple[NDArray[np.int64], NDArray[np.int64]],
+    radii_m: tuple[float, float],
+    shape: str,
+    limits: Limits,
 ) -> None:
     """addRobotPadding: obstacles and cliffs take the ground around them, at their own level and within `radii_m`, out of the graph."""
-    for (columns, levels), radius in zip(barriers_of(scene, label, obstacles), radii_m, strict=True):
-        pairs = unique_pairs(columns, levels)
+    for pairs, radius in zip(barriers, radii_m, strict=True):
         band = limits.step + math.ceil(radius / limits.resolution * limits.max_slope)
         widths = _half_widths(radius, shape, limits.resolution)
         kernels.inflate(label, scene.surfaces, pairs[:, 0].copy(), pairs[:, 1].copy(), widths, band, scene.columns.nx, scene.columns.ny)

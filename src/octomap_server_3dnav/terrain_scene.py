@@ -2,8 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.column_runs import ColumnRuns
@@ -27,44 +29,81 @@ class Scene:
 
     def within(self, radius_m: float | None) -> NDArray[np.bool_]:
         """(C,) whether the middle of each column is within `radius_m` of the robot; all are when it is None."""
-        spans, column = _spans_within(self.x, self.y, radius_m), np.arange(self.y.size)
-        return np.asarray(((column >= spans[:, :1]) & (column < spans[:, 1:])).ravel())
+        return np.asarray(_columns_of(_spans_within(self.x, self.y, radius_m), self.y.size))
 
     def nodes_within(self, radius_m: float) -> NDArray[np.int64]:
         """The surface nodes of those columns, ascending."""
-        row = np.arange(self.x.size) * self.y.size
-        nodes = self.surfaces.start[row[:, None] + _spans_within(self.x, self.y, radius_m)]
-        return np.concatenate([np.arange(first, end) for first, end in nodes if first < end] or [np.empty(0, dtype=np.int64)])
+        columns = np.flatnonzero(self.within(radius_m))
+        return np.asarray(_nodes_of(columns, self.surfaces.start))
+
+
+@njit(cache=True)
+def _columns_of(spans: Any, ny: Any) -> Any:
+    """(C,) bool: the columns of the spans."""
+    out = np.zeros(spans.shape[0] * ny, np.bool_)
+    for ix in range(spans.shape[0]):
+        out[ix * ny + spans[ix, 0] : ix * ny + spans[ix, 1]] = True
+    return out
+
+
+@njit(cache=True)
+def _nodes_of(columns: Any, start: Any) -> Any:
+    """The nodes of some columns, in their order."""
+    out = np.empty((start[columns + 1] - start[columns]).sum(), np.int64)
+    n = 0
+    for c in columns:
+        for s in range(start[c], start[c + 1]):
+            out[n] = s
+            n += 1
+    return out
 
 
 def _spans_within(x: NDArray[np.float64], y: NDArray[np.float64], radius_m: float | None) -> NDArray[np.int64]:
-    """(X, 2) first and end of the ascending y with np.hypot(x, y) <= radius_m in every row x; all of them when it is None."""
-    if radius_m is None:
-        return np.tile([0, y.size], (x.size, 1))
-    half = np.sqrt(np.maximum(radius_m**2 - x**2, 0.0))
-    padded = np.concatenate([[-np.inf], y, [np.inf]])  # the roots may round across a column: the two at each end are asked
-    first = np.minimum(np.searchsorted(y, -half), y.size - 1)
-    end = np.maximum(np.searchsorted(y, half, side="right"), 1)
-    first = first - (np.hypot(x, padded[first]) <= radius_m) + (np.hypot(x, padded[first + 1]) > radius_m)
-    end = end + (np.hypot(x, padded[end + 1]) <= radius_m) - (np.hypot(x, padded[end]) > radius_m)
-    return np.stack([first, np.maximum(first, end)], axis=1)
+    """(X, 2) first and end of the ascending y with hypot(x, y) <= radius_m in every row x; all of them when it is None."""
+    return np.tile([0, y.size], (x.size, 1)) if radius_m is None else np.asarray(_disc_spans(x, y, radius_m))
 
 
-def _window(runs: ColumnRuns, robot: NDArray[np.float64], reach_m: float | None, margin: int) -> tuple[Columns, tuple[int, int]]:
-    low = runs.origin_key
-    high = (runs.origin_key[0] + runs.nx - 1, runs.origin_key[1] + runs.ny - 1)
-    if reach_m is not None:
-        x, y = (math.floor(v / runs.resolution) for v in robot[:2])
-        span = math.ceil(reach_m / runs.resolution) + margin
-        low, high = (x - span, y - span), (x + span, y + span)
-    return crop_columns(runs, low, high, margin)
+@njit(cache=True)
+def _disc_spans(x: Any, y: Any, radius: Any) -> Any:
+    """The spans of a disc: both ends walk on from those of the row before."""
+    out = np.zeros((x.size, 2), np.int64)
+    middle = np.argmin(np.abs(y)) if y.size else 0
+    first, end = middle, middle + 1
+    for ix in range(x.size if y.size else 0):
+        if np.hypot(x[ix], y[middle]) > radius:
+            continue
+        while first > 0 and np.hypot(x[ix], y[first - 1]) <= radius:
+            first -= 1
+        while np.hypot(x[ix], y[first]) > radius:
+            first += 1
+        while end < y.size and np.hypot(x[ix], y[end]) <= radius:
+            end += 1
+        while np.hypot(x[ix], y[end - 1]) > radius:
+            end -= 1
+        out[ix] = first, end
+    return out
 
 
-def _linked_spans(x: NDArray[np.float64], y: NDArray[np.float64], radius_m: float | None, margin: int) -> NDArray[np.int64]:
+def _spans_inside(x: NDArray[np.float64], y: NDArray[np.float64], radius_m: float | None, margin: int) -> NDArray[np.int64]:
     """The spans within the radius without the columns of the margin."""
     spans = np.clip(_spans_within(x, y, radius_m), margin, y.size - margin)
     spans[:margin], spans[x.size - margin :] = margin, margin
     return spans
+
+
+def _window(
+    runs: ColumnRuns, robot: NDArray[np.float64], reach_m: float | None, margin: int
+) -> tuple[Columns, tuple[int, int], NDArray[np.float64], NDArray[np.float64]]:
+    """The columns within `reach_m` and a margin, the index of the first one, and where they lie from the robot (3,) in metres."""
+    low = np.array(runs.origin_key)
+    high = low + (runs.nx, runs.ny)
+    if reach_m is not None:
+        at, span = np.floor(robot[:2] / runs.resolution).astype(np.int64), math.ceil(reach_m / runs.resolution) + margin
+        low, high = np.clip(at - span, low, high), np.clip(at + span + 1, low, high)
+    key = (int(low[0]) - margin, int(low[1]) - margin)
+    x, y = ((np.arange(high[a] - low[a] + 2 * margin) + key[a] + 0.5) * runs.resolution - robot[a] for a in (0, 1))
+    spans = _spans_inside(x, y, None if reach_m is None else reach_m + margin * runs.resolution, margin)
+    return crop_columns(runs, key, y.size, spans), key, x, y
 
 
 def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: Limits) -> Links:
@@ -91,9 +130,7 @@ def scene_around(
     limits: Limits,
 ) -> Scene:
     """The window within `reach_m` of the robot (3,), or of all that is known when it is None, with margins for what the floods look at."""
-    columns, key = _window(runs, robot, reach_m, limits.margin)
+    columns, key, x, y = _window(runs, robot, reach_m, limits.margin)
     surfaces = _surfaces(columns, key, heights, config, limits)
-    x = (np.arange(columns.nx) + key[0] + 0.5) * runs.resolution - robot[0]
-    y = (np.arange(columns.ny) + key[1] + 0.5) * runs.resolution - robot[1]
     linked_m = None if reach_m is None else reach_m + (limits.slope_reach + 4) * runs.resolution  # as far as slopes and steps look
-    return Scene(columns, key, surfaces, _links(surfaces, columns.ny, _linked_spans(x, y, linked_m, limits.margin), limits), x, y)
+    return Scene(columns, key, surfaces, _links(surfaces, columns.ny, _spans_inside(x, y, linked_m, limits.margin), limits), x, y)

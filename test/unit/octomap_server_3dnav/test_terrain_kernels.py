@@ -23,7 +23,9 @@ def bumpy_world(seed: int) -> tuple[Columns, Surfaces]:
     states[rng.random(states.shape[:2]) < 0.02] = VoxelState.UNKNOWN
     states[10:30, 15:35, -2] = VoxelState.OCCUPIED
     runs = runs_of(states)
-    columns, _ = crop_columns(runs, runs.origin_key, (runs.origin_key[0] + runs.nx - 1, runs.origin_key[1] + runs.ny - 1), MARGIN)
+    spans = np.tile([MARGIN, MARGIN + runs.ny], (runs.nx + 2 * MARGIN, 1))
+    spans[:MARGIN] = spans[MARGIN + runs.nx :] = MARGIN
+    columns = crop_columns(runs, (runs.origin_key[0] - MARGIN, runs.origin_key[1] - MARGIN), runs.ny + 2 * MARGIN, spans)
     return columns, bridge_holes(columns, tops_of(columns, CLEARANCE, STEP), CLEARANCE, 3, STEP, STEP)
 
 
