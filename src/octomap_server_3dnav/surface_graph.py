@@ -97,24 +97,36 @@ def _is_on_slope(surfaces: Any, s: Any, n: Any, max_step: Any) -> Any:
 
 
 @njit(cache=True)
+def _is_step(near: Any, surfaces: Any, s: Any, n: Any, k: Any, max_step: Any, max_measured_step: Any) -> Any:
+    """Whether the ground on both sides of the edge from node s in direction k to node n differs too much; the same seen from n."""
+    level, measured, tread = surfaces.level, surfaces.measured, max_measured_step / 2
+    beyond, known_beyond = _patch_mean(near, level, measured, n, k, tread)
+    behind, known_behind = _patch_mean(near, level, measured, s, (k + 2) % 4, tread)
+    limit = max_measured_step if known_beyond and known_behind else max_step
+    return abs(beyond - behind) > limit and not _is_on_slope(surfaces, s, n, limit)
+
+
+@njit(cache=True)
 def steppable_neighbours(near: Any, surfaces: Any, max_step: Any, max_measured_step: Any) -> Any:
     """`near` without the edges over which the mean ground rises or falls by more than `max_step`, or `max_measured_step` where the
     heights of all of it were measured (float voxels): but edges along a slope stay, which alone may have hits in two voxels of a column.
 
-    Where a column has two surfaces, `near` need not lead back: each way is judged on its own.
+    Where a column has two surfaces, `near` need not lead back: such a way is judged on its own, all others once for there and back.
     """
-    z, level, measured = surfaces.z, surfaces.level, surfaces.measured
-    out, tread = near.copy(), max_measured_step / 2
+    z, level = surfaces.z, surfaces.level
+    out = near.copy()
     for s in range(z.size):
         for k in range(4):
             n = near[s, k]
             if n < 0 or (z[n] == z[s] and not abs(level[n] - level[s]) > max_measured_step):
                 continue
-            beyond, known_beyond = _patch_mean(near, level, measured, n, k, tread)
-            behind, known_behind = _patch_mean(near, level, measured, s, (k + 2) % 4, tread)
-            limit = max_measured_step if known_beyond and known_behind else max_step
-            if abs(beyond - behind) > limit and not _is_on_slope(surfaces, s, n, limit):
+            leads_back = near[n, (k + 2) % 4] == s
+            if leads_back and k >= 2:
+                continue
+            if _is_step(near, surfaces, s, n, k, max_step, max_measured_step):
                 out[s, k] = -1
+                if leads_back:
+                    out[n, (k + 2) % 4] = -1
     return out
 
 
