@@ -13,8 +13,16 @@ def modules_with_warm_up() -> list[str]:
     return [".".join(p.relative_to(SRC).with_suffix("").parts) for p in files]
 
 
+def forget_kernels() -> None:
+    """numba takes a kernel out of its cache also when a function that it calls, of another file, has changed."""
+    for pattern in ("*.nbi", "*.nbc"):
+        for file in SRC.rglob(pattern):
+            file.unlink()
+
+
 def main() -> None:
     sys.path.insert(0, str(SRC))
+    forget_kernels()
     for name in modules_with_warm_up():
         importlib.import_module(name).compile_kernels()
         print(f"compiled {name}")

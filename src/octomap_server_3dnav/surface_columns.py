@@ -34,7 +34,7 @@ class Surfaces(NamedTuple):
 
     level (N,) is the height of the surface in voxels: where beams hit it on average, or on a line over a hole between two such, which
     `measured` (N,) tells; else the voxel's middle. slope_level (N,) is the same with what was hit in the voxel below, too: a slope passes
-    through both.
+    through both; offset (N, 2) is how far along x and y from the column's middle those hits lie on average.
     """
 
     start: NDArray[np.int32]
@@ -43,13 +43,15 @@ class Surfaces(NamedTuple):
     bridged: NDArray[np.bool_]
     level: NDArray[np.float32]
     slope_level: NDArray[np.float32]
+    offset: NDArray[np.float32]
     measured: NDArray[np.bool_]
 
     def at_heights(self, heights: NDArray[np.float32]) -> "Surfaces":
-        """The same with measured heights (N, 2) in voxels as `SurfaceHeights.at` gives them, NaN where there are none."""
+        """The same with measured heights (N, 4) in voxels as `SurfaceHeights.at` gives them, NaN where there are none."""
         measured = np.isfinite(heights[:, 0])
         level, slope_level = (np.where(measured, heights[:, i], self.level) for i in (0, 1))
-        return self._replace(level=level, slope_level=slope_level, measured=measured)
+        offset = np.where(measured[:, None], heights[:, 2:], self.offset)
+        return self._replace(level=level, slope_level=slope_level, offset=offset, measured=measured)
 
 
 @njit(cache=True)
@@ -206,4 +208,4 @@ def tops_of(columns: Columns, clearance: int, step: int) -> Surfaces:
     start, column, z = _tops(columns, clearance, step)
     unknown = np.zeros(z.size, dtype=bool)
     middle = z.astype(np.float32) + np.float32(0.5)
-    return Surfaces(start, column, z, unknown, middle, middle, unknown)
+    return Surfaces(start, column, z, unknown, middle, middle, np.zeros((z.size, 2), dtype=np.float32), unknown)

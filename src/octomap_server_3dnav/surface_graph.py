@@ -131,6 +131,26 @@ def steppable_neighbours(near: Any, surfaces: Any, max_step: Any, max_measured_s
 
 
 @njit(cache=True)
+def centred_levels(graph: Any, surfaces: Any) -> Any:
+    """(N,) float32 `slope_level` of the nodes in the middle of their columns: on a slope what was hit beside it is higher or lower.
+
+    The slope is that of the two neighbours along an axis, between the places where these were hit.
+    """
+    level, offset = surfaces.slope_level, surfaces.offset
+    out = level.copy()
+    for s in range(level.size):
+        for k in range(2):
+            if offset[s, k] == 0.0:
+                continue
+            ahead = graph[s, k] if graph[s, k] >= 0 else s
+            behind = graph[s, k + 2] if graph[s, k + 2] >= 0 else s
+            way = np.float32((ahead != s) + (behind != s)) + offset[ahead, k] - offset[behind, k]
+            if way > 0.5:
+                out[s] -= offset[s, k] * (level[ahead] - level[behind]) / way
+    return out
+
+
+@njit(cache=True)
 def kerbs(graph: Any, surfaces: Any, rise: Any) -> Any:
     """(N,) bool: whether an edge of the graph leads over a measured rise or fall of more than `rise` voxels from one column to the next."""
     level, measured = surfaces.level, surfaces.measured

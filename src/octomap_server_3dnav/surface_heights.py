@@ -1,7 +1,8 @@
-"""Where in its voxel a surface lies: the mean height of the beams that ended there.
+"""Where in its voxel a surface lies: the mean place of the beams that ended there.
 
-Beside the octree, whose voxels tell a floor's height to 8 cm only: a kerb of 5 cm and one of 15 cm may look alike in them. The sums are
-whole numbers, so that what a sweep has added can be taken out again, bit by bit, when the sweep moves.
+Beside the octree, whose voxels tell a floor's height to 8 cm only: a kerb of 5 cm and one of 15 cm may look alike in them. And where the
+laser's lines lie far apart a slope is hit beside the middle of its columns, up to 2 cm higher or lower. The sums are whole numbers, so that
+what a sweep has added can be taken out again, bit by bit, when the sweep moves.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,13 +16,15 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav.column_runs import KEY_OFFSET
 
-_FINE = 1024  # parts of a voxel in which heights are summed
+_FINE = 1024  # parts of a voxel in which places are summed
+_ONE_SLOPE = 0.6  # voxels between what was hit in a voxel and in that below on a slope; more is an edge, and the face below it
+_STRAY = 0.25  # of the hits below: fewer above are beams that went astray
 _SLAB_BITS = 32 + 5  # of a key: a slab is 32 voxels wide
 
 
 @dataclass(frozen=True, eq=False)
 class HitHeights:
-    """Hits by voxel, int64: ascending `key` (K,) of x, y, z; `total` (K,) of their heights above the voxel's floor; `count` (K,)."""
+    """Hits by voxel, int64: ascending `key` (K,) of x, y, z; `total` (K, 3) of their places in the voxel; `count` (K,)."""
 
     key: NDArray[np.int64]
     total: NDArray[np.int64]
@@ -34,8 +37,8 @@ class HitHeights:
         scaled = scaled[(np.abs(scaled) < KEY_OFFSET - 1).all(axis=1)]
         floor = np.floor(scaled)
         keys = _keys(*floor.astype(np.int64).T)
-        heights = ((scaled[:, 2] - floor[:, 2]) * _FINE).astype(np.int64)
-        return cls.together([cls(keys, heights, np.ones_like(keys))])
+        places = ((scaled - floor) * _FINE).astype(np.int64)
+        return cls.together([cls(keys, places, np.ones_like(keys))])
 
     @classmethod
     def together(cls, parts: Sequence["HitHeights"]) -> "HitHeights":
@@ -44,7 +47,7 @@ class HitHeights:
         order = np.argsort(keys)
         keys = keys[order]
         first = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]]) if keys.size else np.zeros(0, dtype=np.int64)
-        sums = (np.add.reduceat(part[order], first) if keys.size else part for part in (total, count))
+        sums = (np.add.reduceat(part[order], first, axis=0) if keys.size else part for part in (total, count))
         return cls(keys[first], *sums)
 
 
@@ -52,28 +55,32 @@ def _keys(x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]) -> N
     return np.asarray((x + KEY_OFFSET) << 32 | (y + KEY_OFFSET) << 16 | (z + KEY_OFFSET))
 
 
-_NO_HITS = HitHeights(*(np.zeros(0, dtype=np.int64) for _ in range(3)))
+_NO_HITS = HitHeights(*(np.zeros(shape, dtype=np.int64) for shape in (0, (0, 3), 0)))
 
 
 @njit(cache=True)
 def _merged(key: Any, total: Any, count: Any, more_key: Any, more_total: Any, more_count: Any, sign: Any) -> Any:
     """Both sorted tables as one, the second counted `sign` times; voxels without a hit left are left out."""
     size = key.size + more_key.size
-    out_key, out_total, out_count = np.empty(size, np.int64), np.empty(size, np.int64), np.empty(size, np.int64)
+    out_key, out_total, out_count = np.empty(size, np.int64), np.zeros((size, 3), np.int64), np.empty(size, np.int64)
     n, a, b = 0, 0, 0
     while a < key.size or b < more_key.size:
-        if b == more_key.size or (a < key.size and key[a] < more_key[b]):
-            k, t, c = key[a], total[a], count[a]
+        has_old = b == more_key.size or (a < key.size and key[a] <= more_key[b])
+        has_more = a == key.size or (b < more_key.size and more_key[b] <= key[a])
+        out_key[n], out_count[n] = key[a] if has_old else more_key[b], 0
+        for i in range(3):
+            out_total[n, i] = 0
+        if has_old:
+            out_count[n] += count[a]
+            for i in range(3):
+                out_total[n, i] += total[a, i]
             a += 1
-        elif a == key.size or more_key[b] < key[a]:
-            k, t, c = more_key[b], sign * more_total[b], sign * more_count[b]
+        if has_more:
+            out_count[n] += sign * more_count[b]
+            for i in range(3):
+                out_total[n, i] += sign * more_total[b, i]
             b += 1
-        else:
-            k, t, c = key[a], total[a] + sign * more_total[b], count[a] + sign * more_count[b]
-            a, b = a + 1, b + 1
-        if c != 0:
-            out_key[n], out_total[n], out_count[n] = k, t, c
-            n += 1
+        n += out_count[n] != 0
     return out_key[:n].copy(), out_total[:n].copy(), out_count[:n].copy()
 
 
@@ -95,8 +102,8 @@ def _place_from(key: Any, wanted: Any, place: Any) -> Any:
 
 @njit(cache=True)
 def _heights(key: Any, total: Any, count: Any, wanted: Any, z: Any, out: Any) -> None:
-    """Writes the heights of the voxels with the `wanted` keys and levels z into `out` (N, 2): of the hits in the voxel, and of these
-    together with the hits in the voxel below. Ascending keys are fastest."""
+    """Writes of the voxels with the `wanted` keys and levels z into `out` (N, 4): the height of the hits in the voxel, and height and place
+    along x and y of these together with the hits in the voxel below, if these are of one slope. Ascending keys are fastest."""
     place = 0
     for i in range(wanted.size):
         if i and wanted[i] < wanted[i - 1]:
@@ -104,12 +111,16 @@ def _heights(key: Any, total: Any, count: Any, wanted: Any, z: Any, out: Any) ->
         if place < key.size and key[place] < wanted[i]:
             place = _place_from(key, wanted[i], place)
         if place < key.size and key[place] == wanted[i]:
-            height, hits, below = total[place] / (_FINE * count[place]), count[place], place - 1
-            out[i, 0] = z[i] + height
-            if below >= 0 and key[below] == wanted[i] - 1:
-                hits += count[below]
-                height = (total[place] + total[below] - _FINE * count[below]) / (_FINE * hits)
-            out[i, 1] = z[i] + height
+            hits, x, y, height = count[place], total[place, 0], total[place, 1], total[place, 2]
+            out[i, 0] = z[i] + height / (_FINE * hits)
+            if place > 0 and key[place - 1] == wanted[i] - 1:
+                more, deep = count[place - 1], total[place - 1, 2] - _FINE * count[place - 1]
+                is_edge = height / hits - deep / more > _ONE_SLOPE * _FINE and hits > _STRAY * more
+                if not is_edge:
+                    hits, height = hits + more, height + deep
+                    x, y = x + total[place - 1, 0], y + total[place - 1, 1]
+            out[i, 1] = z[i] + height / (_FINE * hits)
+            out[i, 2], out[i, 3] = x / (_FINE * hits) - 0.5, y / (_FINE * hits) - 0.5
 
 
 class SurfaceHeights:
@@ -151,13 +162,13 @@ class SurfaceHeights:
                 del self._slabs[number]
 
     def at(self, x: NDArray[np.integer], y: NDArray[np.integer], z: NDArray[np.integer]) -> NDArray[np.float32]:
-        """(N, 2) heights in voxels of the surfaces in voxels (N,) of index x, y, z, NaN where no beam ended.
+        """(N, 4) where the surfaces in voxels (N,) of index x, y, z were hit, in voxels, NaN where no beam ended.
 
-        First of what lies in the voxel, from z to z + 1: the tread of a step. Then of that and what lies in the voxel below: the middle of
-        a slope, which passes through both.
+        First the height of what lies in the voxel, from z to z + 1: the tread of a step. Then the height of that and what lies in the voxel
+        below of a slope, which passes through both; and how far along x and y from the middle of the column those hits lie.
         """
         wanted, levels = _keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64)), z.astype(np.int64)
-        out = np.full((wanted.size, 2), np.nan, dtype=np.float32)
+        out = np.full((wanted.size, 4), np.nan, dtype=np.float32)
         for number, part in _stretches(wanted >> _SLAB_BITS):
             slab = self._slabs.get(number)
             if slab is not None:

@@ -61,14 +61,15 @@ def _level_between(z: Any, a: Any, b: Any, j: Any, gap: Any) -> Any:
 
 @njit(cache=True)
 def _bridges(columns: Any, surfaces: Any, limits: Any) -> Any:
-    """(M, 4) of (column, z, gap, level) of virtual floor between two nodes of one floor with at most `hole` columns unknown.
+    """(M, 6) of (column, z, gap, a, b, share of the way from a to b) of virtual floor between nodes a and b of one floor, with at most
+    `hole` columns unknown.
 
-    `limits` is (hole, step, clearance, drop, highest measured step) in voxels. The level is NaN unless both ends are measured.
+    `limits` is (hole, step, clearance, drop, highest measured step) in voxels.
     """
     hole, step, clearance, drop, max_step = limits
     nx, ny = columns.nx, columns.ny
-    start, column, z, level, measured = surfaces.start, surfaces.column, surfaces.z, surfaces.level, surfaces.measured
-    found = [(0.0, 0.0, 0.0, 0.0) for _ in range(0)]
+    start, column, z = surfaces.start, surfaces.column, surfaces.z
+    found = [(0.0, 0.0, 0.0, 0.0, 0.0, 0.0) for _ in range(0)]
     for a in range(z.size):
         c, z_a = np.int64(column[a]), np.int64(z[a])
         for k in range(2):
@@ -84,20 +85,19 @@ def _bridges(columns: Any, surfaces: Any, limits: Any) -> Any:
                     and _is_one_floor(surfaces, a, b, gap, c - 3 * stride, c + (gap + 3) * stride, step, max_step)
                     and _spans(columns, start, z, a, b, c, stride, gap, step, clearance, drop)
                 ):
-                    rise = level[b] - level[a] if measured[a] and measured[b] else np.nan
                     for j in range(1, gap):
                         between = _level_between(z, a, b, j, gap)
-                        found.append((float(c + j * stride), float(between), float(gap), float(level[a] + rise * j / gap)))
+                        found.append((float(c + j * stride), float(between), float(gap), float(a), float(b), j / gap))
                 if find_node(start, z, c + gap * stride, z_a, step) >= 0:
                     break
-    out = np.empty((len(found), 4))
+    out = np.empty((len(found), 6))
     for i in range(len(found)):
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = found[i]
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5] = found[i]
     return out
 
 
 def _one_per_hole(found: NDArray[np.float64], step: int) -> NDArray[np.float64]:
-    """Those of the (M, 4) bridges that stay: where some meet in one column at one level the narrowest, the higher when they tie.
+    """Those of the (M, 6) bridges that stay: where some meet in one column at one level the narrowest, the higher when they tie.
 
     As single numbers they sort faster than by three keys.
     """
@@ -130,16 +130,23 @@ def bridge_holes(columns: Columns, surfaces: Surfaces, clearance: int, hole: int
     found = _bridges(columns, surfaces, (hole, step, clearance, step + 1, max_measured_step))
     if not len(found):
         return surfaces
-    column, z, _, level = _one_per_hole(found, step).T
+    found = _one_per_hole(found, step)
+    share = found[:, 5]
+    column, z, _, a, b = (part.astype(np.int64) for part in found[:, :5].T)
     order, start = _merged(surfaces, column, z)
-    measured = np.isfinite(level)
-    height = np.where(measured, level, z + 0.5).astype(np.float32)
+    measured = surfaces.measured[a] & surfaces.measured[b]
+
+    def with_holes(known: NDArray[np.float32], unknown: NDArray[np.float64]) -> NDArray[np.float32]:
+        between = known[a] + share * (known[b] - known[a])
+        return np.asarray(np.concatenate([known, np.where(measured, between, unknown)], dtype=np.float32)[order])
+
     return Surfaces(
         start,
         np.concatenate([surfaces.column, column.astype(np.int32)])[order],
         np.concatenate([surfaces.z, z.astype(np.int16)])[order],
         np.concatenate([surfaces.bridged, np.ones(z.size, dtype=bool)])[order],
-        np.concatenate([surfaces.level, height])[order],
-        np.concatenate([surfaces.slope_level, height])[order],
+        with_holes(surfaces.level, z + 0.5),
+        with_holes(surfaces.slope_level, z + 0.5),
+        np.stack([with_holes(surfaces.offset[:, i], np.zeros(z.size)) for i in (0, 1)], axis=1),
         np.concatenate([surfaces.measured, measured])[order],
     )

@@ -24,13 +24,13 @@ class TerrainConfig:
     step_margin_m: float = parameter(0.01, "m", "how much lower than the highest step a measured one must be", low=0.0, high=0.2)
     max_slope_rad: float = parameter(math.radians(25.0), "rad", "steepest slope the robot drives", low=0.05, high=0.8)
     slope_margin_rad: float = parameter(
-        math.radians(1.0),
+        math.radians(1.5),
         "rad",
         "how much gentler than the steepest slope one that is fitted to measured heights must be",
         low=0.0,
         high=0.2,
     )
-    slope_radius_m: float = parameter(0.25, "m", "ground around a voxel that its slope is fitted to", low=0.1, high=1.0)
+    slope_radius_m: float = parameter(0.16, "m", "ground around a voxel that its slope is fitted to", low=0.1, high=1.0)
     voxel_slope_radius_m: float = parameter(
         0.35, "m", "the same where no heights are measured: slopes are stairs then, and look steeper over a short way", low=0.1, high=1.0
     )

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, tops_of
-from octomap_server_3dnav.surface_graph import Links, nearest_neighbours, slopes_of_open_ground, steppable_neighbours
+from octomap_server_3dnav.surface_graph import Links, centred_levels, nearest_neighbours, slopes_of_open_ground, steppable_neighbours
 from octomap_server_3dnav.surface_heights import SurfaceHeights
 from octomap_server_3dnav.surface_holes import bridge_holes
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
@@ -106,11 +106,13 @@ def _window(
     return crop_columns(runs, key, y.size, spans), key, x, y
 
 
-def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: Limits) -> Links:
+def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: Limits) -> tuple[Surfaces, Links]:
+    """The surfaces, on slopes at the heights of the middles of their columns, and the links between them."""
     near = nearest_neighbours(surfaces.start, surfaces.z, ny, spans, limits.step)
     graph = steppable_neighbours(near, surfaces, limits.max_step, limits.max_measured_step)
+    surfaces = surfaces._replace(slope_level=centred_levels(graph, surfaces))
     slope = slopes_of_open_ground(surfaces.start, surfaces.slope_level, graph, ny, spans, limits.slope_reach, limits.max_fitted_slope)
-    return Links(near, graph, slope)
+    return surfaces, Links(near, graph, slope)
 
 
 def _surfaces(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | None, config: TerrainConfig, limits: Limits) -> Surfaces:
@@ -133,4 +135,4 @@ def scene_around(
     columns, key, x, y = _window(runs, robot, reach_m, limits.margin)
     surfaces = _surfaces(columns, key, heights, config, limits)
     linked_m = None if reach_m is None else reach_m + (limits.slope_reach + 4) * runs.resolution  # as far as slopes and steps look
-    return Scene(columns, key, surfaces, _links(surfaces, columns.ny, _spans_inside(x, y, linked_m, limits.margin), limits), x, y)
+    return Scene(columns, key, *_links(surfaces, columns.ny, _spans_inside(x, y, linked_m, limits.margin), limits), x, y)

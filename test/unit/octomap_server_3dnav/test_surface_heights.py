@@ -30,6 +30,25 @@ def test_height_of_a_slope_is_the_mean_of_the_hits_in_the_voxel_and_in_the_one_b
     assert heights.at(*voxels((0, 0, 1), (0, 0, 3)))[:, 1].tolist() == pytest.approx([23 / 24, 3.0], abs=2e-3)
 
 
+def test_face_below_an_edge_is_no_slope():
+    face = np.column_stack([np.full(20, 0.1), np.full(20, 0.1), np.linspace(0.02, 0.48, 20)])
+    heights = SurfaceHeights(0.5)
+    heights.add(HitHeights.of(np.vstack([np.tile([0.1, 0.1, 0.5625], (8, 1)), face]), 0.5))
+    assert heights.at(*voxels((0, 0, 1)))[0, :2].tolist() == pytest.approx([1.125, 1.125])
+
+
+def test_hit_that_went_astray_above_the_ground_does_not_make_it_an_edge():
+    heights = SurfaceHeights(0.5)
+    heights.add(HitHeights.of(np.vstack([[0.1, 0.1, 0.95], np.tile([0.1, 0.1, 0.25], (9, 1))]), 0.5))
+    assert heights.at(*voxels((0, 0, 1)))[0, 1] == pytest.approx(0.64, abs=2e-3)
+
+
+def test_place_of_the_hits_is_told_from_the_middle_of_the_column():
+    heights = SurfaceHeights(0.5)
+    heights.add(HitHeights.of(np.array([[-0.45, 0.125, 0.3], [-0.4, 0.0, 0.3]]), 0.5))
+    assert heights.at(*voxels((-1, 0, 0)))[0, 2:].tolist() == pytest.approx([-0.35, -0.375], abs=2e-3)
+
+
 def test_voxel_without_a_hit_has_no_height():
     heights = SurfaceHeights(0.5)
     assert np.isnan(heights.at(*voxels((0, 0, 0)))).all()
@@ -91,6 +110,22 @@ def test_robot_does_not_turn_beside_a_kerb_that_it_can_drive_over(rise, turns):
     beside, away = (terrain.surface_near((x, 2.4, 0.04)) for x in (3.0, 2.2))
     assert bool(terrain.near_kerb[beside]) != turns and not terrain.near_kerb[away]
     assert (terrain.cost[beside] > terrain.cost[away]) != turns
+
+
+@pytest.mark.parametrize("degrees, drivable", [(21, True), (28, False)])
+def test_slope_that_sparse_lines_hit_beside_the_middle_of_its_columns_is_what_it_measures(degrees, drivable):
+    x, y = np.arange(0.005, 80 * RESOLUTION, 0.075), np.arange(0.01, 60 * RESOLUTION, 0.02)
+    z = 0.01 + np.tan(np.radians(degrees)) * x
+    heights, seen = SurfaceHeights(RESOLUTION), np.full(80, -np.inf)
+    heights.add(
+        HitHeights.of(np.stack([*np.meshgrid(x, y, indexing="ij"), np.tile(z[:, None], y.size)], axis=-1).reshape(-1, 3), RESOLUTION)
+    )
+    np.maximum.at(seen, (x / RESOLUTION).astype(int), z)
+    runs = runs_of(grid_of_heights(lambda x, y: seen[(x / RESOLUTION).astype(int)] + 0 * y, 80, 60))
+    terrain = classify(runs, pose(3.2, 2.4, ground=seen[40]), TerrainConfig(min_traversable_voxels=1), None, heights)
+    middle = np.abs((terrain.ix + 0.5) * RESOLUTION - 3.2) < 2.0
+    labels = terrain.label[middle & (np.abs((terrain.iy + 0.5) * RESOLUTION - 2.4) < 1.5)]
+    assert (labels == TRAVERSABLE).all() if drivable else (labels != TRAVERSABLE).all()
 
 
 @pytest.mark.parametrize("degrees", [10, 20])

@@ -25,12 +25,10 @@ from shapes import MODULES, SHAPES
 
 from exploration_evaluation.truth import reachable_ground
 
-LIMIT = "a slope of just 25 deg: a fitted one must stay a degree below the limit"
-GRAZED = "a ramp of 22 deg, seen grazing from its head only: its lines lie far apart, and fits to them are off by up to 3 deg"
+LIMIT = "a slope of just 25 deg: a fitted one must stay 1.5 deg below the limit"
 WRONG = {
     "ramp up, 25 deg": LIMIT,
     "ramp up, 25 deg, first look": LIMIT,
-    "ramp down, 22 deg": GRAZED,
     "ramp down, 25 deg": LIMIT,
     "hillside, 25 deg": LIMIT,
     "kerb of 10 cm, up": "a step of just 10 cm: a measured one must stay a centimetre below the limit",
