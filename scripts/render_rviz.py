@@ -5,13 +5,15 @@
 
 With --sweeps the picture is taken on the drive after so many, and the run ended there; else when the run has ended: rviz outlives it and
 keeps what it was shown last. Frames are taken on the way. --view looks at a point of the map from a distance (m), yaw and pitch (rad)
-instead of following the robot. Needs Debian's rviz, xvfb and imagemagick. Exit code 1 when the run failed or rviz died.
+instead of following the robot. Needs Debian's rviz, xvfb and imagemagick. Exit code 1 when one is missing, the run
+failed or rviz died.
 """
 
 import argparse
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -25,6 +27,7 @@ import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 SOFTWARE_GL = {"LIBGL_ALWAYS_SOFTWARE": "1", "QT_X11_NO_MITSHM": "1"}
+TOOLS = ("rviz", "Xvfb", "import", "convert")
 SETTLE_S = 10.0  # software rendering needs seconds for a frame of a whole map ..
 UNDER_WAY_S = 4.0  # .. and the robot drives on meanwhile
 FRAME_RATE_HZ = 1  # more would take the cores from the run
@@ -140,6 +143,9 @@ def parsed() -> argparse.Namespace:
 
 def main() -> int:
     arguments = parsed()
+    if missing := [name for name in TOOLS if shutil.which(name) is None]:
+        print(f"not installed: {', '.join(missing)}; needs Debian's rviz, xvfb and imagemagick", file=sys.stderr)
+        return 1
     width, height = arguments.size
     scale = arguments.scale
     if arguments.frames:

@@ -62,24 +62,16 @@ _NO_HITS = HitHeights(*(np.zeros(shape, dtype=np.int64) for shape in (0, (0, 3),
 def _merged(key: Any, total: Any, count: Any, more_key: Any, more_total: Any, more_count: Any, sign: Any) -> Any:
     """Both sorted tables as one, the second counted `sign` times; voxels without a hit left are left out."""
     size = key.size + more_key.size
-    out_key, out_total, out_count = np.empty(size, np.int64), np.zeros((size, 3), np.int64), np.empty(size, np.int64)
+    out_key, out_total, out_count = np.empty(size, np.int64), np.empty((size, 3), np.int64), np.empty(size, np.int64)
     n, a, b = 0, 0, 0
     while a < key.size or b < more_key.size:
         has_old = b == more_key.size or (a < key.size and key[a] <= more_key[b])
         has_more = a == key.size or (b < more_key.size and more_key[b] <= key[a])
-        out_key[n], out_count[n] = key[a] if has_old else more_key[b], 0
+        out_key[n] = key[a] if has_old else more_key[b]
+        out_count[n] = (count[a] if has_old else 0) + (sign * more_count[b] if has_more else 0)
         for i in range(3):
-            out_total[n, i] = 0
-        if has_old:
-            out_count[n] += count[a]
-            for i in range(3):
-                out_total[n, i] += total[a, i]
-            a += 1
-        if has_more:
-            out_count[n] += sign * more_count[b]
-            for i in range(3):
-                out_total[n, i] += sign * more_total[b, i]
-            b += 1
+            out_total[n, i] = (total[a, i] if has_old else 0) + (sign * more_total[b, i] if has_more else 0)
+        a, b = a + has_old, b + has_more
         n += out_count[n] != 0
     return out_key[:n].copy(), out_total[:n].copy(), out_count[:n].copy()
 
