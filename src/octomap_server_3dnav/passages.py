@@ -53,7 +53,7 @@ class Passage:
         return Passage((node, self.nodes[1]), self.line[at:]) if off[at] <= _ASIDE_M and at < len(self.line) - 1 else None
 
 
-class Barriers(NamedTuple):
+class KeptOff(NamedTuple):
     """What the middle of a passage keeps off, in voxels of the window: x, y, level, and how far to keep, (B,) float64 each."""
 
     x: Array
@@ -62,16 +62,15 @@ class Barriers(NamedTuple):
     radius: Array
 
     @classmethod
-    def of(cls, groups: list[tuple[NDArray[np.int64], NDArray[np.int64], float]], ny: int) -> "Barriers":
-        """From (columns, levels, radius in voxels) of each kind."""
-        column, level = (np.concatenate([g[i] for g in groups]) for i in (0, 1))
-        radius = np.concatenate([np.full(len(g[0]), g[2]) for g in groups])
-        return cls(column // ny + 0.5, column % ny + 0.5, level.astype(np.float64), radius)
+    def of(cls, groups: list[tuple[Array, float]]) -> "KeptOff":
+        """From places (M, 3) and radius in voxels of each kind."""
+        x, y, level = np.concatenate([places for places, _ in groups]).T.copy()
+        return cls(x, y, level, np.concatenate([np.full(len(places), radius) for places, radius in groups]))
 
-    def around(self, x: float, y: float, reach: float) -> "Barriers":
+    def around(self, x: float, y: float, reach: float) -> "KeptOff":
         """Those within `reach` of a place along both axes."""
         near = (np.abs(self.x - x) <= reach) & (np.abs(self.y - y) <= reach)
-        return Barriers(self.x[near], self.y[near], self.level[near], self.radius[near])
+        return KeptOff(self.x[near], self.y[near], self.level[near], self.radius[near])
 
 
 class Ground(NamedTuple):
@@ -237,15 +236,7 @@ def _necks(g: Any) -> Any:
     return neck
 
 
-def narrow_radii(config: TerrainConfig, resolution: float) -> tuple[float, float]:
-    """Metres from obstacles and cliffs within which no voxel can hold the middle of a passage: the voxel's corner may be farther off."""
-    corner = resolution / math.sqrt(2.0)
-    pairs = (config.narrow_radius_m, config.inflation_radius_m), (config.narrow_cliff_radius_m, config.cliff_inflation_radius_m)
-    near, cliff = (max(0.0, narrow - corner) if narrow < full else full for narrow, full in pairs)
-    return near, cliff
-
-
-def find_passages(ground: Ground, barriers: Barriers, scene: Scene, config: TerrainConfig, limits: Limits) -> list[Passage]:
+def find_passages(ground: Ground, barriers: KeptOff, scene: Scene, config: TerrainConfig, limits: Limits) -> list[Passage]:
     """The best passage at every neck between two pieces of turning room, one way each; nodes are those of the scene."""
     neck = np.where(_necks(ground), np.uint8(kernels.TRAVERSABLE), np.uint8(kernels.UNREACHED))
     if not (neck == kernels.TRAVERSABLE).any():

@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav.surface_columns import DX, DY, find_node, slope_behind
 
-UNFITTED, GENTLE, STEEP = 0, 1, 2
+UNFITTED, GENTLE, NEARLY_STEEP, STEEP = 0, 1, 2, 3
 _BLOCK = 4096  # columns whose sums stay in the cache
 
 
 class Links(NamedTuple):
     """Neighbours of the surface nodes, (N, 4) int32 each: the `near` ones, and in `graph` those of them that can be stepped to.
 
-    `slope` (C,) uint8 tells of columns amid open ground whether their only surface is GENTLE or STEEP; UNFITTED for the others.
+    `slope` (C,) uint8 tells of columns amid open ground whether their only surface is GENTLE, NEARLY_STEEP or STEEP; UNFITTED for the
+    others.
     """
 
     near: NDArray[np.int32]
@@ -203,6 +204,14 @@ def slope_at(graph: Any, level: Any, s: Any, reach: Any) -> Any:
 
 
 @njit(cache=True)
+def steepness(slope: Any, max_fitted_slope: Any, max_slope: Any) -> Any:
+    """STEEP beyond the limit, NEARLY_STEEP where it may be: within what a fit can be wrong, else GENTLE."""
+    if slope > max_slope:
+        return STEEP
+    return NEARLY_STEEP if slope > max_fitted_slope else GENTLE
+
+
+@njit(cache=True)
 def _single_surfaces(start: Any, level: Any, graph: Any, ny: Any, spans: Any) -> Any:
     """(C,) float32 height of the only surface of a column, and (C,) uint8 bits of the directions in which it can be left; else 0."""
     height, edges = np.zeros(start.size - 1, np.float32), np.zeros(start.size - 1, np.uint8)
@@ -259,7 +268,9 @@ def _add_difference(total: Any, height: Any, first: Any, other: Any, factor: Any
 
 
 @njit(cache=True)
-def slopes_of_open_ground(start: Any, level: Any, graph: Any, ny: Any, spans: Any, reach: Any, max_slope: Any) -> Any:
+def slopes_of_open_ground(
+    start: Any, level: Any, graph: Any, ny: Any, spans: Any, reach: Any, max_fitted_slope: Any, max_slope: Any
+) -> Any:
     """`Links.slope` of the columns in `spans`: where no ray of `slope_at` ends early the sums over x and y are known, those over x * h
     and y * h the same stencil everywhere."""
     slope = np.zeros(start.size - 1, np.uint8)
@@ -286,6 +297,8 @@ def slopes_of_open_ground(start: Any, level: Any, graph: Any, ny: Any, spans: An
         for i in range(n):
             if is_open[i] & 1:
                 p, q = float(along_x[i]), float(along_y[i])
-                gentle = abs(p) + abs(q) < 0.99 * max_slope * a or not np.hypot((a * p) / (a * a), (a * q) / (a * a)) > max_slope
-                slope[low + i] = GENTLE if gentle else STEEP
+                gentle = abs(p) + abs(q) < 0.99 * max_fitted_slope * a
+                slope[low + i] = (
+                    GENTLE if gentle else steepness(np.hypot((a * p) / (a * a), (a * q) / (a * a)), max_fitted_slope, max_slope)
+                )
     return slope

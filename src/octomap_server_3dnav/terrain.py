@@ -10,21 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
+from octomap_server_3dnav.barriers import Barriers, barriers_of, inflate, middles, narrow_radii, passage_radii, turning_radii, unique_pairs
 from octomap_server_3dnav.classified_terrain import Terrain, TerrainClass
 from octomap_server_3dnav.column_runs import ColumnRuns
-from octomap_server_3dnav.passages import Barriers, Ground, Passage, connected_pieces, find_passages, narrow_radii
+from octomap_server_3dnav.passages import Ground, KeptOff, Passage, connected_pieces, find_passages
 from octomap_server_3dnav.surface_heights import SurfaceHeights
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 from octomap_server_3dnav.terrain_judgement import (
-    barriers_of,
     departure_of,
     first_flood,
     frontier_edges,
-    inflate,
     near_kerbs,
     soft_cost,
     start_candidates,
-    unique_pairs,
 )
 from octomap_server_3dnav.terrain_scene import Scene, scene_around
 from rigid_geometry import as_transform, yaw_of
@@ -107,7 +105,7 @@ def _passages(
     scene: Scene,
     label: NDArray[np.uint8],
     narrow: NDArray[np.bool_],
-    barriers: tuple[NDArray[np.int64], NDArray[np.int64]],
+    barriers: Barriers,
     edges: NDArray[np.int64],
     departure: int | None,
     reached: NDArray[np.bool_],
@@ -124,13 +122,13 @@ def _passages(
         return [], reached
     drivable = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
     passable = narrow | (label == TerrainClass.TRAVERSABLE)
-    surfaces, (stood, cliffs) = scene.surfaces, barriers
+    surfaces = scene.surfaces
     ground = Ground(
         scene.columns.ny, surfaces.start, surfaces.column, surfaces.z, scene.links.graph, drivable, passable, piece.astype(np.int32)
     )
-    near, cliff = config.narrow_radius_m / limits.resolution, config.narrow_cliff_radius_m / limits.resolution
-    parts = [(*stood.T, near), (*cliffs.T, cliff), (*edges[:, :2].T, cliff)]
-    found = find_passages(ground, Barriers.of(parts, scene.columns.ny), scene, config, limits)
+    radii, unknown = passage_radii(config, limits), middles(edges[:, 0], edges[:, 1], scene.columns.ny)
+    kept_off = KeptOff.of([*zip(barriers, radii, strict=True), (unknown, radii.cliffs)])
+    found = find_passages(ground, kept_off, scene, config, limits)
     return found, connected_pieces(piece, found, departure)
 
 
@@ -157,13 +155,11 @@ def classify(
     scene = scene_around(runs, heights, robot, reach_m, config, limits)
     label, seen, start = first_flood(scene, start_candidates(scene, T_map_base, config, limits), reach_m, config, limits)
     kernels.mark_steps(label, scene.links.near, scene.links.graph, scene.surfaces.level)
-    obstacles = kernels.obstacles_seen(
-        scene.columns, scene.surfaces, label, scene.links.near, limits.clearance, limits.step, limits.inflation, limits.max_slope
-    )
-    barriers = barriers_of(scene, label, obstacles)
+    obstacles = kernels.obstacles_seen(scene.columns, scene.surfaces, label, scene.links.near, seen, limits)
+    barriers = barriers_of(scene, label, obstacles, heights)
     narrow = label.copy()
-    inflate(scene, narrow, barriers, narrow_radii(config, limits.resolution), config.inflation_shape, limits)
-    inflate(scene, label, barriers, (config.inflation_radius_m, config.cliff_inflation_radius_m), config.inflation_shape, limits)
+    inflate(scene, narrow, barriers, narrow_radii(config, limits), config.inflation_shape, limits)
+    inflate(scene, label, barriers, turning_radii(config, limits), config.inflation_shape, limits)
     is_narrow = (narrow == TerrainClass.TRAVERSABLE) & (label == TerrainClass.INFLATION)
     departure, reached = (None, np.zeros(label.size, dtype=bool)) if start is None else departure_of(scene, label, start, config)
     edges = frontier_edges(scene, label, seen, radius_m, limits)

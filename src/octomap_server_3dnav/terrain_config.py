@@ -42,6 +42,9 @@ class TerrainConfig:
     cliff_area_voxels: int = parameter(2, "voxels", "half width of the areas of the cliff check (thesis figure 5.12)", low=0, high=6)
     inflation_radius_m: float = parameter(0.60, "m", "distance kept from obstacles by the robot's centre", low=0.0, high=3.0)
     cliff_inflation_radius_m: float = parameter(0.60, "m", "distance kept from cliffs by the robot's centre", low=0.0, high=3.0)
+    hit_margin_m: float = parameter(
+        0.02, "m", "kept from obstacles beside their radius where it is measured where they were hit: beams err", low=0.0, high=0.5
+    )
     narrow_radius_m: float = parameter(
         0.385,
         "m",
@@ -102,6 +105,7 @@ class Limits(NamedTuple):
     max_fitted_slope: float
     look: int
     inflation: int
+    hit_margin: float
     cliff_area: int
     assumes_cliffs: bool
 
@@ -121,6 +125,7 @@ class Limits(NamedTuple):
             max_fitted_slope=math.tan(config.max_slope_rad - margin),
             look=max(1, round(config.cliff_look_m / resolution)),
             inflation=math.ceil(largest / resolution - 1e-9),
+            hit_margin=config.hit_margin_m / resolution if is_measured else 0.0,
             cliff_area=config.cliff_area_voxels,
             assumes_cliffs=config.cliff_evidence == "assumed",
         )

@@ -1,7 +1,5 @@
 """The judgements of the terrain analysis, in the order of algorithm 3: start, flood, inflation, departure, frontiers, costs."""
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,45 +43,6 @@ def first_flood(
         tried |= label == TerrainClass.TRAVERSABLE
     unreached = np.full(scene.surfaces.z.size, kernels.UNREACHED, dtype=np.uint8)
     return unreached, np.empty((unreached.size, 4), dtype=np.uint8), None
-
-
-def _half_widths(radius_m: float, shape: str, resolution: float) -> NDArray[np.int64]:
-    """(2 * R + 1,) columns to both sides that an inflation takes in the rows from -R to R around a barrier."""
-    reach = int(radius_m / resolution + 1e-9)
-    steps = np.arange(-reach, reach + 1)
-    if shape == "square":
-        return np.full(steps.size, reach, dtype=np.int64)
-    inside = (steps[:, None] ** 2 + steps**2) * resolution**2 <= radius_m**2 + 1e-9
-    return np.asarray(inside.sum(axis=1) // 2, dtype=np.int64)
-
-
-def unique_pairs(column: NDArray[np.int64], z: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(M, 2) sorted distinct pairs; as single numbers they sort ten times faster than as rows."""
-    keys = np.unique(column * 2**16 + z + 2**15)
-    return np.stack([keys >> 16, (keys & 0xFFFF) - 2**15], axis=1)
-
-
-def barriers_of(scene: Scene, label: NDArray[np.uint8], obstacles: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(M, 2) distinct columns and levels of the ground that obstacles stand on, and (K, 2) of cliffs."""
-    column, z = scene.surfaces.column.astype(np.int64), scene.surfaces.z.astype(np.int64)
-    own, cliff = np.flatnonzero(label == TerrainClass.OBSTACLE), np.flatnonzero(label == TerrainClass.CLIFF)
-    stood = unique_pairs(np.r_[column[own], obstacles[:, 0]], np.r_[z[own], obstacles[:, 2]])
-    return stood, unique_pairs(column[cliff], z[cliff])
-
-
-def inflate(
-    scene: Scene,
-    label: NDArray[np.uint8],
-    barriers: tuple[NDArray[np.int64], NDArray[np.int64]],
-    radii_m: tuple[float, float],
-    shape: str,
-    limits: Limits,
-) -> None:
-    """addRobotPadding: obstacles and cliffs take the ground around them, at their own level and within `radii_m`, out of the graph."""
-    for pairs, radius in zip(barriers, radii_m, strict=True):
-        band = limits.step + math.ceil(radius / limits.resolution * limits.max_slope)
-        widths = _half_widths(radius, shape, limits.resolution)
-        kernels.inflate(label, scene.surfaces, pairs[:, 0].copy(), pairs[:, 1].copy(), widths, band, scene.columns.nx, scene.columns.ny)
 
 
 def departure_of(scene: Scene, label: NDArray[np.uint8], start: int, config: TerrainConfig) -> tuple[int | None, NDArray[np.bool_]]:

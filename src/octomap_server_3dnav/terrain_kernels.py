@@ -21,7 +21,7 @@ from octomap_server_3dnav.surface_columns import (
     slope_behind,
     top_near,
 )
-from octomap_server_3dnav.surface_graph import STEEP, UNFITTED, slope_at
+from octomap_server_3dnav.surface_graph import GENTLE, NEARLY_STEEP, STEEP, UNFITTED, slope_at, steepness
 
 UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = 255, 0, 1, 2, 3, 4, 5
 SEES_UNKNOWN, SEES_OBSTACLE, SEES_DROP, SEES_EDGE = 0, 1, 2, 3
@@ -125,6 +125,28 @@ def _judge_sides(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: 
 
 
 @njit(cache=True)
+def _steepness(surfaces: Any, links: Any, s: Any, limits: Any) -> Any:
+    """That of the ground around node s."""
+    known = links.slope[surfaces.column[s]]
+    if known != UNFITTED:
+        return known
+    return steepness(slope_at(links.graph, surfaces.slope_level, s, limits.slope_reach), limits.max_fitted_slope, limits.max_slope)
+
+
+@njit(cache=True)
+def _is_too_steep(surfaces: Any, links: Any, s: Any, limits: Any) -> Any:
+    """Whether the slope at node s is beyond the limit, or nearly so and at a neighbour, too: alone that is a hit or two gone astray."""
+    here = _steepness(surfaces, links, s, limits)
+    if here != NEARLY_STEEP:
+        return here == STEEP
+    for k in range(4):
+        n = links.graph[s, k]
+        if n >= 0 and _steepness(surfaces, links, n, limits) != GENTLE:
+            return True
+    return False
+
+
+@njit(cache=True)
 def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limits: Any) -> Any:
     """(N,) uint8 labels of all nodes reached from `first`, UNREACHED elsewhere, the number of traversable ones, and (N, 4) uint8 of
     what those see in directions without ground.
@@ -132,19 +154,18 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
     Nodes are traversable, obstacles (too steep) or cliffs. Only traversable ones are expanded, and only into columns that are `inside`
     (bool per column).
     """
-    column, level = surfaces.column, surfaces.slope_level  # arrays of a tuple are counted at every use
+    column = surfaces.column  # arrays of a tuple are counted at every use
     near, graph, slope = links.near, links.graph, links.slope
     label, seen = np.full(column.size, UNREACHED, np.uint8), np.empty((column.size, 4), np.uint8)
     queued = np.zeros(column.size, np.bool_)
     waiting = np.empty(column.size, np.int32)
     waiting[0], left, traversable = first, 1, 0
     queued[first] = True
-    reach, max_slope = limits.slope_reach, limits.max_fitted_slope
     while left:
         left -= 1
         s = np.int64(waiting[left])
         c = np.int64(column[s])
-        if slope[c] == STEEP or (slope[c] == UNFITTED and slope_at(graph, level, s, reach) > max_slope):
+        if slope[c] != GENTLE and _is_too_steep(surfaces, links, s, limits):
             label[s] = OBSTACLE
             continue
         label[s] = TRAVERSABLE
@@ -176,12 +197,34 @@ def mark_steps(label: Any, near: Any, graph: Any, level: Any) -> None:
 
 
 @njit(cache=True)
-def obstacles_seen(columns: Any, surfaces: Any, label: Any, near: Any, clearance: Any, step: Any, far: Any, max_slope: Any) -> Any:
-    """(M, 3) int64 (column, voxel, level of the ground in front) of obstacles beside the traversable ground.
+def _stands_at(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, step: Any, clearance: Any) -> Any:
+    """Whether something stands at column c, or its ground is too steep or too high a step."""
+    if lowest_occupied(columns, c, level + step + 1, level + clearance) != NO_VOXEL:
+        return True
+    node = find_node(surfaces.start, surfaces.z, c, level, step + 1)
+    return node >= 0 and label[node] == OBSTACLE
 
-    Across unknown ground the view goes on for `far` columns: a wall behind a strip that was not seen still needs its distance.
+
+@njit(cache=True)
+def _stands_around(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, step: Any, clearance: Any) -> Any:
+    """The same for column c and its four neighbours."""
+    if _stands_at(columns, surfaces, label, c, level, step, clearance):
+        return True
+    for k in range(4):
+        if _stands_at(columns, surfaces, label, c + DX[k] * columns.ny + DY[k], level, step, clearance):
+            return True
+    return False
+
+
+@njit(cache=True)
+def obstacles_seen(columns: Any, surfaces: Any, label: Any, near: Any, seen: Any, limits: Any) -> Any:
+    """(M, 4) int64 (column, voxel, level of the ground in front, voxel that stands or hangs in the way) of obstacles beside the
+    traversable ground.
+
+    Across unknown ground the view goes on as far as the inflation: a wall behind a strip that was not seen still needs its distance.
+    Unknown ground right before something that stands may be a side of it that no beam has met: an obstacle, with NO_VOXEL in the way.
     """
-    start, column, z = surfaces.start, surfaces.column, surfaces.z
+    start, column, z, step, clearance = surfaces.start, surfaces.column, surfaces.z, limits.step, limits.clearance
     found = []
     for s in range(z.size):
         if label[s] != TRAVERSABLE:
@@ -191,34 +234,39 @@ def obstacles_seen(columns: Any, surfaces: Any, label: Any, near: Any, clearance
             if near[s, k] >= 0:
                 continue
             stride = DX[k] * columns.ny + DY[k]
-            for j in range(1, far + 1):
+            is_unknown = seen[s, k] == SEES_UNKNOWN or seen[s, k] == SEES_EDGE
+            if is_unknown and _stands_around(columns, surfaces, label, column[s] + 2 * stride, level, step, clearance):
+                found.append((np.int64(column[s] + stride), level, level, np.int64(NO_VOXEL)))
+            for j in range(1, limits.inflation + 1):
                 c = column[s] + j * stride
-                if find_node(start, z, c, level, _limit(j, step, max_slope)) >= 0:
+                if find_node(start, z, c, level, _limit(j, step, limits.max_slope)) >= 0:
                     break
                 voxel = blocking_voxel(columns, c, level, step, clearance)
                 if voxel != NO_VOXEL:
                     floor = top_near(columns, c, level, step)  # under a low ceiling it is the floor that cannot be driven on
-                    found.append((np.int64(c), np.int64(voxel if floor == NO_VOXEL else floor), level))
+                    way = lowest_occupied(columns, c, level + step + 1, level + clearance)
+                    found.append((np.int64(c), np.int64(voxel if floor == NO_VOXEL else floor), level, np.int64(way)))
                     break
-    out = np.empty((len(found), 3), np.int64)
+    out = np.empty((len(found), 4), np.int64)
     for i in range(len(found)):
-        out[i, 0], out[i, 1], out[i, 2] = found[i]
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3] = found[i]
     return out
 
 
 @njit(cache=True)
-def inflate(label: Any, surfaces: Any, barrier_column: Any, barrier_level: Any, half_widths: Any, band: Any, nx: Any, ny: Any) -> None:
-    """Turn traversable nodes into inflation around each barrier, at most `band` voxels up or down.
+def inflate(label: Any, surfaces: Any, places: Any, radius: Any, square: Any, band: Any, nx: Any, ny: Any) -> None:
+    """Turn traversable nodes into inflation whose column's middle is within `radius` of a barrier, at most `band` voxels up or down.
 
-    `half_widths` (2 * R + 1,): columns to both sides of the barrier that are taken, in the rows from -R to R.
+    `places` (M, 3) float: x, y and level of the barriers in voxels of the window; `square`: within `radius` along both axes.
     """
-    start, z, reach = surfaces.start, surfaces.z, half_widths.size // 2
-    for i in range(barrier_column.size):
-        ix, iy = barrier_column[i] // ny, barrier_column[i] % ny
-        for jx in range(max(0, ix - reach), min(nx, ix + reach + 1)):
-            half = half_widths[jx - ix + reach]
-            for n in range(start[jx * ny + max(0, iy - half)], start[jx * ny + min(ny, iy + half + 1)]):
-                if label[n] == TRAVERSABLE and abs(np.int64(z[n]) - barrier_level[i]) <= band:
+    start, z, slack = surfaces.start, surfaces.z, 1e-6
+    for i in range(len(places)):
+        x, y, level = places[i, 0] - 0.5, places[i, 1] - 0.5, places[i, 2]
+        for jx in range(max(0, int(np.ceil(x - radius - slack))), min(nx, int(np.floor(x + radius + slack)) + 1)):
+            half = slack + (radius if square else np.sqrt(max(0.0, radius**2 - (jx - x) ** 2)))
+            first, end = max(0, int(np.ceil(y - half))), min(ny, int(np.floor(y + half)) + 1)
+            for n in range(start[jx * ny + first], start[jx * ny + end]):
+                if label[n] == TRAVERSABLE and abs(z[n] - level) <= band:
                     label[n] = INFLATION
 
 
@@ -279,7 +327,7 @@ def hops_from(seeds: Any, passable: Any, graph: Any, most: Any) -> Any:
 @njit(cache=True)
 def _ends_at(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, step: Any, clearance: Any) -> Any:
     """Whether the unknown ends at column c: at something that stands there, or at ground that the flood reached some other way."""
-    if lowest_occupied(columns, c, level + step + 1, level + clearance) != NO_VOXEL:
+    if _stands_at(columns, surfaces, label, c, level, step, clearance):
         return True
     node = find_node(surfaces.start, surfaces.z, c, level, step + 1)
     return node >= 0 and label[node] != UNREACHED

@@ -111,7 +111,8 @@ def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: Limits
     near = nearest_neighbours(surfaces.start, surfaces.z, ny, spans, limits.step)
     graph = steppable_neighbours(near, surfaces, limits.max_step, limits.max_measured_step)
     surfaces = surfaces._replace(slope_level=centred_levels(graph, surfaces))
-    slope = slopes_of_open_ground(surfaces.start, surfaces.slope_level, graph, ny, spans, limits.slope_reach, limits.max_fitted_slope)
+    steepest = limits.max_fitted_slope, limits.max_slope
+    slope = slopes_of_open_ground(surfaces.start, surfaces.slope_level, graph, ny, spans, limits.slope_reach, *steepest)
     return surfaces, Links(near, graph, slope)
 
 

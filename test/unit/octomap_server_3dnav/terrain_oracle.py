@@ -4,11 +4,11 @@ Without measured heights, from a start that is given. It shares no code with `oc
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from octomap_server_3dnav.passages import narrow_radii
+from octomap_server_3dnav.barriers import narrow_radii, turning_radii
 from octomap_server_3dnav.terrain import TerrainConfig
 from octomap_server_3dnav.terrain_config import Limits
 
@@ -266,13 +266,14 @@ class Oracle:
                 if n is not None and self.edge(s, k) is None and n.z > s.z:
                     self.label[n] = OBSTACLE
         obstacles, before = self._obstacles(), dict(self.label)
-        standing = [(n[:2], n.z) for n in self._of(OBSTACLE)] + [(c, level) for c, _, level in obstacles]
-        cliffs = [(n[:2], n.z) for n in self._of(CLIFF)]
-        for barriers, radius_m in zip((standing, cliffs), narrow_radii(self.config, self.resolution), strict=True):
-            self._inflate(barriers, radius_m)
+        barriers = (
+            [(c, level) for c, _, level in obstacles],
+            [(n[:2], n.z) for n in self._of(OBSTACLE)],
+            [(n[:2], n.z) for n in self._of(CLIFF)],
+        )
+        self._inflate(barriers, narrow_radii(self.config, self.limits))
         wide_enough, self.label = set(self._of(TRAVERSABLE)), before
-        self._inflate(standing, self.config.inflation_radius_m)
-        self._inflate(cliffs, self.config.cliff_inflation_radius_m)
+        self._inflate(barriers, turning_radii(self.config, self.limits))
         self.narrow = wide_enough & set(self._of(INFLATION))
         found = {(*s, label) for s, label in self.label.items()}
         return found | {(*c, z, OBSTACLE) for c, z, _ in obstacles} | self._frontiers()
@@ -299,7 +300,11 @@ class Oracle:
         found = set()
         for s in self._of(TRAVERSABLE):
             for k in range(4):
-                if self.near(s, k) is None and (seen := self._obstacle_along(s, SIDES[k])) is not None:
+                if self.near(s, k) is not None:
+                    continue
+                if self.look(s, k) in ("unknown", "edge") and self._stands_around(moved(s[:2], SIDES[k], 2), s.z):
+                    found.add((moved(s[:2], SIDES[k]), s.z, s.z))
+                if (seen := self._obstacle_along(s, SIDES[k])) is not None:
                     found.add((*seen, s.z))
         return found
 
@@ -314,17 +319,18 @@ class Oracle:
                 return c, voxel if floor is None else floor
         return None
 
-    def _inflate(self, barriers: list[tuple[Column, int]], radius_m: float) -> None:
-        reach = int(radius_m / self.resolution + 1e-9)
-        band = self.step + math.ceil(radius_m / self.resolution * self.limits.max_slope)
-        square = self.config.inflation_shape == "square"
-        for s in self._of(TRAVERSABLE):
-            for (x, y), level in barriers:
-                dx, dy = abs(s.x - x), abs(s.y - y)
-                near = max(dx, dy) <= reach if square else (dx * dx + dy * dy) * self.resolution**2 <= radius_m**2 + 1e-9
-                if near and abs(s.z - level) <= band:
+    def _inflate(self, barriers: Iterable[list[tuple[Column, int]]], radii: Iterable[float]) -> None:
+        for places, radius in zip(barriers, radii, strict=True):
+            band = self.step + math.ceil(radius * self.limits.max_slope)
+            for s in self._of(TRAVERSABLE):
+                if any(abs(s.z - level) <= band and self._is_near(s, c, radius) for c, level in places):
                     self.label[s] = INFLATION
-                    break
+
+    def _is_near(self, s: Node, c: Column, radius: float) -> bool:
+        dx, dy = abs(s.x - c[0]), abs(s.y - c[1])
+        if self.config.inflation_shape == "square":
+            return max(dx, dy) <= radius
+        return dx * dx + dy * dy <= radius * radius + 1e-6
 
     def _frontiers(self) -> set[tuple[int, int, int, int]]:
         found: dict[Column, dict[int, bool]] = {}  # whether one of the looks to it passed over an edge
@@ -345,9 +351,16 @@ class Oracle:
                 yield (*c, z, POTENTIAL_CLIFF if any(levels[g] for g in group) else FRONTIER)
                 group = []
 
-    def _ends_around(self, c: Column, level: int) -> bool:
-        return any(self._ends_at(moved(c, side), level) for side in ((0, 0), *SIDES))
+    def _around(self, c: Column) -> list[Column]:
+        return [moved(c, side) for side in ((0, 0), *SIDES)]
 
-    def _ends_at(self, c: Column, level: int) -> bool:
+    def _stands_around(self, c: Column, level: int) -> bool:
+        return any(self._stands_at(beside, level) for beside in self._around(c))
+
+    def _stands_at(self, c: Column, level: int) -> bool:
         node = self.find(c, level, self.step + 1)
-        return self.occupied(c, level + self.step + 1, level + self.clearance) is not None or node in self.label
+        is_closed = node is not None and self.label.get(node) == OBSTACLE
+        return is_closed or self.occupied(c, level + self.step + 1, level + self.clearance) is not None
+
+    def _ends_around(self, c: Column, level: int) -> bool:
+        return any(self._stands_at(b, level) or self.find(b, level, self.step + 1) in self.label for b in self._around(c))

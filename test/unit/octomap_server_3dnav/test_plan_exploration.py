@@ -173,7 +173,8 @@ def test_frontier_nearer_than_the_trim_is_faced_from_where_the_robot_stands():
     here = pose(79.5 * RESOLUTION, 40.5 * RESOLUTION, yaw=math.pi)
     decision = ExplorationPlanner(planner=PlannerConfig(trim_m=2.0)).decide(runs_of(states), here)
     assert decision.path.shape == (1, 3)
-    assert decision.goal[3] == pytest.approx(0.0, abs=0.2)
+    (x, y, _), (x0, y0) = decision.frontier, here[:2, 3]
+    assert x > x0 and decision.goal[3] == pytest.approx(math.atan2(y - y0, x - x0), abs=0.1)
 
 
 def test_plan_stays_valid_until_the_path_is_blocked_or_the_frontier_is_gone():

@@ -227,13 +227,22 @@ def test_ramp_too_narrow_to_turn_on_is_inflated_away_and_a_wide_one_is_not():
         assert label_at(terrain, 4.0, 2.4, 0.04 + 2.0 * math.tan(math.radians(20))) == expected
 
 
-def test_wall_behind_a_strip_that_was_not_seen_still_inflates():
+def wall_behind(strip):
     states = flat()
-    states[38:40, :, : BELOW + 8] = UNKNOWN
+    states[strip, :, : BELOW + 8] = UNKNOWN
     states[40, :, BELOW:] = OCCUPIED
-    terrain = terrain_of(states, pose(1.6, 2.4))
-    assert drawn(terrain, 30, 30, 40) == "...ooooo  #"
-    assert label_at(terrain, 38.5 * RESOLUTION, 2.4, 0.04) is None  # second step of the frontier test: the wall
+    return terrain_of(states, pose(1.6, 2.4))
+
+
+def test_wall_behind_a_strip_that_was_not_seen_still_inflates():
+    terrain = wall_behind(np.s_[36:40])
+    assert drawn(terrain, 30, 30, 40) == "...ooo?   #"
+
+
+def test_strip_that_was_not_seen_right_before_a_wall_is_a_side_of_it():
+    terrain = wall_behind(np.s_[38:40])
+    assert drawn(terrain, 30, 30, 40) == ".ooooooo# #"
+    assert label_at(terrain, 38.5 * RESOLUTION, 2.4, 0.04) == TerrainClass.OBSTACLE
 
 
 def test_local_classification_equals_the_whole_inside_its_radius():

@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 from terrain_worlds import grid_of_heights, runs_of
 
-from octomap_server_3dnav import terrain_judgement, terrain_kernels, terrain_scene
+from octomap_server_3dnav import terrain_kernels, terrain_scene
 from octomap_server_3dnav.column_runs import VoxelState
 from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, find_node, tops_of
-from octomap_server_3dnav.surface_graph import STEEP, UNFITTED, nearest_neighbours, slope_at, slopes_of_open_ground, steppable_neighbours
+from octomap_server_3dnav.surface_graph import (
+    UNFITTED,
+    nearest_neighbours,
+    slope_at,
+    slopes_of_open_ground,
+    steepness,
+    steppable_neighbours,
+)
 from octomap_server_3dnav.surface_holes import bridge_holes
 
 MARGIN, STEP, CLEARANCE = 18, 2, 14
@@ -55,9 +62,11 @@ def test_slopes_of_open_ground_are_those_of_the_fit(seed, reach):
     graph = steppable_neighbours(nearest_neighbours(surfaces.start, surfaces.z, columns.ny, whole(columns), STEP), surfaces, 1.4, 1.1)
     fitted = {s: slope_at(graph, surfaces.level, s, reach) for s in range(surfaces.z.size)}
     for limit in (0.1, 0.3, float(np.median(list(fitted.values())))):
-        slope = slopes_of_open_ground(surfaces.start, surfaces.level, graph, columns.ny, whole(columns), reach, limit)[surfaces.column]
+        slope = slopes_of_open_ground(surfaces.start, surfaces.level, graph, columns.ny, whole(columns), reach, limit, 2 * limit)[
+            surfaces.column
+        ]
         judged = np.flatnonzero(slope != UNFITTED)
-        assert [bool(slope[s] == STEEP) for s in judged] == [bool(fitted[s] > limit) for s in judged]
+        assert [slope[s] for s in judged] == [steepness(fitted[s], limit, 2 * limit) for s in judged]
     assert judged.size > (100 if reach < 7 else 0)
 
 
@@ -70,17 +79,17 @@ def test_spans_are_the_columns_within_the_distance():
             assert np.array_equal((np.arange(26) >= spans[:, :1]) & (np.arange(26) < spans[:, 1:]), inside)
 
 
-@pytest.mark.parametrize("shape", ["circle", "square"])
-def test_inflation_takes_what_is_near_at_the_level_of_the_barrier(shape):
+@pytest.mark.parametrize("shape, off", [("circle", 0.0), ("circle", 0.37), ("square", 0.0)])
+def test_inflation_takes_what_is_near_at_the_level_of_the_barrier(shape, off):
     columns, surfaces = bumpy_world(1)
     ny, radius, band = columns.ny, 0.42, 3
     barriers = np.random.default_rng(2).choice(surfaces.z.size, 9)
     label = np.zeros(surfaces.z.size, dtype=np.uint8)
-    widths = terrain_judgement._half_widths(radius, shape, 0.08)
     at, level = surfaces.column[barriers].astype(np.int64), surfaces.z[barriers].astype(np.int64)
-    terrain_kernels.inflate(label, surfaces, at, level, widths, band, columns.nx, ny)
-    dx, dy = surfaces.column[:, None] // ny - at // ny, surfaces.column[:, None] % ny - at % ny
-    reach = math.floor(radius / 0.08)
+    places = np.column_stack([at // ny + 0.5 + off, at % ny + 0.5 - off, level])
+    reach = math.floor(radius / 0.08) if shape == "square" else radius / 0.08
+    terrain_kernels.inflate(label, surfaces, places, reach, shape == "square", band, columns.nx, ny)
+    dx, dy = surfaces.column[:, None] // ny - at // ny - off, surfaces.column[:, None] % ny - at % ny + off
     near = np.hypot(dx, dy) * 0.08 <= radius if shape == "circle" else np.maximum(abs(dx), abs(dy)) <= reach
     expected = (near & (abs(surfaces.z[:, None] - level) <= band)).any(axis=1)
     assert np.array_equal(label == terrain_kernels.INFLATION, expected) and expected.any()
