@@ -57,7 +57,7 @@ def unique_pairs(column: Ints, z: Ints) -> Ints:
     return np.stack(_unique(column, z), axis=1)
 
 
-def middles(column: Ints, level: Ints, ny: int) -> Floats:
+def middles(column: NDArray[np.integer], level: NDArray[np.integer], ny: int) -> Floats:
     """(M, 3) the middles of some columns, at their levels."""
     return np.column_stack([column // ny + 0.5, column % ny + 0.5, level])
 
@@ -67,14 +67,14 @@ def barriers_of(scene: Scene, label: NDArray[np.uint8], obstacles: Ints, heights
 
     Obstacles are where beams ended in the lowest voxel that is in the way, those that nobody has hit in the middle of their column.
     """
-    column, z, ny = scene.surfaces.column.astype(np.int64), scene.surfaces.z.astype(np.int64), scene.columns.ny
-    (steep, foot), (cliff, edge) = (_unique(column[n], z[n]) for n in (label == TerrainClass.OBSTACLE, label == TerrainClass.CLIFF))
+    column, z, ny = scene.surfaces.column, scene.surfaces.z, scene.columns.ny
+    steep, cliff = np.flatnonzero(label == TerrainClass.OBSTACLE), np.flatnonzero(label == TerrainClass.CLIFF)
     at, level, voxel = _unique(obstacles[:, 0], obstacles[:, 2], obstacles[:, 3])
     places = middles(at, level, ny)
     if heights is not None:
         offset = heights.at(at // ny + scene.key[0], at % ny + scene.key[1], voxel)[:, 2:]
         places[:, :2] += np.nan_to_num(offset, nan=0.0)
-    return Barriers(places, middles(steep, foot, ny), middles(cliff, edge, ny))
+    return Barriers(places, middles(column[steep], z[steep], ny), middles(column[cliff], z[cliff], ny))
 
 
 def turning_radii(config: TerrainConfig, limits: Limits) -> Radii:

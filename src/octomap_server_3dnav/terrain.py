@@ -155,7 +155,7 @@ def classify(
     scene = scene_around(runs, heights, robot, reach_m, config, limits)
     label, seen, start = first_flood(scene, start_candidates(scene, T_map_base, config, limits), reach_m, config, limits)
     kernels.mark_steps(label, scene.links.near, scene.links.graph, scene.surfaces.level)
-    obstacles = kernels.obstacles_seen(scene.columns, scene.surfaces, label, scene.links.near, seen, limits)
+    obstacles = kernels.obstacles_seen(scene.columns, scene.surfaces, scene.links, label, seen, limits)
     barriers = barriers_of(scene, label, obstacles, heights)
     narrow = label.copy()
     inflate(scene, narrow, barriers, narrow_radii(config, limits), config.inflation_shape, limits)

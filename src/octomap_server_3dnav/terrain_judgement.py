@@ -74,8 +74,7 @@ def frontier_edges(
     sources = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
     if radius_m is not None:
         sources &= scene.within(radius_m)[scene.surfaces.column]
-    graph, clearance = scene.links.graph, limits.clearance
-    return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, label, graph, sources, seen, clearance, limits.step))
+    return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, label, scene.links.graph, sources, seen, limits.step))
 
 
 def near_kerbs(scene: Scene, label: NDArray[np.uint8], config: TerrainConfig, limits: Limits) -> NDArray[np.bool_]:

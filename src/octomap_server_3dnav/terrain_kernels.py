@@ -125,24 +125,17 @@ def _judge_sides(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: 
 
 
 @njit(cache=True)
-def _steepness(surfaces: Any, links: Any, s: Any, limits: Any) -> Any:
-    """That of the ground around node s."""
-    known = links.slope[surfaces.column[s]]
-    if known != UNFITTED:
-        return known
-    return steepness(slope_at(links.graph, surfaces.slope_level, s, limits.slope_reach), limits.max_fitted_slope, limits.max_slope)
-
-
-@njit(cache=True)
-def _is_too_steep(surfaces: Any, links: Any, s: Any, limits: Any) -> Any:
-    """Whether the slope at node s is beyond the limit, or nearly so and at a neighbour, too: alone that is a hit or two gone astray."""
-    here = _steepness(surfaces, links, s, limits)
-    if here != NEARLY_STEEP:
-        return here == STEEP
+def _is_near_steep(surfaces: Any, links: Any, s: Any, limits: Any) -> Any:
+    """Whether the ground at a neighbour of node s is too steep, or nearly so."""
     for k in range(4):
         n = links.graph[s, k]
-        if n >= 0 and _steepness(surfaces, links, n, limits) != GENTLE:
-            return True
+        if n >= 0:
+            kind = links.slope[surfaces.column[n]]
+            if kind == UNFITTED:
+                slope = slope_at(links.graph, surfaces.slope_level, n, limits.slope_reach)
+                kind = steepness(slope, limits.max_fitted_slope, limits.max_slope)
+            if kind != GENTLE:
+                return True
     return False
 
 
@@ -151,21 +144,25 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
     """(N,) uint8 labels of all nodes reached from `first`, UNREACHED elsewhere, the number of traversable ones, and (N, 4) uint8 of
     what those see in directions without ground.
 
-    Nodes are traversable, obstacles (too steep) or cliffs. Only traversable ones are expanded, and only into columns that are `inside`
-    (bool per column).
+    Nodes are traversable, obstacles (too steep; nearly so at a neighbour, too: alone it is a hit or two gone astray) or cliffs. Only
+    traversable ones are expanded, and only into columns that are `inside` (bool per column).
     """
-    column = surfaces.column  # arrays of a tuple are counted at every use
+    column, level = surfaces.column, surfaces.slope_level  # arrays of a tuple are counted at every use
     near, graph, slope = links.near, links.graph, links.slope
     label, seen = np.full(column.size, UNREACHED, np.uint8), np.empty((column.size, 4), np.uint8)
     queued = np.zeros(column.size, np.bool_)
     waiting = np.empty(column.size, np.int32)
     waiting[0], left, traversable = first, 1, 0
     queued[first] = True
+    reach, nearly_steep, steep = limits.slope_reach, limits.max_fitted_slope, limits.max_slope
     while left:
         left -= 1
         s = np.int64(waiting[left])
         c = np.int64(column[s])
-        if slope[c] != GENTLE and _is_too_steep(surfaces, links, s, limits):
+        kind = slope[c]
+        if kind == UNFITTED:
+            kind = steepness(slope_at(graph, level, s, reach), nearly_steep, steep)
+        if kind == STEEP or (kind == NEARLY_STEEP and _is_near_steep(surfaces, links, s, limits)):
             label[s] = OBSTACLE
             continue
         label[s] = TRAVERSABLE
@@ -217,26 +214,29 @@ def _stands_around(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, 
 
 
 @njit(cache=True)
-def obstacles_seen(columns: Any, surfaces: Any, label: Any, near: Any, seen: Any, limits: Any) -> Any:
+def obstacles_seen(columns: Any, surfaces: Any, links: Any, label: Any, seen: Any, limits: Any) -> Any:
     """(M, 4) int64 (column, voxel, level of the ground in front, voxel that stands or hangs in the way) of obstacles beside the
     traversable ground.
 
     Across unknown ground the view goes on as far as the inflation: a wall behind a strip that was not seen still needs its distance.
-    Unknown ground right before something that stands may be a side of it that no beam has met: an obstacle, with NO_VOXEL in the way.
+    Unknown ground right before something that stands may be a side of it that no beam has met: an obstacle with NO_VOXEL in the way, and in
+    `seen` from now on.
     """
-    start, column, z, step, clearance = surfaces.start, surfaces.column, surfaces.z, limits.step, limits.clearance
+    start, column, z, near, graph = surfaces.start, surfaces.column, surfaces.z, links.near, links.graph
+    step, clearance = limits.step, limits.clearance
     found = []
     for s in range(z.size):
         if label[s] != TRAVERSABLE:
             continue
         level = np.int64(z[s])
         for k in range(4):
-            if near[s, k] >= 0:
-                continue
             stride = DX[k] * columns.ny + DY[k]
-            is_unknown = seen[s, k] == SEES_UNKNOWN or seen[s, k] == SEES_EDGE
+            is_unknown = graph[s, k] < 0 and (seen[s, k] == SEES_UNKNOWN or seen[s, k] == SEES_EDGE)
             if is_unknown and _stands_around(columns, surfaces, label, column[s] + 2 * stride, level, step, clearance):
                 found.append((np.int64(column[s] + stride), level, level, np.int64(NO_VOXEL)))
+                seen[s, k] = SEES_OBSTACLE
+            if near[s, k] >= 0:
+                continue
             for j in range(1, limits.inflation + 1):
                 c = column[s] + j * stride
                 if find_node(start, z, c, level, _limit(j, step, limits.max_slope)) >= 0:
@@ -325,33 +325,21 @@ def hops_from(seeds: Any, passable: Any, graph: Any, most: Any) -> Any:
 
 
 @njit(cache=True)
-def _ends_at(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, step: Any, clearance: Any) -> Any:
-    """Whether the unknown ends at column c: at something that stands there, or at ground that the flood reached some other way."""
-    if _stands_at(columns, surfaces, label, c, level, step, clearance):
-        return True
-    node = find_node(surfaces.start, surfaces.z, c, level, step + 1)
+def _is_reached(start: Any, z: Any, label: Any, c: Any, level: Any, rise: Any) -> Any:
+    """Whether the flood has reached ground at about this level some other way, in column c."""
+    node = find_node(start, z, c, level, rise)
     return node >= 0 and label[node] != UNREACHED
 
 
 @njit(cache=True)
-def _ends_around(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, step: Any, clearance: Any) -> Any:
-    """The same for column c and its four neighbours."""
-    if _ends_at(columns, surfaces, label, c, level, step, clearance):
-        return True
-    for k in range(4):
-        if _ends_at(columns, surfaces, label, c + DX[k] * columns.ny + DY[k], level, step, clearance):
-            return True
-    return False
-
-
-@njit(cache=True)
-def frontier_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources: Any, seen: Any, clearance: Any, step: Any) -> Any:
+def frontier_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources: Any, seen: Any, step: Any) -> Any:
     """(M, 5) int64 (column, z, node it was seen from, direction, what was seen) of frontier voxels beside the `sources` (bool per node).
 
-    The two-step test of thesis figure 5.13: no ground in a direction, and nothing occupied around one step further. Ground that the flood
-    did not reach does not count as occupied here, it is what the look is for: a deck seen from below only, a slope behind a gap.
+    The two-step test of thesis figure 5.13: no ground in a direction, and nothing known around one step further; where something stands
+    there `obstacles_seen` found a side of it. Ground that the flood did not reach is what the look is for: a deck seen from below only, a
+    slope behind a gap.
     """
-    column, z = surfaces.column, surfaces.z
+    start, column, z = surfaces.start, surfaces.column, surfaces.z
     found = []
     for s in range(z.size):
         if not sources[s]:
@@ -360,7 +348,10 @@ def frontier_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources:
             if graph[s, k] >= 0 or (seen[s, k] != SEES_UNKNOWN and seen[s, k] != SEES_EDGE):
                 continue
             c, level, stride = np.int64(column[s]), np.int64(z[s]), DX[k] * columns.ny + DY[k]
-            if not _ends_around(columns, surfaces, label, c + 2 * stride, level, step, clearance):
+            ends = _is_reached(start, z, label, c + 2 * stride, level, step + 1)
+            for side in range(4):
+                ends = ends or _is_reached(start, z, label, c + 2 * stride + DX[side] * columns.ny + DY[side], level, step + 1)
+            if not ends:
                 found.append((c + stride, level, np.int64(s), np.int64(k), np.int64(seen[s, k])))
     out = np.empty((len(found), 5), np.int64)
     for i in range(len(found)):

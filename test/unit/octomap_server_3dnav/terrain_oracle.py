@@ -300,11 +300,10 @@ class Oracle:
         found = set()
         for s in self._of(TRAVERSABLE):
             for k in range(4):
-                if self.near(s, k) is not None:
-                    continue
-                if self.look(s, k) in ("unknown", "edge") and self._stands_around(moved(s[:2], SIDES[k], 2), s.z):
+                is_unknown = self.edge(s, k) is None and self.beside(s, k) in ("unknown", "edge")
+                if is_unknown and self._stands_around(moved(s[:2], SIDES[k], 2), s.z):
                     found.add((moved(s[:2], SIDES[k]), s.z, s.z))
-                if (seen := self._obstacle_along(s, SIDES[k])) is not None:
+                if self.near(s, k) is None and (seen := self._obstacle_along(s, SIDES[k])) is not None:
                     found.add((*seen, s.z))
         return found
 
