@@ -40,6 +40,17 @@ def _is_one_floor(surfaces: Any, a: Any, b: Any, gap: Any, back: Any, front: Any
 
 
 @njit(cache=True)
+def _is_alone(surfaces: Any, s: Any, ny: Any, step: Any) -> Any:
+    """Whether no column beside that of node s has ground at about its level: a hit or two that went astray carry no bridge."""
+    c, level = np.int64(surfaces.column[s]), np.int64(surfaces.z[s])
+    for dx in range(-1, 2):
+        for dy in range(-1, 2):
+            if (dx != 0 or dy != 0) and find_node(surfaces.start, surfaces.z, c + dx * ny + dy, level, step) >= 0:
+                return False
+    return True
+
+
+@njit(cache=True)
 def _spans(columns: Any, start: Any, z: Any, a: Any, b: Any, c: Any, stride: Any, gap: Any, step: Any, clearance: Any, drop: Any) -> Any:
     """Whether floor between nodes a, of column c, and b, `gap` columns on, contradicts nothing that is known there."""
     for j in range(1, gap):
@@ -84,6 +95,7 @@ def _bridges(columns: Any, surfaces: Any, limits: Any) -> Any:
                     b >= 0
                     and _is_one_floor(surfaces, a, b, gap, c - 3 * stride, c + (gap + 3) * stride, step, max_step)
                     and _spans(columns, start, z, a, b, c, stride, gap, step, clearance, drop)
+                    and not (_is_alone(surfaces, a, ny, step) or _is_alone(surfaces, b, ny, step))
                 ):
                     for j in range(1, gap):
                         between = _level_between(z, a, b, j, gap)

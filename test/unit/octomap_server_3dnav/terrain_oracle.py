@@ -139,12 +139,16 @@ class Oracle:
             if self.find(moved(c, way, gap - 1), a.z, self.step):
                 break
             b = self.find(moved(c, way, gap), a.z, 2)
-            if b is None or not self._one_floor(a, b, way, gap):
+            if b is None or self._is_alone(a) or self._is_alone(b) or not self._one_floor(a, b, way, gap):
                 continue
             bridge = [(moved(c, way, j), math.floor((a.z * (gap - j) + b.z * j) / gap + 0.5), gap) for j in range(1, gap)]
             if all(self._is_hole(between, level) for between, level, _ in bridge):
                 found += bridge
         return found
+
+    def _is_alone(self, s: Node) -> bool:
+        beside = [(s.x + dx, s.y + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy]
+        return all(self.find(c, s.z, self.step) is None for c in beside)
 
     def _one_floor(self, a: Node, b: Node, way: Column, gap: int) -> bool:
         if abs(b.z - a.z) <= 1:

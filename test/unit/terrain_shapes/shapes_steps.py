@@ -99,6 +99,7 @@ SHAPES = (
     _kerb(0.15, ground=0.06),
     _kerb(0.15, ground=0.02),
     *(_kerb_down(height) for height in (0.05, 0.08, 0.12, 0.15, 0.20, 0.30)),
+    _kerb_down(0.11, ground=0.06),
     *(_kerb_down(0.15, ground=ground) for ground in (0.02, 0.04, 0.06)),
     seen(
         "stairs up",
