@@ -58,6 +58,19 @@ class Approach:
         target = path.points[len(trimmed.points)] if is_entry else np.asarray(frontier.xyz)
         return x, y, z, self._yaw(terrain, T_map_base, trimmed.points, target)
 
+    def towards(self, path: Path, T_map_base: Transform, yaw: float) -> tuple[Path, float, bool]:
+        """The part of a path to a given goal that is driven before the next sweep, the heading at its end, and whether it is all of it.
+
+        It ends where a passage begins, unless the robot stands there in line.
+        """
+        part, _ = self._up_to_passage(T_map_base, path, path)
+        if not path.leads_on_straight(part):
+            self._entry = None
+            return part, yaw, True
+        end = part.points[-1]
+        self._entry = (float(end[0]), float(end[1]))
+        return part, facing_yaw(end, path.points[len(part.points)]), False
+
     def _up_to_passage(self, T_map_base: Transform, path: Path, trimmed: Path) -> tuple[Path, bool]:
         """A path up to where its first passage begins, unless the robot stands there in line: which it does, is told too.
 

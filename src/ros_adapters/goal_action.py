@@ -1,16 +1,17 @@
-"""move_base's goals: the action, and rviz's simple goal and clicked point, answered with a plan from make_plan."""
+"""move_base's goals: the action, and rviz's simple goal and clicked point, answered with a path from plan_path."""
 
 import math
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import actionlib
 import rospy
+from explore_3dnav.srv import PlanPath
 from geometry_msgs.msg import PointStamped, PoseStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseResult
 from nav_msgs.msg import Path
-from nav_msgs.srv import GetPlan
+from std_msgs.msg import Header
 
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import pose_message
@@ -19,84 +20,116 @@ if TYPE_CHECKING:
     from path_following import FollowerOutput
     from rigid_geometry.transforms import Transform
 
-_MAKE_PLAN = "/octomap_server_3dnav_node/make_plan"
+_PLAN_PATH = "/octomap_server_3dnav_node/plan_path"
 _TOLERANCE_M = 0.5
+_GIVEN_UP = ("stuck", "blocked")
 
 
 class GoalAction:
-    """Action server move_base: asks for a plan, stores it, and reports what becomes of it. A new goal replaces the old one.
+    """Action server move_base: asks for a path, stores it, and reports what becomes of it. A new goal replaces the old one.
 
-    It stands outside the lock-step chain: a goal by action comes from a person or another program, at any time.
+    A goal stays the robot's until it is reached or given up: what exploration decides after a sweep on the way there comes later.
+    It stands outside the lock-step chain: a goal comes from a person or another program, at any time.
     """
 
-    def __init__(self, lock: threading.RLock, store: Callable[[Path], None]) -> None:
-        self._lock = lock
-        self._store = store
+    def __init__(
+        self, lock: threading.RLock, store: Callable[[Path, Sequence[bool]], None], pose: "Callable[[], Transform | None]"
+    ) -> None:
+        """`store` takes a plan and where it is driven straight; `pose` tells where the robot is in map, None when that is not known."""
+        self._lock, self._store, self._pose = lock, store, pose
         self._active: actionlib.ServerGoalHandle | None = None
-        self._make_plan = rospy.ServiceProxy(_MAKE_PLAN, GetPlan)
+        self._goal: PoseStamped | None = None
+        self._is_whole = False
+        self._plan_path = rospy.ServiceProxy(_PLAN_PATH, PlanPath)
         self._server = actionlib.ActionServer("move_base", MoveBaseAction, self._on_goal, self._on_cancel, auto_start=False)
         self._server.start()
 
     def on_simple_goal(self, goal: PoseStamped) -> None:
         """A goal from rviz's tool, which knows no height: where the one given is no ground, the storey nearest to the robot is meant.
 
-        ValueError when no plan leads there.
+        ValueError when no path leads there.
         """
-        plan = self._plan_to(goal)
-        if not plan.poses:
-            goal.pose.position.z = math.nan
-            plan = self._plan_to(goal)
-        self._store(self._checked(plan, goal))
-
-    def on_clicked_point(self, point: PointStamped, T_map_base: "Transform") -> None:
-        """A point on the ground from rviz's tool, height and all; the robot is to look on the way it came. ValueError without a plan."""
-        yaw = math.atan2(point.point.y - T_map_base[1, 3], point.point.x - T_map_base[0, 3])
-        T = transform_from_rpy((point.point.x, point.point.y, point.point.z), (0.0, 0.0, yaw))
-        goal = PoseStamped(point.header, pose_message(T))
-        self._store(self._checked(self._plan_to(goal), goal))
-
-    def _plan_to(self, goal: PoseStamped) -> Path:
         try:
-            return self._make_plan(PoseStamped(), goal, _TOLERANCE_M).plan
-        except rospy.ServiceException as error:
-            raise ValueError(f"no plan to ({goal.pose.position.x:.2f}, {goal.pose.position.y:.2f}): {error}") from error
+            self._take(goal, None)
+        except ValueError:
+            goal.pose.position.z = math.nan
+            self._take(goal, None)
 
-    def _checked(self, plan: Path, goal: PoseStamped) -> Path:
-        if not plan.poses:
-            at, frame = goal.pose.position, goal.header.frame_id
+    def on_clicked_point(self, point: PointStamped) -> None:
+        """A point on the ground from rviz's tool, height and all; the robot is to look on the way it came. ValueError without a path."""
+        here = self._known_pose()
+        yaw = math.atan2(point.point.y - here[1, 3], point.point.x - here[0, 3])
+        T = transform_from_rpy((point.point.x, point.point.y, point.point.z), (0.0, 0.0, yaw))
+        self._take(PoseStamped(point.header, pose_message(T)), None)
+
+    def goes_on(self) -> bool:
+        """Stores a path to the goal that the robot has, from where it is now; False when it has none, or no path leads there any more."""
+        if self._goal is None:
+            return False
+        try:
+            self._drive_to(self._goal)
+        except ValueError as error:
+            self.give_up(str(error))
+            return False
+        return True
+
+    def give_up(self, reason: str) -> None:
+        """Forgets the goal, and ends the action's."""
+        self._goal = None
+        if self._active is not None:
+            self._active.set_aborted(MoveBaseResult(), reason)
+            self._active = None
+
+    def on_output(self, output: "FollowerOutput") -> None:
+        """Ends the goal when the follower has reached it or given it up; after a part of the way the next sweep is waited for."""
+        if self._goal is not None and output.state.value in _GIVEN_UP:
+            self.give_up(output.reason)
+        elif self._goal is not None and output.state.value == "reached" and self._is_whole:
+            self._goal = None
+            if self._active is not None:
+                self._active.set_succeeded(MoveBaseResult(), output.reason)
+                self._active = None
+
+    def _known_pose(self) -> "Transform":
+        T_map_base = self._pose()
+        if T_map_base is None:
+            raise ValueError("a goal was given before the robot knows where it is")
+        return T_map_base
+
+    def _drive_to(self, goal: PoseStamped) -> None:
+        """Stores a path to a goal, or the first part of one. ValueError when there is none."""
+        at, start = goal.pose.position, PoseStamped(Header(frame_id="map"), pose_message(self._known_pose()))
+        try:
+            answer = self._plan_path(start, goal, _TOLERANCE_M)
+        except rospy.ServiceException as error:
+            raise ValueError(f"no plan to ({at.x:.2f}, {at.y:.2f}): {error}") from error
+        if not answer.plan.poses:
+            frame = goal.header.frame_id
             raise ValueError(
                 f"no plan to ({at.x:.2f}, {at.y:.2f}) in frame {frame!r}: no ground within {_TOLERANCE_M} m that the robot reaches"
             )
-        return plan
+        self._store(answer.plan, answer.straight)
+        self._goal, self._is_whole = goal, answer.whole
+
+    def _take(self, goal: PoseStamped, handle: "actionlib.ServerGoalHandle | None") -> None:
+        """Drives to a goal in place of the one before, which stays when there is no path to the new one: ValueError."""
+        self._drive_to(goal)
+        if self._active is not None:
+            self._active.set_canceled(MoveBaseResult(), "replaced by a newer goal")
+        self._active = handle
 
     def _on_goal(self, handle: "actionlib.ServerGoalHandle") -> None:
         with self._lock:
-            if self._active is not None:
-                self._active.set_canceled(MoveBaseResult(), "replaced by a newer goal")
-                self._active = None
             try:
-                goal = handle.get_goal().target_pose
-                self._store(self._checked(self._plan_to(goal), goal))
+                self._take(handle.get_goal().target_pose, handle)
             except ValueError as error:
                 handle.set_rejected(MoveBaseResult(), str(error))
                 return
             handle.set_accepted()
-            self._active = handle
 
     def _on_cancel(self, handle: "actionlib.ServerGoalHandle") -> None:
         with self._lock:
             if self._active is not None and handle.get_goal_id() == self._active.get_goal_id():
-                self._store(Path())
+                self._store(Path(), [])
                 self._active.set_canceled(MoveBaseResult(), "cancelled")
-                self._active = None
-
-    def on_output(self, output: "FollowerOutput") -> None:
-        """Ends the active goal when the follower has reached it or given it up."""
-        if self._active is None:
-            return
-        if output.state.value == "reached":
-            self._active.set_succeeded(MoveBaseResult(), output.reason)
-            self._active = None
-        elif output.state.value == "stuck":
-            self._active.set_aborted(MoveBaseResult(), output.reason)
-            self._active = None
+                self._active = self._goal = None

@@ -8,10 +8,9 @@ import unittest
 import numpy as np
 import rospy
 from explore_3dnav.msg import FollowerCommand, TerrainGrid
-from explore_3dnav.srv import StorePlan
+from explore_3dnav.srv import PlanPath, PlanPathRequest, PlanPathResponse, StorePlan
 from geometry_msgs.msg import Point, PointStamped, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
-from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
 from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, odometry, one_line_of, run_misconfigured, scan, wait_for_node, wait_until
 from sensor_msgs.msg import LaserScan
 from std_srvs.srv import Empty, SetBool
@@ -46,15 +45,18 @@ class MoveBaseTest(unittest.TestCase):
         cls.hold = rospy.ServiceProxy(f"/{NODE}/hold", SetBool)
         cls.hold(False)
         cls.goals = []
-        rospy.Service("/octomap_server_3dnav_node/make_plan", GetPlan, cls.make_plan)
+        rospy.Service("/octomap_server_3dnav_node/plan_path", PlanPath, cls.plan_path)
 
     @classmethod
-    def make_plan(cls, request: GetPlanRequest) -> GetPlanResponse:
-        """Straight ahead to any goal on the upper storey, or of which no height is known."""
-        cls.goals.append(request.goal.pose.position)
-        if abs(request.goal.pose.position.z - STOREY_M) > request.tolerance:
-            return GetPlanResponse()
-        return GetPlanResponse(path_message(cls.clock_s, "map", np.array([[0.0, 0.0, STOREY_M], [3.0, 0.0, STOREY_M]]), 0.0))
+    def plan_path(cls, request: PlanPathRequest) -> PlanPathResponse:
+        """Straight ahead to any goal on the upper storey, or of which no height is known; first to half of the way to goals beyond 3 m."""
+        goal, at = request.goal.pose.position, request.start.pose.position
+        cls.goals.append(goal)
+        if abs(goal.z - STOREY_M) > request.tolerance:
+            return PlanPathResponse()
+        is_whole = goal.x <= 3.0 or at.x > 0.1
+        points = np.array([[at.x, 0.0, STOREY_M], [max(3.0, goal.x) if is_whole else 0.3, 0.0, STOREY_M]])
+        return PlanPathResponse(path_message(cls.clock_s, "map", points, 0.0), [True, False], is_whole)
 
     def setUp(self) -> None:
         """Flat free ground around the robot, nothing seen, no plan, and a second for diagnostics to be due."""
@@ -135,6 +137,19 @@ class MoveBaseTest(unittest.TestCase):
         clicked.publish(header(self.clock_s, "map"), Point(3.0, 0.0, 9.0))
         wait_until(lambda: len(self.goals) == 2, "a plan to be asked for")
         self.assertEqual(self.tick().state, "idle")
+
+    def test_goal_behind_a_passage_stays_the_goal_after_the_sweep_before_it(self) -> None:
+        self.goals.clear()
+        self.tick()
+        feed("/clicked_point", PointStamped).publish(header(self.clock_s, "map"), Point(5.0, 0.0, STOREY_M))
+        wait_until(lambda: self.tick().state == "following", "the robot to follow")
+        wait_until(lambda: self.tick(odometry(self.clock_s + TICK_S, x=0.29)).state == "reached", "the passage to be reached")
+        self.store_straight_ahead()  # what exploration decides after the sweep there
+        answer = self.tick(odometry(self.clock_s + TICK_S, x=0.29))
+        self.assertEqual((len(self.goals), answer.state), (2, "following"), answer.reason)
+        self.store_plan(plan=Path())
+        self.store_straight_ahead()
+        self.assertEqual(len(self.goals), 2)
 
     def test_plan_in_another_frame_is_refused_with_the_reason(self) -> None:
         answer = self.store_plan(plan=path_message(self.clock_s, "odom", np.zeros((2, 3)), 0.0))

@@ -7,7 +7,7 @@ import unittest
 import numpy as np
 import rospy
 from explore_3dnav.msg import ExplorationDecision, MappedSweep
-from explore_3dnav.srv import StorePlan, StorePlanRequest, StorePlanResponse
+from explore_3dnav.srv import PlanPath, StorePlan, StorePlanRequest, StorePlanResponse
 from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
@@ -174,6 +174,16 @@ class OctomapServer3dnavTest(unittest.TestCase):
         self.assertEqual(make_plan(far, near, 0.5).plan.poses, [])
         near.pose.position.z = float("nan")
         self.assertEqual(make_plan(PoseStamped(), near, 0.5).plan.poses[-1].pose, plan.poses[-1].pose)
+
+    def test_plan_path_leads_where_make_plan_does_and_tells_that_it_is_whole(self) -> None:
+        self.decision()
+        here, near = (PoseStamped(header(0.0, "map"), pose_message(transform_from_rpy(xyz))) for xyz in ((0.0, 0.0, 0.0), (1.0, 0.5, 0.0)))
+        plan = rospy.ServiceProxy(f"/{NODE}/make_plan", GetPlan)(PoseStamped(), near, 0.5).plan
+        answer = rospy.ServiceProxy(f"/{NODE}/plan_path", PlanPath)(here, near, 0.5)
+        self.assertEqual(answer.plan.poses[-1].pose, plan.poses[-1].pose)
+        self.assertEqual((answer.whole, any(answer.straight)), (True, False))
+        near.pose.position.x = 50.0
+        self.assertEqual(rospy.ServiceProxy(f"/{NODE}/plan_path", PlanPath)(here, near, 0.5).plan.poses, [])
 
     def test_save_without_a_folder_is_no_failure(self) -> None:
         self.assertTrue(rospy.ServiceProxy(f"/{NODE}/save", Trigger)().success)
