@@ -39,6 +39,10 @@ class Barriers(NamedTuple):
     steep: Floats
     cliffs: Floats
 
+    def in_voxels(self) -> "Barriers":
+        """The same with obstacles in the middle of their columns, where the local costmap has them."""
+        return self._replace(obstacles=np.column_stack([np.floor(self.obstacles[:, :2]) + 0.5, self.obstacles[:, 2]]))
+
 
 def _unique(column: Ints, *numbers: Ints) -> list[Ints]:
     """Sorted distinct rows of columns and up to two numbers of 16 bits; as single numbers they sort ten times faster than as rows."""
@@ -88,7 +92,7 @@ def turning_radii(config: TerrainConfig, limits: Limits) -> Radii:
 def passage_radii(config: TerrainConfig, limits: Limits) -> Radii:
     """How far the middle line of a passage keeps off."""
     near, cliff = config.narrow_radius_m / limits.resolution, config.narrow_cliff_radius_m / limits.resolution
-    return Radii(near + limits.hit_margin, near + _RIM, cliff)
+    return Radii(near, near + _RIM, cliff)
 
 
 def narrow_radii(config: TerrainConfig, limits: Limits) -> Radii:

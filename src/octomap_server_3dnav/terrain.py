@@ -127,7 +127,7 @@ def _passages(
         scene.columns.ny, surfaces.start, surfaces.column, surfaces.z, scene.links.graph, drivable, passable, piece.astype(np.int32)
     )
     radii, unknown = passage_radii(config, limits), middles(edges[:, 0], edges[:, 1], scene.columns.ny)
-    kept_off = KeptOff.of([*zip(barriers, radii, strict=True), (unknown, radii.cliffs)])
+    kept_off = KeptOff.of([*zip(barriers.in_voxels(), radii, strict=True), (unknown, radii.cliffs)])
     found = find_passages(ground, kept_off, scene, config, limits)
     return found, connected_pieces(piece, found, departure)
 

@@ -41,7 +41,7 @@ RAILING = [
 CORRIDOR = [on_ground((-2.0, 3.0), y, 2.0) for y in ((-1.0, -0.8), (0.8, 1.0))]
 
 SHAPES = (
-    *(_door(width) for width in (0.7, 0.8, 0.86, 0.9, 1.0, 1.2, 1.5)),
+    *(_door(width) for width in (0.7, 0.8, 0.9, 1.0, 1.2, 1.5)),
     seen(
         "pillar forest, 1.8 m apart",
         [GROUND, *_forest(1.8)],
