@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of, terrain_of
 
+from octomap_server_3dnav.approach import Approach
 from octomap_server_3dnav.exploration import DecisionKind, ExplorationPlanner, Validity
+from octomap_server_3dnav.exploration_config import ExplorationConfig
 from octomap_server_3dnav.passages import Passage
 from octomap_server_3dnav.planner import PlannerConfig, distances_over_ground, plan_path
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
@@ -213,3 +215,12 @@ def test_no_goal_lies_inside_of_a_passage() -> None:
         if decision.kind is DecisionKind.GOAL:
             node = decision.terrain.surface_near(decision.goal[:3])
             assert decision.terrain.label[node] == TerrainClass.TRAVERSABLE
+
+
+def test_way_to_a_given_goal_is_driven_up_to_the_passage_and_on_from_there() -> None:
+    approach, path = Approach(ExplorationConfig(), CONFIG.trim_m), way(terrain_of(with_door(11), BEFORE), *BEHIND)
+    part, yaw, is_whole = approach.towards(path, BEFORE, 1.0)
+    assert not is_whole and len(part.points) - 1 == path.entries()[0] and yaw == pytest.approx(0.0, abs=0.1)
+    x, y, z = part.points[-1]
+    part, yaw, is_whole = approach.towards(path, pose(x, y, yaw=yaw), 1.0)
+    assert is_whole and yaw == 1.0 and len(part.points) == len(path.points)
