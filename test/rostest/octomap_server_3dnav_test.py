@@ -179,11 +179,13 @@ class OctomapServer3dnavTest(unittest.TestCase):
         self.decision()
         here, near = (PoseStamped(header(0.0, "map"), pose_message(transform_from_rpy(xyz))) for xyz in ((0.0, 0.0, 0.0), (1.0, 0.5, 0.0)))
         plan = rospy.ServiceProxy(f"/{NODE}/make_plan", GetPlan)(PoseStamped(), near, 0.5).plan
-        answer = rospy.ServiceProxy(f"/{NODE}/plan_path", PlanPath)(here, near, 0.5)
+        plan_path = rospy.ServiceProxy(f"/{NODE}/plan_path", PlanPath)
+        answer = plan_path(here, near, 0.5)
         self.assertEqual(answer.plan.poses[-1].pose, plan.poses[-1].pose)
         self.assertEqual((answer.whole, any(answer.straight)), (True, False))
+        self.assertEqual(plan_path(PoseStamped(header(0.0, "odom"), here.pose), near, 0.5).plan.poses, [])
         near.pose.position.x = 50.0
-        self.assertEqual(rospy.ServiceProxy(f"/{NODE}/plan_path", PlanPath)(here, near, 0.5).plan.poses, [])
+        self.assertEqual(plan_path(here, near, 0.5).plan.poses, [])
 
     def test_save_without_a_folder_is_no_failure(self) -> None:
         self.assertTrue(rospy.ServiceProxy(f"/{NODE}/save", Trigger)().success)
