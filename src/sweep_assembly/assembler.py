@@ -44,8 +44,8 @@ class SweepAssemblyConfig:
     stray_neighbours: int = parameter(
         2, "-", "a point with fewer others near it is no surface, and is left out; 0: all are kept", high=20, low=0
     )
-    stray_radius_m: float = parameter(0.20, "m", "how near they have to be", low=0.01, high=2.0)
-    stray_radius_ratio: float = parameter(0.03, "-", "or this share of the point's range, where that is more", low=0.0, high=0.5)
+    stray_radius_m: float = parameter(0.08, "m", "how near they have to be", low=0.01, high=2.0)
+    stray_radius_ratio: float = parameter(0.02, "-", "or this share of the point's range, where that is more", low=0.0, high=0.5)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
