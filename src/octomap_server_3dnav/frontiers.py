@@ -5,16 +5,15 @@ After `terrain.classify`, before a path is planned. The cost is the thesis's, di
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from octomap_server_3dnav.frontier_gain import unknown_area_m2
 from octomap_server_3dnav.planner import PlannerConfig, distances_over_ground
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
+from octomap_server_3dnav.voxel_clusters import cluster_voxels
 from rigid_geometry import yaw_of
 from rigid_geometry.transforms import Transform
 from stage_config import check_ranges, parameter
@@ -56,41 +55,6 @@ class Frontier:
     inflated: bool
     potential_cliff: bool
     gain_m2: float
-
-
-@njit(cache=True)
-def _cluster_labels(ix: Any, iy: Any, z: Any, order: Any, reach: Any, rise: Any) -> Any:
-    """(F,) cluster of each voxel: linked when at most `reach` apart on x and y and `rise` in z; `order` sorts by ix."""
-    cluster = np.full(ix.size, -1, np.int64)
-    stack = np.empty(ix.size, np.int64)
-    rank = np.empty(ix.size, np.int64)
-    for i in range(order.size):
-        rank[order[i]] = i
-    count = 0
-    for seed in order:
-        if cluster[seed] >= 0:
-            continue
-        cluster[seed], stack[0], top = count, seed, 1
-        while top > 0:
-            top -= 1
-            a = stack[top]
-            for way in (-1, 1):
-                i = rank[a] + way
-                while 0 <= i < order.size and abs(ix[order[i]] - ix[a]) <= reach:
-                    b = order[i]
-                    if cluster[b] < 0 and abs(iy[b] - iy[a]) <= reach and abs(z[b] - z[a]) <= rise:
-                        cluster[b], stack[top] = count, b
-                        top += 1
-                    i += way
-        count += 1
-    return cluster
-
-
-def cluster_voxels(voxels: NDArray[np.integer], reach: int = 2, rise: int = 3) -> NDArray[np.int64]:
-    """(F,) cluster number of (F, 3) voxel indices; voxels are linked when at most `reach` apart in x and y and `rise` in z."""
-    voxels = np.asarray(voxels, dtype=np.int64).reshape(-1, 3)
-    order = np.lexsort((voxels[:, 2], voxels[:, 1], voxels[:, 0]))
-    return np.asarray(_cluster_labels(voxels[:, 0].copy(), voxels[:, 1].copy(), voxels[:, 2].copy(), order, reach, rise))
 
 
 def _approach_nodes(terrain: Terrain, frontier: NDArray[np.int64], approach_m: float, distance: NDArray[np.float64]) -> NDArray[np.int64]:
