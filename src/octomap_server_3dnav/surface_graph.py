@@ -98,12 +98,25 @@ def _is_on_slope(surfaces: Any, s: Any, n: Any, max_step: Any) -> Any:
 
 
 @njit(cache=True)
+def _has_equal(near: Any, level: Any, measured: Any, s: Any, tread: Any) -> Any:
+    """Whether a neighbour of node s is measured to lie about as high."""
+    for k in range(4):
+        if near[s, k] >= 0 and measured[near[s, k]] and abs(level[near[s, k]] - level[s]) <= tread:
+            return True
+    return False
+
+
+@njit(cache=True)
 def _is_step(near: Any, surfaces: Any, s: Any, n: Any, k: Any, max_step: Any, max_measured_step: Any) -> Any:
     """Whether the ground on both sides of the edge from node s in direction k to node n differs too much; the same seen from n."""
     level, measured, tread = surfaces.level, surfaces.measured, max_measured_step / 2
     beyond, known_beyond = _patch_mean(near, level, measured, n, k, tread)
     behind, known_behind = _patch_mean(near, level, measured, s, (k + 2) % 4, tread)
     limit = max_measured_step if known_beyond and known_behind else max_step
+    if measured[s] and measured[n] and abs(level[n] - level[s]) > max_measured_step:
+        high, low = (n, s) if level[n] > level[s] else (s, n)
+        if _has_equal(near, level, measured, high, tread) and _has_equal(near, level, measured, low, tread):
+            return not _is_on_slope(surfaces, s, n, limit)
     return abs(beyond - behind) > limit and not _is_on_slope(surfaces, s, n, limit)
 
 
