@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
 from octomap_server_3dnav.classified_terrain import TerrainClass
+from octomap_server_3dnav.surface_columns import DX, DY
 from octomap_server_3dnav.surface_heights import SurfaceHeights
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 from octomap_server_3dnav.terrain_scene import Scene
@@ -66,18 +67,30 @@ def middles(column: NDArray[np.integer], level: NDArray[np.integer], ny: int) ->
     return np.column_stack([column // ny + 0.5, column % ny + 0.5, level])
 
 
-def barriers_of(scene: Scene, label: NDArray[np.uint8], obstacles: Ints, heights: SurfaceHeights | None) -> Barriers:
-    """The places of all barriers: of `obstacles` as `terrain_kernels.obstacles_seen` gives them, and of obstacles and cliffs among nodes.
+def _rims(places: Floats, direction: Ints) -> Floats:
+    """Just inside of the rims of columns (M, 3) that one comes to in a direction (M,)."""
+    back = np.stack([DX[direction], DY[direction], np.zeros_like(direction)], axis=1)
+    return np.asarray(places - 0.99 * _RIM * back)
+
+
+def barriers_of(
+    scene: Scene, label: NDArray[np.uint8], obstacles: Ints, steps: Ints, cliff: Ints, heights: SurfaceHeights | None
+) -> Barriers:
+    """The places of all barriers: of `obstacles` and `steps` as `terrain_kernels.obstacles_seen` and `mark_steps` give them, of the nodes
+    that are obstacles, and of `cliff` nodes, some of which may be obstacles to the ground below.
 
     Obstacles are where beams ended in the lowest voxel that is in the way, those that nobody has hit in the middle of their column.
+    Measured steps begin where their column does.
     """
     column, z, ny = scene.surfaces.column, scene.surfaces.z, scene.columns.ny
-    steep, cliff = np.flatnonzero(label == TerrainClass.OBSTACLE), np.flatnonzero(label == TerrainClass.CLIFF)
+    steep = np.flatnonzero(label == TerrainClass.OBSTACLE)
     at, level, voxel = _unique(obstacles[:, 0], obstacles[:, 2], obstacles[:, 3])
     places = middles(at, level, ny)
     if heights is not None:
         offset = heights.at(at // ny + scene.key[0], at % ny + scene.key[1], voxel)[:, 2:]
         places[:, :2] += np.nan_to_num(offset, nan=0.0)
+        steep = np.setdiff1d(steep, steps[:, 0])
+        places = np.concatenate([places, _rims(middles(column[steps[:, 0]], z[steps[:, 0]], ny), steps[:, 1])])
     return Barriers(places, middles(column[steep], z[steep], ny), middles(column[cliff], z[cliff], ny))
 
 
@@ -86,7 +99,7 @@ def turning_radii(config: TerrainConfig, limits: Limits) -> Radii:
     near, cliff = config.inflation_radius_m / limits.resolution, config.cliff_inflation_radius_m / limits.resolution
     if config.inflation_shape == "square":
         return Radii(*(math.floor(radius + 1e-9) for radius in (near, near, cliff)))
-    return Radii(near + limits.hit_margin, near + _RIM, cliff)
+    return Radii(near + limits.hit_margin, near + _RIM + limits.hit_margin, cliff)
 
 
 def passage_radii(config: TerrainConfig, limits: Limits) -> Radii:
@@ -107,5 +120,10 @@ def narrow_radii(config: TerrainConfig, limits: Limits) -> Radii:
 def inflate(scene: Scene, label: NDArray[np.uint8], barriers: Barriers, radii: Radii, shape: str, limits: Limits) -> None:
     """addRobotPadding: obstacles and cliffs take the ground around them, at their own level and within `radii`, out of the graph."""
     for places, radius in zip(barriers, radii, strict=True):
-        band = limits.step + math.ceil(radius * limits.max_slope)
-        kernels.inflate(label, scene.surfaces, places, radius, shape == "square", band, scene.columns.nx, scene.columns.ny)
+        inflate_around(scene, label, places, radius, shape, limits)
+
+
+def inflate_around(scene: Scene, label: NDArray[np.uint8], places: Floats, radius: float, shape: str, limits: Limits) -> None:
+    """The same around (M, 3) places of one kind."""
+    band = limits.step + math.ceil(radius * limits.max_slope)
+    kernels.inflate(label, scene.surfaces, places, radius, shape == "square", band, scene.columns.nx, scene.columns.ny)

@@ -58,6 +58,8 @@ def _spans(columns: Any, start: Any, z: Any, a: Any, b: Any, c: Any, stride: Any
         between = c + j * stride
         if find_node(start, z, between, level, step) >= 0 or blocking_voxel(columns, between, level, step, clearance) != NO_VOXEL:
             return False
+        if seen_down_to(columns, between, level + step + 1) == NO_VOXEL:
+            return False
         seen = seen_down_to(columns, between, level)
         if seen != NO_VOXEL and seen <= level - drop:
             return False

@@ -17,10 +17,12 @@ from octomap_server_3dnav.passages import Ground, KeptOff, Passage, connected_pi
 from octomap_server_3dnav.surface_heights import SurfaceHeights
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 from octomap_server_3dnav.terrain_judgement import (
+    Departure,
     departure_of,
     first_flood,
     frontier_edges,
     near_kerbs,
+    off_doubtful_floor,
     soft_cost,
     start_candidates,
 )
@@ -48,22 +50,25 @@ def _filled(voxels: NDArray[np.int64], terrain_class: TerrainClass) -> NDArray[n
 
 
 class _Judged(NamedTuple):
-    """What is known of the (N,) nodes of a scene, the obstacles (M, 3) and frontier edges (E, 5) beside them, and the ways over them."""
+    """What is known of the (N,) nodes of a scene, the obstacles (M, 3) and frontier edges (E, 5) beside them, and the ways over them.
+
+    `beside_reached` (E,): edges seen from ground that is reached if all potential cliffs are none.
+    """
 
     label: NDArray[np.uint8]
-    reached: NDArray[np.bool_]
     narrow: NDArray[np.bool_]
     near_kerb: NDArray[np.bool_]
     cost: NDArray[np.float32]
     obstacles: NDArray[np.int64]
     edges: NDArray[np.int64]
+    beside_reached: NDArray[np.bool_]
     start: int | None
-    departure: int | None
+    departure: Departure
     passages: list[Passage]
 
 
 def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | None, robot: NDArray[np.float64]) -> Terrain:
-    label, reached, narrow, near_kerb, cost, obstacles, edges, start, departure, passages = judged
+    label, narrow, near_kerb, cost, obstacles, edges, beside_reached, start, departure, passages = judged
     keep, number = kernels.number_nodes(label)
     obstacles = unique_pairs(obstacles[:, 0], obstacles[:, 1])
     frontiers, frontier_of_edge = _unique_frontiers(edges, limits.step)
@@ -74,7 +79,7 @@ def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | N
     kind = _filled(frontiers, TerrainClass.FRONTIER)
     kind[frontier_of_edge[edges[:, 4] == kernels.SEES_EDGE]] = TerrainClass.POTENTIAL_CLIFF
     seen_from_reached = np.zeros(len(frontiers), dtype=bool)
-    seen_from_reached[frontier_of_edge[reached[edges[:, 2]]]] = True
+    seen_from_reached[frontier_of_edge[beside_reached | departure.reached[edges[:, 2]]]] = True
     column = np.concatenate([scene.surfaces.column[keep], beside[:, 0].astype(np.int32)])
     ix, iy = np.divmod(column, np.int32(scene.columns.ny))
     return Terrain(
@@ -84,13 +89,13 @@ def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | N
         z=np.concatenate([scene.surfaces.z[keep], beside[:, 1].astype(np.int16)]),
         label=np.concatenate([label[keep], _filled(obstacles, TerrainClass.OBSTACLE), kind]),
         bridged=np.concatenate([scene.surfaces.bridged[keep], np.zeros(len(beside), dtype=bool)]),
-        reached=np.concatenate([reached[keep], np.zeros(len(obstacles), dtype=bool), seen_from_reached]),
+        reached=np.concatenate([departure.reached[keep], np.zeros(len(obstacles), dtype=bool), seen_from_reached]),
         near_kerb=np.concatenate([near_kerb[keep], np.zeros(len(beside), dtype=bool)]),
         narrow=np.concatenate([narrow[keep], np.zeros(len(beside), dtype=bool)]),
         cost=np.concatenate([cost[keep], np.full(len(beside), np.inf, dtype=np.float32)]),
         neighbours=neighbours,
         start=None if start is None else int(number[start]),
-        departure=None if departure is None else int(number[departure]),
+        departure=None if departure.node is None else int(number[departure.node]),
         radius_m=radius_m,
         robot_xyz=(float(robot[0]), float(robot[1]), float(robot[2])),
         surface_count=int(keep.size),
@@ -107,19 +112,18 @@ def _passages(
     narrow: NDArray[np.bool_],
     barriers: Barriers,
     edges: NDArray[np.int64],
-    departure: int | None,
-    reached: NDArray[np.bool_],
+    departure: Departure,
     config: TerrainConfig,
     limits: Limits,
-) -> tuple[list[Passage], NDArray[np.bool_]]:
-    """The passages between pieces of traversable ground, and `reached` (N,) with what they connect the departure with."""
-    if departure is None or not narrow.any():
-        return [], reached
-    piece, sizes = kernels.components(label, scene.links.graph, departure, label.size + 1)
+) -> tuple[list[Passage], Departure]:
+    """The passages between pieces of traversable ground, and the departure with what they connect it with."""
+    if departure.node is None or not narrow.any():
+        return [], departure
+    piece, sizes = kernels.components(label, scene.links.graph, departure.node, label.size + 1)
     large = (sizes >= config.min_traversable_voxels) | (np.arange(sizes.size) == 0)
     piece[(piece >= 0) & ~large[piece]] = -1
     if np.count_nonzero(large) < 2:
-        return [], reached
+        return [], departure
     drivable = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
     passable = narrow | (label == TerrainClass.TRAVERSABLE)
     surfaces = scene.surfaces
@@ -129,7 +133,7 @@ def _passages(
     radii, unknown = passage_radii(config, limits), middles(edges[:, 0], edges[:, 1], scene.columns.ny)
     kept_off = KeptOff.of([*zip(barriers.in_voxels(), radii, strict=True), (unknown, radii.cliffs)])
     found = find_passages(ground, kept_off, scene, config, limits)
-    return found, connected_pieces(piece, found, departure)
+    return found, departure._replace(reached=connected_pieces(piece, found, departure.node))
 
 
 def classify(
@@ -154,20 +158,22 @@ def classify(
     reach_m = None if radius_m is None else radius_m + (limits.inflation + 1) * runs.resolution
     scene = scene_around(runs, heights, robot, reach_m, config, limits)
     label, seen, start = first_flood(scene, start_candidates(scene, T_map_base, config, limits), reach_m, config, limits)
-    kernels.mark_steps(label, scene.links.near, scene.links.graph, scene.surfaces.level)
+    cliff = np.flatnonzero(label == TerrainClass.CLIFF)
+    steps = kernels.mark_steps(label, scene.links.near, scene.links.graph, scene.surfaces.level)
     obstacles = kernels.obstacles_seen(scene.columns, scene.surfaces, scene.links, label, seen, limits)
-    barriers = barriers_of(scene, label, obstacles, heights)
+    barriers = barriers_of(scene, label, obstacles, steps, cliff, heights)
     narrow = label.copy()
     inflate(scene, narrow, barriers, narrow_radii(config, limits), config.inflation_shape, limits)
     inflate(scene, label, barriers, turning_radii(config, limits), config.inflation_shape, limits)
     is_narrow = (narrow == TerrainClass.TRAVERSABLE) & (label == TerrainClass.INFLATION)
-    departure, reached = (None, np.zeros(label.size, dtype=bool)) if start is None else departure_of(scene, label, start, config)
     edges = frontier_edges(scene, label, seen, radius_m, limits)
-    passages, reached = _passages(scene, label, is_narrow, barriers, edges, departure, reached, config, limits)
+    before = departure_of(scene, label, start, config)
+    label, departure = off_doubtful_floor(scene, label, edges, start, before, config, limits)
+    passages, departure = _passages(scene, label, is_narrow, barriers, edges, departure, config, limits)
     if start is not None:
         ways = [way for p in passages for way in (p, p.turned()) if is_narrow[start] or way.is_along(yaw_of(T_map_base))]
         passages += [rest for way in ways if (rest := way.rest_from((robot[0], robot[1]), start))]
     near_kerb = near_kerbs(scene, label, config, limits)
     cost = soft_cost(scene, label, near_kerb, edges, config, limits)
-    judged = _Judged(label, reached, is_narrow, near_kerb, cost, obstacles, edges, start, departure, passages)
+    judged = _Judged(label, is_narrow, near_kerb, cost, obstacles, edges, before.reached[edges[:, 2]], start, departure, passages)
     return _assemble(scene, judged, limits, radius_m, robot)

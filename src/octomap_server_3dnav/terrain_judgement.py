@@ -1,13 +1,17 @@
 """The judgements of the terrain analysis, in the order of algorithm 3: start, flood, inflation, departure, frontiers, costs."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
+from octomap_server_3dnav.barriers import inflate_around, middles, turning_radii
 from octomap_server_3dnav.classified_terrain import TerrainClass
 from octomap_server_3dnav.surface_graph import kerbs
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 from octomap_server_3dnav.terrain_scene import Scene
+from octomap_server_3dnav.voxel_clusters import cluster_voxels
 from rigid_geometry.transforms import Transform
 
 
@@ -45,13 +49,24 @@ def first_flood(
     return unreached, np.empty((unreached.size, 4), dtype=np.uint8), None
 
 
-def departure_of(scene: Scene, label: NDArray[np.uint8], start: int, config: TerrainConfig) -> tuple[int | None, NDArray[np.bool_]]:
-    """changeStartingPointIfInsidePadding: the nearest traversable node over the ground, and (N,) the nodes connected with it."""
+class Departure(NamedTuple):
+    """Where paths begin: a node, None when there is none, its steps from the start, and (N,) the traversable ground connected with it."""
+
+    node: int | None
+    steps: int
+    reached: NDArray[np.bool_]
+
+
+def departure_of(scene: Scene, label: NDArray[np.uint8], start: int | None, config: TerrainConfig) -> Departure:
+    """changeStartingPointIfInsidePadding: the start, or the nearest traversable node over the ground with enough of it around."""
+    nowhere = Departure(None, 0, np.zeros(label.size, dtype=bool))
+    if start is None:
+        return nowhere
     component, sizes = kernels.components(label, scene.links.graph, start, config.min_traversable_voxels)
     if component[start] >= 0 and sizes[0] >= config.min_traversable_voxels:
-        return start, component == 0
+        return Departure(start, 0, component == 0)
     if not sizes.size:
-        return None, np.zeros(label.size, dtype=bool)
+        return nowhere
     large = component >= 0
     if sizes.max() >= config.min_traversable_voxels:
         large &= sizes[component] >= config.min_traversable_voxels
@@ -63,8 +78,40 @@ def departure_of(scene: Scene, label: NDArray[np.uint8], start: int, config: Ter
     hops[~large] = far
     nearest = int(np.argmin(hops))
     if hops[nearest] == far:
-        return None, np.zeros(label.size, dtype=bool)
-    return nearest, component == component[nearest]
+        return nowhere
+    return Departure(nearest, int(hops[nearest]), component == component[nearest])
+
+
+def off_doubtful_floor(
+    scene: Scene,
+    label: NDArray[np.uint8],
+    edges: NDArray[np.int64],
+    start: int | None,
+    before: Departure,
+    config: TerrainConfig,
+    limits: Limits,
+) -> tuple[NDArray[np.uint8], Departure]:
+    """The labels with ground around those frontier `edges` (E, 5) out of the graph that are not going to be looked at, and the departure.
+
+    Unknown floor beside inflated ground only may be a cliff, or a side of what stands there. Where nothing is left near the start the robot
+    already stands amid such: labels and departure stay what they were `before`.
+    """
+    doubtful = edges[_is_doubtful(before.reached, edges, scene.columns.ny)] if len(edges) else edges
+    if not len(doubtful):
+        return label, before
+    kept, places = label.copy(), middles(doubtful[:, 0], doubtful[:, 1], scene.columns.ny)
+    inflate_around(scene, kept, places, turning_radii(config, limits).cliffs, config.inflation_shape, limits)
+    departure = departure_of(scene, kept, start, config)
+    is_near = departure.node is not None and departure.steps <= 2 * limits.inflation
+    return (kept, departure) if is_near else (label, before)
+
+
+def _is_doubtful(reached: NDArray[np.bool_], edges: NDArray[np.int64], ny: int) -> NDArray[np.bool_]:
+    """(E,) which edges belong to places of unknown floor that no `reached` (N,) ground lies beside."""
+    place = cluster_voxels(np.column_stack([edges[:, 0] // ny, edges[:, 0] % ny, edges[:, 1]]))
+    is_open = np.zeros(len(edges), dtype=bool)
+    is_open[place[reached[edges[:, 2]]]] = True
+    return np.asarray(~is_open[place])
 
 
 def frontier_edges(

@@ -183,14 +183,22 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
 
 
 @njit(cache=True)
-def mark_steps(label: Any, near: Any, graph: Any, level: Any) -> None:
-    """Make the upper side of every step that is too high an obstacle, where the flood stood at its foot."""
-    foot = np.flatnonzero(label == TRAVERSABLE)
+def mark_steps(label: Any, near: Any, graph: Any, level: Any) -> Any:
+    """Make the upper side of every step that is too high an obstacle, where the flood stood at its foot.
+
+    (M, 2) int64 of these: the node, and the direction in which it lies from its foot; none of ground that is too steep itself.
+    """
+    foot, found = np.flatnonzero(label == TRAVERSABLE), []
     for s in foot:
         for k in range(4):
             n = near[s, k]
-            if n >= 0 and graph[s, k] < 0 and level[n] > level[s]:
-                label[n] = OBSTACLE
+            if n >= 0 and graph[s, k] < 0 and level[n] > level[s] and label[n] != OBSTACLE:
+                found.append((np.int64(n), np.int64(k)))
+    out = np.empty((len(found), 2), np.int64)
+    for i in range(len(found)):
+        out[i, 0], out[i, 1] = found[i]
+        label[out[i, 0]] = OBSTACLE
+    return out
 
 
 @njit(cache=True)
@@ -214,6 +222,17 @@ def _stands_around(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, 
 
 
 @njit(cache=True)
+def _stands_behind(columns: Any, surfaces: Any, label: Any, c: Any, stride: Any, level: Any, limits: Any) -> Any:
+    """Whether something stands behind a strip from column c on that is no wider than a hole that is bridged, and has no ground in it."""
+    for j in range(1, max(2, limits.hole)):
+        if _stands_around(columns, surfaces, label, c + j * stride, level, limits.step, limits.clearance):
+            return True
+        if find_node(surfaces.start, surfaces.z, c + j * stride, level, limits.step + 1) >= 0:
+            return False
+    return False
+
+
+@njit(cache=True)
 def obstacles_seen(columns: Any, surfaces: Any, links: Any, label: Any, seen: Any, limits: Any) -> Any:
     """(M, 4) int64 (column, voxel, level of the ground in front, voxel that stands or hangs in the way) of obstacles beside the
     traversable ground.
@@ -232,7 +251,7 @@ def obstacles_seen(columns: Any, surfaces: Any, links: Any, label: Any, seen: An
         for k in range(4):
             stride = DX[k] * columns.ny + DY[k]
             is_unknown = graph[s, k] < 0 and (seen[s, k] == SEES_UNKNOWN or seen[s, k] == SEES_EDGE)
-            if is_unknown and _stands_around(columns, surfaces, label, column[s] + 2 * stride, level, step, clearance):
+            if is_unknown and _stands_behind(columns, surfaces, label, column[s] + stride, stride, level, limits):
                 found.append((np.int64(column[s] + stride), level, level, np.int64(NO_VOXEL)))
                 seen[s, k] = SEES_OBSTACLE
             if near[s, k] >= 0:

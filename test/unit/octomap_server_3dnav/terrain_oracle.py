@@ -158,6 +158,8 @@ class Oracle:
         return (behind is not None and (a.z - behind.z) * sign >= 1) or (ahead is not None and (ahead.z - b.z) * sign >= 1)
 
     def _is_hole(self, c: Column, level: int) -> bool:
+        if self.seen_down_to(c, level + self.step + 1) is None:
+            return False
         seen = self.seen_down_to(c, level)
         solid = self.find(c, level, self.step) is not None or self.blocks(c, level) is not None
         return not solid and not (seen is not None and seen < level - self.step)
@@ -279,8 +281,10 @@ class Oracle:
         wide_enough, self.label = set(self._of(TRAVERSABLE)), before
         self._inflate(barriers, turning_radii(self.config, self.limits))
         self.narrow = wide_enough & set(self._of(INFLATION))
-        found = {(*s, label) for s, label in self.label.items()}
-        return found | {(*c, z, OBSTACLE) for c, z, _ in obstacles} | self._frontiers()
+        unknown = self._frontier_looks()
+        self._keep_off(self._doubtful(unknown, self._reached_from(start)), start)
+        found = {(*s, label) for s, label in self.label.items()} | {(*c, z, OBSTACLE) for c, z, _ in obstacles}
+        return found | {voxel for c, levels in unknown.items() for voxel in self._frontier_voxels(c, levels)}
 
     def _of(self, label: int) -> list[Node]:
         return [s for s, found in self.label.items() if found == label]
@@ -305,7 +309,7 @@ class Oracle:
         for s in self._of(TRAVERSABLE):
             for k in range(4):
                 is_unknown = self.edge(s, k) is None and self.beside(s, k) in ("unknown", "edge")
-                if is_unknown and self._stands_around(moved(s[:2], SIDES[k], 2), s.z):
+                if is_unknown and self._stands_behind(moved(s[:2], SIDES[k]), SIDES[k], s.z):
                     found.add((moved(s[:2], SIDES[k]), s.z, s.z))
                 if self.near(s, k) is None and (seen := self._obstacle_along(s, SIDES[k])) is not None:
                     found.add((*seen, s.z))
@@ -335,15 +339,68 @@ class Oracle:
             return max(dx, dy) <= radius
         return dx * dx + dy * dy <= radius * radius + 1e-6
 
-    def _frontiers(self) -> set[tuple[int, int, int, int]]:
-        found: dict[Column, dict[int, bool]] = {}  # whether one of the looks to it passed over an edge
+    def _doubtful(self, unknown: dict[Column, dict[int, bool]], reached: set[Node]) -> list[tuple[Column, int]]:
+        """All unknown floor of places that no reached ground looks at."""
+        left, doubtful = {(*c, z) for c, levels in unknown.items() for z in levels}, []
+        while left:
+            place, waiting = set(), [left.pop()]
+            while waiting:
+                a = waiting.pop()
+                place.add(a)
+                beside = {b for b in left if abs(a[0] - b[0]) <= 2 and abs(a[1] - b[1]) <= 2 and abs(a[2] - b[2]) <= 3}
+                left -= beside
+                waiting += beside
+            if not any(self._looks_at(s, (x, y)) for x, y, z in place for s in self._sources((x, y), z) if s in reached):
+                doubtful += [((x, y), z) for x, y, z in place]
+        return doubtful
+
+    def _reached_from(self, start: Node) -> set[Node]:
+        """Traversable ground connected with what is nearest to the start."""
+        row = self._nearest_ground(start)[0]
+        reached, waiting = set(row[:1]), row[:1]
+        while waiting:
+            s = waiting.pop()
+            beside = {n for k in range(4) if (n := self.edge(s, k)) is not None and self.label.get(n) == TRAVERSABLE} - reached
+            reached |= beside
+            waiting += beside
+        return reached
+
+    def _sources(self, c: Column, z: int) -> list[Node]:
+        return [s for side in SIDES if (s := Node(*moved(c, side), z)) in self.label]
+
+    def _looks_at(self, s: Node, c: Column) -> bool:
+        k = SIDES.index((c[0] - s.x, c[1] - s.y))
+        return self.edge(s, k) is None and self.beside(s, k) in ("unknown", "edge")
+
+    def _keep_off(self, edges: list[tuple[Column, int]], start: Node) -> None:
+        before = dict(self.label)
+        self._inflate([edges], [turning_radii(self.config, self.limits).cliffs])
+        row, steps = self._nearest_ground(start)
+        if not row or steps > 2 * self.limits.inflation:
+            self.label = before
+
+    def _nearest_ground(self, start: Node) -> tuple[list[Node], int]:
+        """Traversable nodes fewest steps over ground from the start, the first in the map first, as `min_traversable_voxels` is 1."""
+        known, row, steps = {start}, [start], 0
+        while row and not any(self.label[s] == TRAVERSABLE for s in row):
+            beside = {n for s in row for k in range(4) if (n := self.edge(s, k)) is not None}
+            row = [n for n in beside - known if self.label.get(n) == INFLATION or self.label.get(n) == TRAVERSABLE]
+            known.update(row)
+            steps += 1
+        return sorted(s for s in row if self.label[s] == TRAVERSABLE), steps
+
+    def _frontier_looks(self) -> dict[Column, dict[int, bool]]:
+        """Columns of unknown floor, levels from which they were looked at, and whether one of these looks passed over an edge."""
+        found: dict[Column, dict[int, bool]] = {}
         for s in [*self._of(TRAVERSABLE), *self._of(INFLATION)]:
             for k in range(4):
-                what = "" if self.edge(s, k) else self.beside(s, k)
-                if what in ("unknown", "edge") and not self._ends_around(moved(s[:2], SIDES[k], 2), s.z):
-                    levels = found.setdefault(moved(s[:2], SIDES[k]), {})
+                what, c = "" if self.edge(s, k) else self.beside(s, k), moved(s[:2], SIDES[k])
+                if what not in ("unknown", "edge") or self._stands_behind(c, SIDES[k], s.z):
+                    continue
+                if not any(self.find(b, s.z, self.step + 1) in self.label for b in self._around(moved(c, SIDES[k]))):
+                    levels = found.setdefault(c, {})
                     levels[s.z] = levels.get(s.z, False) or what == "edge"
-        return {voxel for c, levels in found.items() for voxel in self._frontier_voxels(c, levels)}
+        return found
 
     def _frontier_voxels(self, c: Column, levels: dict[int, bool]) -> Iterator[tuple[int, int, int, int]]:
         """One frontier voxel for levels of a column that steps part, the highest; a potential cliff when one of them is."""
@@ -357,6 +414,15 @@ class Oracle:
     def _around(self, c: Column) -> list[Column]:
         return [moved(c, side) for side in ((0, 0), *SIDES)]
 
+    def _stands_behind(self, c: Column, way: Column, level: int) -> bool:
+        for j in range(1, max(2, self.limits.hole)):
+            beyond = moved(c, way, j)
+            if self._stands_around(beyond, level):
+                return True
+            if self.find(beyond, level, self.step + 1):
+                return False
+        return False
+
     def _stands_around(self, c: Column, level: int) -> bool:
         return any(self._stands_at(beside, level) for beside in self._around(c))
 
@@ -364,6 +430,3 @@ class Oracle:
         node = self.find(c, level, self.step + 1)
         is_closed = node is not None and self.label.get(node) == OBSTACLE
         return is_closed or self.occupied(c, level + self.step + 1, level + self.clearance) is not None
-
-    def _ends_around(self, c: Column, level: int) -> bool:
-        return any(self._stands_at(b, level) or self.find(b, level, self.step + 1) in self.label for b in self._around(c))
