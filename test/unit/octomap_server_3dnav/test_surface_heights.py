@@ -100,6 +100,21 @@ def test_kerb_is_what_it_measures_wherever_the_voxel_layers_lie(rise, drivable, 
     assert (label_at(above, 1.6, 2.4, floor) == TRAVERSABLE) == drivable
 
 
+@pytest.mark.parametrize("rise, drivable", [(0.06, True), (0.12, False)])
+def test_sill_is_a_step_however_narrow(rise, drivable):
+    sill = measured(lambda x, y: np.where(abs(x - 40.5 * RESOLUTION) < RESOLUTION / 2, rise, 0.005) + 0 * y, pose(1.6, 2.4))
+    assert (label_at(sill, 5.0, 2.4, 0.005) == TRAVERSABLE) == drivable
+
+
+def test_edge_is_a_cliff_to_the_ground_above_and_a_step_to_that_below():
+    """Both within one flood, as a ramp beside it leads up; above the way is kept from the cliff's middle, below from the step's rim."""
+    terrain = measured(
+        lambda x, y: 0.005 + np.where(y > 3.2, np.clip(0.25 * (x - 1.6), 0.0, 0.15), np.where(x < 3.2, 0.0, 0.15)), pose(1.0, 1.2), ny=80
+    )
+    kept = [label_at(terrain, (column + 0.5) * RESOLUTION, 0.6, 0.005 if column < 40 else 0.155) for column in (31, 32, 40, 47, 48)]
+    assert kept == [TRAVERSABLE, INFLATION, OBSTACLE, INFLATION, TRAVERSABLE]
+
+
 def test_kerb_is_judged_by_its_voxels_where_the_thesis_does():
     assert label_at(measured(kerb(0.15, 0.005), pose(1.6, 2.4), step_heights="voxels"), 5.0, 2.4, 0.155) == TRAVERSABLE
 

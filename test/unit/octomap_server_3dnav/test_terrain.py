@@ -202,6 +202,14 @@ def test_missing_plate_of_a_metre_is_not_bridged():
     assert label_at(terrain, 34.5 * RESOLUTION, 26.5 * RESOLUTION, 0.04) == FRONTIER
 
 
+def test_hole_below_space_that_was_not_seen_is_not_bridged():
+    states = flat()
+    states[34:36, 26:28, : BELOW + 1] = UNKNOWN
+    states[42:44, 26:28] = UNKNOWN
+    terrain = terrain_of(states, pose(1.6, 2.4))
+    assert set(terrain.ix[terrain.bridged].tolist()) == {34, 35}
+
+
 def test_ditch_that_was_seen_is_not_bridged():
     states = flat()
     states[40:42, :, 1 : BELOW + 1] = FREE
@@ -244,6 +252,17 @@ def test_strip_that_was_not_seen_right_before_a_wall_is_a_side_of_it():
         terrain = wall_behind(np.s_[first:40])
         assert drawn(terrain, 30, 30, 40) == expected
         assert label_at(terrain, (first + 0.5) * RESOLUTION, 2.4, 0.04) == TerrainClass.OBSTACLE
+
+
+@pytest.mark.parametrize("half_width, expected", [(4, INFLATION), (12, TRAVERSABLE)])
+def test_floor_seen_from_inflated_ground_only_is_kept_off(half_width, expected):
+    """Between two ends of a wall that were met its side was not: too near to them to be looked at, unless there is room between."""
+    states = flat()
+    states[40, :, BELOW:] = OCCUPIED
+    states[36:44, 30 - half_width : 30 + half_width] = UNKNOWN
+    terrain = terrain_of(states, pose(1.6, 2.4))
+    assert label_at(terrain, 36.5 * RESOLUTION, 2.4, 0.04) == FRONTIER
+    assert label_at(terrain, 30.5 * RESOLUTION, 2.4, 0.04) == expected
 
 
 def test_local_classification_equals_the_whole_inside_its_radius():

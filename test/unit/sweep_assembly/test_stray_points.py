@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
+from sweep_assembly.assembler import SweepAssemblyConfig
 from sweep_assembly.stray_points import stray_points
 
 
@@ -18,6 +19,14 @@ def test_thin_thing_is_kept_and_what_hangs_beside_it_is_not():
     stray = stray_points(points, np.full(len(points), 0.2), 2)
     assert stray[-3:].all() and not stray[:-3].any()
     assert np.flatnonzero(stray_points(points, np.full(len(points), 0.2), 1)).tolist() == [len(points) - 1]
+
+
+def test_by_default_the_floor_is_no_company_for_what_hangs_a_hand_above_it():
+    config = SweepAssemblyConfig()
+    x, y = np.meshgrid(np.arange(2.0, 3.0, 0.06), np.arange(-0.5, 0.5, 0.03))
+    points = np.vstack([np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]), [2.5, 0.0, 0.11]])
+    radius = np.maximum(config.stray_radius_m, config.stray_radius_ratio * np.linalg.norm(points, axis=1))
+    assert np.flatnonzero(stray_points(points, radius, config.stray_neighbours)).tolist() == [len(points) - 1]
 
 
 def test_farther_points_may_lie_farther_apart():
