@@ -52,7 +52,7 @@ def _filled(voxels: NDArray[np.int64], terrain_class: TerrainClass) -> NDArray[n
 class _Judged(NamedTuple):
     """What is known of the (N,) nodes of a scene, the obstacles (M, 3) and frontier edges (E, 5) beside them, and the ways over them.
 
-    `beside_reached` (E,): edges seen from ground that is reached if all potential cliffs are none.
+    `beside_reached` (E,): edges seen from ground that is reached, whatever the ground beside doubtful floor is.
     """
 
     label: NDArray[np.uint8]
@@ -106,6 +106,25 @@ def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | N
     )
 
 
+def _pieces(scene: Scene, label: NDArray[np.uint8], departure: int, config: TerrainConfig) -> tuple[NDArray[np.int32], int]:
+    """(N,) number of the piece of traversable ground of each node, -1 in none, and how many there are; small ones do not count."""
+    piece, sizes = kernels.components(label, scene.links.graph, departure, label.size + 1)
+    large = (sizes >= config.min_traversable_voxels) | (np.arange(sizes.size) == 0)
+    piece[(piece >= 0) & ~large[piece]] = -1
+    return piece.astype(np.int32), int(np.count_nonzero(large))
+
+
+def _over_passages(
+    scene: Scene, label: NDArray[np.uint8], passages: list[Passage], departure: Departure, config: TerrainConfig
+) -> tuple[list[Passage], Departure]:
+    """Those passages whose ends are traversable, and the departure with what they connect it with."""
+    left = [p for p in passages if all(label[node] == TerrainClass.TRAVERSABLE for node in p.nodes)]
+    if departure.node is None or not left:
+        return left, departure
+    piece, _ = _pieces(scene, label, departure.node, config)
+    return left, departure._replace(reached=connected_pieces(piece, left, departure.node))
+
+
 def _passages(
     scene: Scene,
     label: NDArray[np.uint8],
@@ -115,25 +134,20 @@ def _passages(
     departure: Departure,
     config: TerrainConfig,
     limits: Limits,
-) -> tuple[list[Passage], Departure]:
-    """The passages between pieces of traversable ground, and the departure with what they connect it with."""
+) -> list[Passage]:
+    """The passages between pieces of traversable ground."""
     if departure.node is None or not narrow.any():
-        return [], departure
-    piece, sizes = kernels.components(label, scene.links.graph, departure.node, label.size + 1)
-    large = (sizes >= config.min_traversable_voxels) | (np.arange(sizes.size) == 0)
-    piece[(piece >= 0) & ~large[piece]] = -1
-    if np.count_nonzero(large) < 2:
-        return [], departure
+        return []
+    piece, count = _pieces(scene, label, departure.node, config)
+    if count < 2:
+        return []
     drivable = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
     passable = narrow | (label == TerrainClass.TRAVERSABLE)
     surfaces = scene.surfaces
-    ground = Ground(
-        scene.columns.ny, surfaces.start, surfaces.column, surfaces.z, scene.links.graph, drivable, passable, piece.astype(np.int32)
-    )
+    ground = Ground(scene.columns.ny, surfaces.start, surfaces.column, surfaces.z, scene.links.graph, drivable, passable, piece)
     radii, unknown = passage_radii(config, limits), middles(edges[:, 0], edges[:, 1], scene.columns.ny)
     kept_off = KeptOff.of([*zip(barriers.in_voxels(), radii, strict=True), (unknown, radii.cliffs)])
-    found = find_passages(ground, kept_off, scene, config, limits)
-    return found, departure._replace(reached=connected_pieces(piece, found, departure.node))
+    return find_passages(ground, kept_off, scene, config, limits)
 
 
 def classify(
@@ -168,8 +182,10 @@ def classify(
     is_narrow = (narrow == TerrainClass.TRAVERSABLE) & (label == TerrainClass.INFLATION)
     edges = frontier_edges(scene, label, seen, radius_m, limits)
     before = departure_of(scene, label, start, config)
+    passages = _passages(scene, label, is_narrow, barriers, edges, before, config, limits)
+    passages, before = _over_passages(scene, label, passages, before, config)
     label, departure = off_doubtful_floor(scene, label, edges, start, before, config, limits)
-    passages, departure = _passages(scene, label, is_narrow, barriers, edges, departure, config, limits)
+    passages, departure = _over_passages(scene, label, passages, departure, config)
     if start is not None:
         ways = [way for p in passages for way in (p, p.turned()) if is_narrow[start] or way.is_along(yaw_of(T_map_base))]
         passages += [rest for way in ways if (rest := way.rest_from((robot[0], robot[1]), start))]

@@ -59,6 +59,18 @@ def test_door_is_open_where_the_robot_fits(columns: int, is_open: bool) -> None:
     assert bool(terrain.reached[terrain.surface_near((*BEHIND, 0.04))]) is is_open
 
 
+def test_unknown_floor_in_the_room_behind_a_door_is_a_question_there_too() -> None:
+    """Ground beside it is reached through the door, so that the robot will have a look: it is not kept off, as with the door closed."""
+    classes = []
+    for columns in (12, 7):
+        states = with_door(columns)
+        states[100:, 20:50] = UNKNOWN
+        terrain = terrain_of(states, BEFORE)
+        classes.append(TerrainClass(terrain.label[terrain.surface_near((97.5 * RESOLUTION, MIDDLE_Y * RESOLUTION, 0.04))]))
+        assert terrain.reached[terrain.frontiers()].any() == (columns == 12)
+    assert classes == [TerrainClass.TRAVERSABLE, TerrainClass.INFLATION]
+
+
 def test_classes_are_what_they_were_without_passages() -> None:
     states = with_door(11)
     off = terrain_of(states, BEFORE, narrow_radius_m=0.6, narrow_cliff_radius_m=0.6)
