@@ -100,7 +100,6 @@ class Limits(NamedTuple):
     max_step: float
     max_measured_step: float
     clearance: int
-    hole: int
     slope_reach: int
     max_slope: float
     max_fitted_slope: float
@@ -121,7 +120,6 @@ class Limits(NamedTuple):
             max_step=(config.max_step_m + 0.01) / resolution,
             max_measured_step=(config.max_step_m - config.step_margin_m) / resolution,
             clearance=math.ceil((config.robot_height_m + config.clearance_margin_m) / resolution - 1e-9),
-            hole=config.hole_bridge_voxels,
             slope_reach=max(2, round(slope_radius_m / resolution)),
             max_slope=math.tan(config.max_slope_rad),
             max_fitted_slope=math.tan(config.max_slope_rad - margin),

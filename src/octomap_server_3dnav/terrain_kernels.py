@@ -222,17 +222,6 @@ def _stands_around(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, 
 
 
 @njit(cache=True)
-def _stands_behind(columns: Any, surfaces: Any, label: Any, c: Any, stride: Any, level: Any, limits: Any) -> Any:
-    """Whether something stands behind a strip from column c on that is no wider than a hole that is bridged, and has no ground in it."""
-    for j in range(1, max(2, limits.hole)):
-        if _stands_around(columns, surfaces, label, c + j * stride, level, limits.step, limits.clearance):
-            return True
-        if find_node(surfaces.start, surfaces.z, c + j * stride, level, limits.step + 1) >= 0:
-            return False
-    return False
-
-
-@njit(cache=True)
 def obstacles_seen(columns: Any, surfaces: Any, links: Any, label: Any, seen: Any, limits: Any) -> Any:
     """(M, 4) int64 (column, voxel, level of the ground in front, voxel that stands or hangs in the way) of obstacles beside the
     traversable ground.
@@ -251,7 +240,7 @@ def obstacles_seen(columns: Any, surfaces: Any, links: Any, label: Any, seen: An
         for k in range(4):
             stride = DX[k] * columns.ny + DY[k]
             is_unknown = graph[s, k] < 0 and (seen[s, k] == SEES_UNKNOWN or seen[s, k] == SEES_EDGE)
-            if is_unknown and _stands_behind(columns, surfaces, label, column[s] + stride, stride, level, limits):
+            if is_unknown and _stands_around(columns, surfaces, label, column[s] + 2 * stride, level, step, clearance):
                 found.append((np.int64(column[s] + stride), level, level, np.int64(NO_VOXEL)))
                 seen[s, k] = SEES_OBSTACLE
             if near[s, k] >= 0:

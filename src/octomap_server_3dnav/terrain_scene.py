@@ -121,7 +121,7 @@ def _surfaces(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | 
     if heights is not None:
         ix, iy = np.divmod(surfaces.column, np.int32(columns.ny))
         surfaces = surfaces.at_heights(heights.at(ix + key[0], iy + key[1], surfaces.z))
-    return bridge_holes(columns, surfaces, limits.clearance, limits.hole, limits.step, limits.max_measured_step)
+    return bridge_holes(columns, surfaces, limits.clearance, config.hole_bridge_voxels, limits.step, limits.max_measured_step)
 
 
 def scene_around(

@@ -309,7 +309,7 @@ class Oracle:
         for s in self._of(TRAVERSABLE):
             for k in range(4):
                 is_unknown = self.edge(s, k) is None and self.beside(s, k) in ("unknown", "edge")
-                if is_unknown and self._stands_behind(moved(s[:2], SIDES[k]), SIDES[k], s.z):
+                if is_unknown and self._stands_around(moved(s[:2], SIDES[k], 2), s.z):
                     found.add((moved(s[:2], SIDES[k]), s.z, s.z))
                 if self.near(s, k) is None and (seen := self._obstacle_along(s, SIDES[k])) is not None:
                     found.add((*seen, s.z))
@@ -395,7 +395,7 @@ class Oracle:
         for s in [*self._of(TRAVERSABLE), *self._of(INFLATION)]:
             for k in range(4):
                 what, c = "" if self.edge(s, k) else self.beside(s, k), moved(s[:2], SIDES[k])
-                if what not in ("unknown", "edge") or self._stands_behind(c, SIDES[k], s.z):
+                if what not in ("unknown", "edge") or self._stands_around(moved(c, SIDES[k]), s.z):
                     continue
                 if not any(self.find(b, s.z, self.step + 1) in self.label for b in self._around(moved(c, SIDES[k]))):
                     levels = found.setdefault(c, {})
@@ -413,15 +413,6 @@ class Oracle:
 
     def _around(self, c: Column) -> list[Column]:
         return [moved(c, side) for side in ((0, 0), *SIDES)]
-
-    def _stands_behind(self, c: Column, way: Column, level: int) -> bool:
-        for j in range(1, max(2, self.limits.hole)):
-            beyond = moved(c, way, j)
-            if self._stands_around(beyond, level):
-                return True
-            if self.find(beyond, level, self.step + 1):
-                return False
-        return False
 
     def _stands_around(self, c: Column, level: int) -> bool:
         return any(self._stands_at(beside, level) for beside in self._around(c))
