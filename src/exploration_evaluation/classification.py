@@ -194,8 +194,8 @@ def _ground(mesh: tuple[Floats, Ints], robot: RobotShape, cell_m: float) -> tupl
     scene, grid = RayScene(*mesh), truth._grid_over(mesh[0], cell_m)
     surfaces = truth._surfaces(scene, grid, mesh, replace(robot, headroom_m=_CRAWL_M))
     free = truth._surfaces(scene, grid, mesh, robot)
-    nodes = truth._without_steep(grid, free, robot)
-    points, links = truth._ends_of_ground(scene, grid, nodes, robot)
+    nodes = truth._without_steep(free, robot)
+    points, links = truth._ends_of_ground(scene, grid, free, nodes, mesh, robot)
     kind = np.full(len(surfaces.column), _LOW, dtype=np.int8)
     kind[_among(surfaces.xyz, free.xyz)] = _STEEP
     kind[_among(surfaces.xyz, nodes.xyz)] = -1

@@ -12,7 +12,7 @@ of a solid is kept out by its side faces, which end all links to it.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -35,6 +35,7 @@ _SAME_SURFACE_M = 0.01
 _STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])  # +x, -x, +y, -y: opposite directions are neighbours
 _BODY_HEIGHTS = 5
 _HALF_WHEELBASE_M = 0.2
+_PARTS_OF_CELL = 10  # in which the end of the ground is looked for
 _START_SEARCH_M = 1.5
 
 
@@ -86,12 +87,17 @@ class _Grid:
 
 @dataclass(frozen=True)
 class _Nodes:
-    """Surfaces with headroom, ordered by column and height; `first[c]:first[c + 1]` are those of column c."""
+    """Surfaces with headroom, ordered by column and height; `first[c]:first[c + 1]` are those of column c.
+
+    slope is that of the triangle, steepness what the robot feels of it: over its wheelbase, or in itself and beside itself. A pebble's
+    flank, lower than a step, is steep in itself only.
+    """
 
     xyz: Floats
     column: Ints
     first: Ints
     slope: Floats
+    steepness: Floats
 
 
 def reachable_ground(
@@ -107,8 +113,9 @@ def reachable_ground(
     mesh = checked_mesh(vertices, triangles)
     scene = RayScene(*mesh)
     grid = _grid_over(mesh[0], cell_m)
-    nodes = _without_steep(grid, _surfaces(scene, grid, mesh, robot), robot)
-    ends, links = _ends_of_ground(scene, grid, nodes, robot)
+    surfaces = _surfaces(scene, grid, mesh, robot)
+    nodes = _without_steep(surfaces, robot)
+    ends, links = _ends_of_ground(scene, grid, surfaces, nodes, mesh, robot)
     barriers = np.vstack([ends, _thin_things(grid, nodes, mesh, robot)])
     level_m = robot.circumscribed_radius_m * math.tan(robot.max_slope_rad) + robot.max_step_m
     room = ~_near(grid, nodes, barriers, robot.circumscribed_radius_m - 1e-6, level_m)
@@ -131,35 +138,44 @@ def _grid_over(vertices: Floats, cell: float) -> _Grid:
 
 def _surfaces(scene: RayScene, grid: _Grid, mesh: tuple[Floats, Ints], robot: RobotShape) -> _Nodes:
     """All surfaces with headroom, steep ones too."""
-    column, z, triangle = _vertical_hits(scene, grid, float(mesh[0][:, 2].max()) + 1.0)
-    above_is_same_column = np.append(column[1:] == column[:-1], False)
-    gap = np.where(above_is_same_column, np.append(z[1:], np.inf) - z, np.inf)
+    column, z, triangle = _floors(scene, grid.centres(), mesh, robot)
+    xyz, slope = np.column_stack([grid.centres()[column], z]), _slopes(*mesh)[triangle]
+    surfaces = _Nodes(xyz, column, _first_of(column, grid.nx * grid.ny), slope, slope)
+    links = _links(grid, surfaces, robot.max_step_m)
+    beside, over_wheelbase = (_mean_slope(z, links, grid.cell, reach) for reach in (1, max(1, round(_HALF_WHEELBASE_M / grid.cell))))
+    return replace(surfaces, steepness=np.maximum(np.minimum(slope, beside), over_wheelbase))
+
+
+def _first_of(group: Ints, groups: int) -> Ints:
+    """(G + 1,) where each of the groups begins in their ascending numbers."""
+    return np.searchsorted(group, np.arange(groups + 1)).astype(np.int64)
+
+
+def _floors(scene: RayScene, places_xy: Floats, mesh: tuple[Floats, Ints], robot: RobotShape) -> tuple[Ints, Floats, Ints]:
+    """Place, height and triangle of every surface with headroom at (N, 2) places, ordered by place and height."""
+    place, z, triangle = _vertical_hits(scene, places_xy, float(mesh[0][:, 2].max()) + 1.0)
+    above_is_same_place = np.append(place[1:] == place[:-1], False)
+    gap = np.where(above_is_same_place, np.append(z[1:], np.inf) - z, np.inf)
     # Of faces that coincide (a box on a floor) the topmost stands for all.
     distinct = gap > _SAME_SURFACE_M
-    column, z, triangle, gap = column[distinct], z[distinct], triangle[distinct], gap[distinct]
+    place, z, triangle, gap = place[distinct], z[distinct], triangle[distinct], gap[distinct]
     floor = gap >= robot.headroom_m
-    column, z = column[floor], z[floor]
-    return _indexed(grid, np.column_stack([grid.centres()[column], z]), column, _slopes(*mesh)[triangle[floor]])
+    return place[floor], z[floor], triangle[floor]
 
 
-def _indexed(grid: _Grid, xyz: Floats, column: Ints, slope: Floats) -> _Nodes:
-    return _Nodes(xyz, column, np.searchsorted(column, np.arange(grid.nx * grid.ny + 1)).astype(np.int64), slope)
-
-
-def _vertical_hits(scene: RayScene, grid: _Grid, top_z: float) -> tuple[Ints, Floats, Ints]:
-    """Column, height and triangle of every crossing, ordered by column and height."""
-    centres = grid.centres()
-    columns, heights, triangles = [], [], []
-    for begin in range(0, len(centres), _RAYS_AT_ONCE):
-        xy = centres[begin : begin + _RAYS_AT_ONCE]
+def _vertical_hits(scene: RayScene, places_xy: Floats, top_z: float) -> tuple[Ints, Floats, Ints]:
+    """Place, height and triangle of every crossing, ordered by place and height."""
+    places, heights, triangles = [], [], []
+    for begin in range(0, len(places_xy), _RAYS_AT_ONCE):
+        xy = places_xy[begin : begin + _RAYS_AT_ONCE]
         down = np.tile([top_z, 0.0, 0.0, -1.0], (len(xy), 1))
         ray, depth, triangle = scene.crossings(np.column_stack([xy, down]))
-        columns.append(ray + begin)
+        places.append(ray + begin)
         heights.append(top_z - depth)
         triangles.append(triangle)
-    column, z = np.concatenate(columns), np.concatenate(heights)
-    order = np.lexsort((z, column))
-    return column[order], z[order], np.concatenate(triangles)[order]
+    place, z = np.concatenate(places), np.concatenate(heights)
+    order = np.lexsort((z, place))
+    return place[order], z[order], np.concatenate(triangles)[order]
 
 
 def _slopes(vertices: Floats, triangles: Ints) -> Floats:
@@ -181,15 +197,21 @@ def _links(grid: _Grid, nodes: _Nodes, max_step_m: float) -> Ints:
     links = np.full((len(nodes.column), 4), -1, dtype=np.int64)
     for direction in range(4):
         neighbour = _neighbour_columns(grid, nodes.column, direction)
-        begin, end = nodes.first[neighbour], np.where(neighbour < 0, 0, nodes.first[neighbour + 1])
-        best = np.full(len(links), max_step_m + 1e-4)
-        for layer in range(int(max(0, (end - begin).max(initial=0)))):
-            there = np.flatnonzero(begin + layer < end)
-            step = np.abs(nodes.xyz[begin[there] + layer, 2] - nodes.xyz[there, 2])
-            nearer = step < best[there]
-            best[there[nearer]] = step[nearer]
-            links[there[nearer], direction] = begin[there[nearer]] + layer
+        links[:, direction] = _nearest_in_height(nodes.first, nodes.xyz[:, 2], neighbour, nodes.xyz[:, 2], max_step_m)
     return links
+
+
+def _nearest_in_height(first: Ints, z: Floats, group: Ints, level: Floats, reach_m: float) -> Ints:
+    """(N,) index of the z of each of (N,) groups, -1 for none, that is nearest to a level, -1 where all are farther than the reach."""
+    begin, end = first[group], np.where(group < 0, 0, first[group + 1])
+    nearest, best = np.full(len(group), -1, dtype=np.int64), np.full(len(group), reach_m + 1e-4)
+    for layer in range(int(max(0, (end - begin).max(initial=0)))):
+        there = np.flatnonzero(begin + layer < end)
+        step = np.abs(z[begin[there] + layer] - level[there])
+        nearer = step < best[there]
+        best[there[nearer]] = step[nearer]
+        nearest[there[nearer]] = begin[there[nearer]] + layer
+    return nearest
 
 
 def _mean_slope(z: Floats, links: Ints, cell: float, reach: int) -> Floats:
@@ -208,37 +230,77 @@ def _mean_slope(z: Floats, links: Ints, cell: float, reach: int) -> Floats:
     return np.asarray(np.arctan(np.hypot(gradient[0], gradient[1])))
 
 
-def _without_steep(grid: _Grid, surfaces: _Nodes, robot: RobotShape) -> _Nodes:
-    """The ground that is left: not steep over a wheelbase, nor in itself and beside itself.
-
-    A pebble's flank, lower than a step, is steep in itself only and stays.
-    """
-    limit = robot.max_slope_rad + 1e-3
-    z, links = surfaces.xyz[:, 2], _links(grid, surfaces, robot.max_step_m)
-    steep = (surfaces.slope > limit) & (_mean_slope(z, links, grid.cell, 1) > limit)
-    steep |= _mean_slope(z, links, grid.cell, max(1, round(_HALF_WHEELBASE_M / grid.cell))) > limit
-    return _indexed(grid, surfaces.xyz[~steep], surfaces.column[~steep], surfaces.slope[~steep])
+def _steepest(robot: RobotShape) -> float:
+    return robot.max_slope_rad + 1e-3
 
 
-def _ends_of_ground(scene: RayScene, grid: _Grid, nodes: _Nodes, robot: RobotShape) -> tuple[Floats, Ints]:
+def _without_steep(surfaces: _Nodes, robot: RobotShape) -> _Nodes:
+    """The ground that is left."""
+    kept = surfaces.steepness <= _steepest(robot)
+    column = surfaces.column[kept]
+    first = _first_of(column, len(surfaces.first) - 1)
+    return _Nodes(surfaces.xyz[kept], column, first, surfaces.slope[kept], surfaces.steepness[kept])
+
+
+def _ends_of_ground(
+    scene: RayScene, grid: _Grid, surfaces: _Nodes, nodes: _Nodes, mesh: tuple[Floats, Ints], robot: RobotShape
+) -> tuple[Floats, Ints]:
     """(B, 3) points, at their node's height, where ground ends or something stands on it; and the (M, 4) links that are left.
 
-    Short horizontal rays at several heights of the body find things between the columns, and find them exactly;
-    where nothing stands (a drop, or a slope too steep) the ground ends half way.
+    Short horizontal rays at several heights of the body find things between the columns, and find them exactly; `_ends_between` finds
+    where it ends that nothing stands on.
     """
     links = _links(grid, nodes, robot.max_step_m)
     points, kept = [], links.copy()
     for direction in range(4):
+        step = _STEPS[direction] * grid.cell
         linked = links[:, direction] >= 0
         rise = np.where(linked, nodes.xyz[links[:, direction], 2] - nodes.xyz[:, 2], 0.0)
-        free = _free_fraction(scene, nodes.xyz, np.column_stack([np.tile(_STEPS[direction] * grid.cell, (len(rise), 1)), rise]), robot)
+        free = _free_fraction(scene, nodes.xyz, np.column_stack([np.tile(step, (len(rise), 1)), rise]), robot)
         ended = ~linked | (free <= 1.0)
         kept[ended, direction] = -1
-        share = np.where(free <= 1.0, free, 0.5)[ended]
+        share = free[ended]
+        open_ends = np.flatnonzero(ended)[share > 1.0]
+        share[share > 1.0] = _ends_between(scene, grid, surfaces, nodes, open_ends, direction, mesh, robot)
         end = nodes.xyz[ended].copy()
-        end[:, :2] += share[:, None] * _STEPS[direction] * grid.cell
+        end[:, :2] += share[:, None] * step
         points.append(end)
     return np.vstack(points), kept
+
+
+def _ends_between(
+    scene: RayScene, grid: _Grid, surfaces: _Nodes, nodes: _Nodes, node: Ints, direction: int, mesh: tuple[Floats, Ints], robot: RobotShape
+) -> Floats:
+    """(N,) at which part of the way to the next column the ground of each node ends, as a drop, below a ceiling or as too steep a slope.
+
+    What is too steep begins where the steepness between both columns would be at its limit. Drops and ceilings are looked for by vertical
+    rays between the columns.
+    """
+    z = nodes.xyz[node, 2]
+    beyond = _nearest_in_height(surfaces.first, surfaces.xyz[:, 2], _neighbour_columns(grid, nodes.column[node], direction), z, grid.cell)
+    here, there = nodes.steepness[node], np.where(beyond >= 0, surfaces.steepness[beyond], 0.0)
+    is_steep = there > _steepest(robot)
+    share = (_steepest(robot) - here) / np.where(is_steep, there - here, 1.0)
+    others = np.flatnonzero(~is_steep)
+    share[others] = _last_floor(scene, nodes.xyz[node[others]], _STEPS[direction] * grid.cell, mesh, robot)
+    return share
+
+
+def _last_floor(scene: RayScene, ground: Floats, step_xy: Floats, mesh: tuple[Floats, Ints], robot: RobotShape) -> Floats:
+    """(N,) part of a step from (N, 3) points of the ground over which there is floor with headroom; half where that goes on all the way."""
+    if not len(ground):
+        return np.zeros(0)
+    shares = np.arange(1, _PARTS_OF_CELL + 1) / _PARTS_OF_CELL
+    places = ground[:, None, :2] + shares[None, :, None] * step_xy
+    place, floors, _ = _floors(scene, places.reshape(-1, 2), mesh, robot)
+    first = _first_of(place, len(ground) * len(shares))
+    level, left, end = ground[:, 2].copy(), np.arange(len(ground)), np.full(len(ground), 0.5)
+    for part, share in enumerate(shares):
+        floor = _nearest_in_height(first, floors, left * len(shares) + part, level[left], robot.max_step_m)
+        end[left[floor < 0]] = share - 0.5 / _PARTS_OF_CELL
+        left, floor = left[floor >= 0], floor[floor >= 0]
+        level[left] = floors[floor]
+    return end
 
 
 def _free_fraction(scene: RayScene, ground: Floats, steps: Floats, robot: RobotShape) -> Floats:

@@ -153,3 +153,30 @@ def test_wrong_voxels_and_labels_are_refused() -> None:
         classification(true, floor(), np.zeros(1600), ClassificationConfig(edge_m=-1.0))
     with pytest.raises(ValueError, match="belong together"):
         true_classes(*room(8, 8), reachable_ground(*plate(20, 20, 24, 24), (22, 22, 0.132)))
+
+
+ODD_PLACES = (4.0, 4.02, 4.05, 4.07, 4.093)
+
+
+def end_of_ground_along_x(mesh: Mesh) -> float:
+    """Where the ground ends amid the width of a world that is 4 m wide."""
+    x, y, _ = true_classes(*mesh, reachable_ground(*mesh, START)).barriers.T
+    return float(x[(abs(y - 2.0) < 1.0) & (x > 3.0)].min())
+
+
+@pytest.mark.parametrize("edge_x", ODD_PLACES)
+def test_cliff_is_where_the_floor_ends_not_where_cells_do(edge_x: float) -> None:
+    assert end_of_ground_along_x(plate(0, 0, edge_x, 4)) == pytest.approx(edge_x, abs=0.006)
+
+
+@pytest.mark.parametrize("edge_x", ODD_PLACES)
+def test_low_ceiling_begins_where_it_hangs_not_where_cells_do(edge_x: float) -> None:
+    assert end_of_ground_along_x(join(room(8, 4), plate(edge_x, 0, 8, 4, 0.9))) == pytest.approx(edge_x, abs=0.006)
+
+
+@pytest.mark.parametrize("steep_x", ODD_PLACES)
+def test_ground_that_grows_steeper_ends_where_it_is_too_steep(steep_x: float) -> None:
+    x = np.arange(0.0, 7.001, 0.02)
+    z = np.maximum(0.0, x - 2.0) ** 2 * math.tan(math.radians(25)) / (2 * (steep_x - 2.0))
+    hill = join(*(ramp(a, 0, b, 4, low, high) for a, b, low, high in zip(x[:-1], x[1:], z[:-1], z[1:], strict=True)))
+    assert end_of_ground_along_x(hill) == pytest.approx(steep_x, abs=0.015)
