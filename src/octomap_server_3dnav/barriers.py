@@ -23,6 +23,8 @@ Ints = NDArray[np.int64]
 _BITS = 16  # of a level
 _LOWEST = -(2 ** (_BITS - 1))
 _RIM = 0.5  # voxels from the middle of a column to its rim
+_AT_RIM = 0.4  # where the hits at the rim of a voxel begin
+_SPILLING = 3.0  # times as many hits in the voxel beside
 
 
 class Radii(NamedTuple):
@@ -39,10 +41,6 @@ class Barriers(NamedTuple):
     obstacles: Floats
     steep: Floats
     cliffs: Floats
-
-    def in_voxels(self) -> "Barriers":
-        """The same with obstacles in the middle of their columns, where the local costmap has them."""
-        return self._replace(obstacles=np.column_stack([np.floor(self.obstacles[:, :2]) + 0.5, self.obstacles[:, 2]]))
 
 
 def _unique(column: Ints, *numbers: Ints) -> list[Ints]:
@@ -73,25 +71,56 @@ def _rims(places: Floats, direction: Ints) -> Floats:
     return np.asarray(places - 0.99 * _RIM * back)
 
 
+def _places(heights: SurfaceHeights, scene: Scene, column: Ints, voxel: Ints) -> NDArray[np.float32]:
+    """(M, 3) how many beams ended in these voxels, and where, from the middle of their columns; there where none did."""
+    ny = scene.columns.ny
+    found = heights.places(column // ny + scene.key[0], column % ny + scene.key[1], voxel)
+    return np.asarray(np.nan_to_num(found, nan=0.0))
+
+
+def _from_middles(heights: SurfaceHeights, scene: Scene, column: Ints, voxel: Ints) -> NDArray[np.float32]:
+    """(M, 2) where the things in these voxels are, from the middle of their columns.
+
+    What sticks a centimetre into a voxel, beside one that far more beams met, are the beams that ended too soon: it is where those of both
+    ended on average.
+    """
+    found, ahead = _places(heights, scene, column, voxel), np.stack([DX, DY], axis=1).astype(np.float32)
+    count, offset = found[:, :1], found[:, 1:]
+    at_rim, k = np.nonzero(offset @ ahead.T > _AT_RIM)
+    beyond = _places(heights, scene, column[at_rim] + DX[k] * scene.columns.ny + DY[k], voxel[at_rim])
+    many = beyond[:, :1]
+    mean = offset[at_rim] + many / (many + count[at_rim]) * (beyond[:, 1:] + ahead[k] - offset[at_rim])
+    spilling = np.flatnonzero(many >= _SPILLING * count[at_rim])
+    spilling = spilling[np.argsort(many[spilling, 0], kind="stable")]  # of two the one with more hits is written last
+    offset[at_rim[spilling]] = mean[spilling]
+    return offset
+
+
 def barriers_of(
     scene: Scene, label: NDArray[np.uint8], obstacles: Ints, steps: Ints, cliff: Ints, heights: SurfaceHeights | None
-) -> Barriers:
-    """The places of all barriers: of `obstacles` and `steps` as `terrain_kernels.obstacles_seen` and `mark_steps` give them, of the nodes
-    that are obstacles, and of `cliff` nodes, some of which may be obstacles to the ground below.
+) -> tuple[Barriers, Barriers]:
+    """The places of all barriers as they were measured, and in voxels, where the local costmap has them: of `obstacles` and `steps` as
+    `terrain_kernels.obstacles_seen` and `mark_steps` give them, of the nodes that are obstacles, and of `cliff` nodes, some of which may be
+    obstacles to the ground below.
 
-    Obstacles are where beams ended in the lowest voxel that is in the way, those that nobody has hit in the middle of their column.
-    Measured steps begin where their column does.
+    Obstacles are where beams ended in the lowest voxel that is in the way, cliffs where they ended in theirs, and those that nobody has hit
+    in the middle of their column. Measured steps begin where their column does.
     """
-    column, z, ny = scene.surfaces.column, scene.surfaces.z, scene.columns.ny
-    steep = np.flatnonzero(label == TerrainClass.OBSTACLE)
-    at, level, voxel = _unique(obstacles[:, 0], obstacles[:, 2], obstacles[:, 3])
-    places = middles(at, level, ny)
+    column, z, ny = scene.surfaces.column, scene.surfaces.z.astype(np.int64), scene.columns.ny
+    steep, rise = np.flatnonzero(label == TerrainClass.OBSTACLE), steps[:0]
     if heights is not None:
-        offset = heights.at(at // ny + scene.key[0], at % ny + scene.key[1], voxel)[:, 2:]
-        places[:, :2] += np.nan_to_num(offset, nan=0.0)
-        steep = np.setdiff1d(steep, steps[:, 0])
-        places = np.concatenate([places, _rims(middles(column[steps[:, 0]], z[steps[:, 0]], ny), steps[:, 1])])
-    return Barriers(places, middles(column[steep], z[steep], ny), middles(column[cliff], z[cliff], ny))
+        steep, rise = np.setdiff1d(steep, steps[:, 0]), steps
+    at, level, voxel = _unique(obstacles[:, 0], obstacles[:, 2], obstacles[:, 3])
+    stand, too_steep, too_high, cliffs = (
+        middles(columns, levels, ny)
+        for columns, levels in ((at, level), (column[steep], z[steep]), (column[rise[:, 0]], z[rise[:, 0]]), (column[cliff], z[cliff]))
+    )
+    in_voxels = Barriers(np.concatenate([stand, too_high]), too_steep, cliffs.copy())
+    if heights is None:
+        return in_voxels, in_voxels
+    stand[:, :2] += _from_middles(heights, scene, at, voxel)
+    cliffs[:, :2] += _places(heights, scene, column[cliff].astype(np.int64), z[cliff])[:, 1:]
+    return Barriers(np.concatenate([stand, _rims(too_high, rise[:, 1])]), too_steep, cliffs), in_voxels
 
 
 def turning_radii(config: TerrainConfig, limits: Limits) -> Radii:
@@ -99,7 +128,7 @@ def turning_radii(config: TerrainConfig, limits: Limits) -> Radii:
     near, cliff = config.inflation_radius_m / limits.resolution, config.cliff_inflation_radius_m / limits.resolution
     if config.inflation_shape == "square":
         return Radii(*(math.floor(radius + 1e-9) for radius in (near, near, cliff)))
-    return Radii(near + limits.hit_margin, near + _RIM + limits.hit_margin, cliff)
+    return Radii(near + limits.hit_margin, near + _RIM + limits.hit_margin, cliff + limits.hit_margin)
 
 
 def passage_radii(config: TerrainConfig, limits: Limits) -> Radii:

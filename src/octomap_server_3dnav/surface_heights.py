@@ -115,6 +115,21 @@ def _heights(key: Any, total: Any, count: Any, wanted: Any, z: Any, out: Any) ->
             out[i, 2], out[i, 3] = x / (_FINE * hits) - 0.5, y / (_FINE * hits) - 0.5
 
 
+@njit(cache=True)
+def _places(key: Any, total: Any, count: Any, wanted: Any, out: Any) -> None:
+    """Writes of the voxels with the `wanted` keys into `out` (N, 3): the number of hits, and their place along x and y."""
+    place = 0
+    for i in range(wanted.size):
+        if i and wanted[i] < wanted[i - 1]:
+            place = 0
+        if place < key.size and key[place] < wanted[i]:
+            place = _place_from(key, wanted[i], place)
+        if place < key.size and key[place] == wanted[i]:
+            out[i, 0] = count[place]
+            for axis in range(2):
+                out[i, axis + 1] = total[place, axis] / (_FINE * count[place]) - 0.5
+
+
 class SurfaceHeights:
     """The hits of all sweeps of a map, by voxel.
 
@@ -161,11 +176,23 @@ class SurfaceHeights:
         """
         wanted, levels = _keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64)), z.astype(np.int64)
         out = np.full((wanted.size, 4), np.nan, dtype=np.float32)
-        for number, part in _stretches(wanted >> _SLAB_BITS):
-            slab = self._slabs.get(number)
-            if slab is not None:
-                _heights(slab.key, slab.total, slab.count, wanted[part], levels[part], out[part])
+        for slab, part in self._slabs_of(wanted):
+            _heights(slab.key, slab.total, slab.count, wanted[part], levels[part], out[part])
         return out
+
+    def places(self, x: NDArray[np.integer], y: NDArray[np.integer], z: NDArray[np.integer]) -> NDArray[np.float32]:
+        """(N, 3) how many beams ended in the voxels (N,) of index x, y, z, and how far along x and y from their middle, NaN where none."""
+        wanted = _keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64))
+        out = np.full((wanted.size, 3), np.nan, dtype=np.float32)
+        out[:, 0] = 0.0
+        for slab, part in self._slabs_of(wanted):
+            _places(slab.key, slab.total, slab.count, wanted[part], out[part])
+        return out
+
+    def _slabs_of(self, wanted: NDArray[np.int64]) -> Iterator[tuple[HitHeights, slice]]:
+        for number, part in _stretches(wanted >> _SLAB_BITS):
+            if number in self._slabs:
+                yield self._slabs[number], part
 
 
 def _stretches(numbers: NDArray[np.int64]) -> Iterator[tuple[int, slice]]:

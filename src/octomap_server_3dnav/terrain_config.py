@@ -43,7 +43,11 @@ class TerrainConfig:
     inflation_radius_m: float = parameter(0.60, "m", "distance kept from obstacles by the robot's centre", low=0.0, high=3.0)
     cliff_inflation_radius_m: float = parameter(0.60, "m", "distance kept from cliffs by the robot's centre", low=0.0, high=3.0)
     hit_margin_m: float = parameter(
-        0.02, "m", "kept from obstacles beside their radius where it is measured where they were hit: beams err", low=0.0, high=0.5
+        0.02,
+        "m",
+        "kept from obstacles and cliffs beside their radius where it is measured where they were hit: beams err",
+        low=0.0,
+        high=0.5,
     )
     narrow_radius_m: float = parameter(
         0.385,

@@ -56,6 +56,14 @@ def test_voxel_without_a_hit_has_no_height():
     assert np.isnan(heights.at(*voxels((0, 0, 0), (0, 1, 1), (99, 99, 99)))).all()
 
 
+def test_places_are_those_of_the_hits_in_the_voxel_alone():
+    heights = SurfaceHeights(0.5)
+    heights.add(HitHeights.of(np.array([[0.1, 0.1, 0.75], [0.2, 0.3, 0.875], [0.4, 0.4, 0.25]]), 0.5))
+    (two, x, y), none = heights.places(*voxels((0, 0, 1), (0, 1, 1)))
+    assert (two, x, y) == pytest.approx((2, -0.2, -0.1), abs=2e-3)
+    assert none[0] == 0 and np.isnan(none[1:]).all()
+
+
 def test_points_that_are_none_or_out_of_range_are_left_out():
     assert HitHeights.of(np.array([[np.nan, 0.0, 0.0], [1e9, 0.0, 0.0], [0.0, -np.inf, 0.0]]), 0.1).key.size == 0
 
@@ -113,6 +121,38 @@ def test_edge_is_a_cliff_to_the_ground_above_and_a_step_to_that_below():
     )
     kept = [label_at(terrain, (column + 0.5) * RESOLUTION, 0.6, 0.005 if column < 40 else 0.155) for column in (31, 32, 40, 47, 48)]
     assert kept == [TRAVERSABLE, INFLATION, OBSTACLE, INFLATION, TRAVERSABLE]
+
+
+def points(x, z):
+    """Beams that ended every 2 cm along y, at some x and z."""
+    y = np.arange(0.01, 60 * RESOLUTION, 0.02)
+    return np.column_stack([np.repeat(x, y.size), np.tile(y, len(x)), np.repeat(z, y.size)])
+
+
+def labels_before(height, hits_map, columns):
+    """Labels amid the world of columns before something at column 40, whose voxels and hits do not tell the same."""
+    heights = SurfaceHeights(RESOLUTION)
+    heights.add(HitHeights.of(hits_map, RESOLUTION))
+    terrain = classify(runs_of(grid_of_heights(height, 80, 60)), pose(1.2, 2.4), TerrainConfig(), None, heights)
+    return [label_at(terrain, (column + 0.5) * RESOLUTION, 2.4, 0.005) for column in columns]
+
+
+@pytest.mark.parametrize("part_of_column, first_inflated", [(0.2, 32), (0.5, 32), (1.0, 33)])
+def test_cliff_is_where_its_voxel_was_hit(part_of_column, first_inflated):
+    edge = (40 + part_of_column) * RESOLUTION
+    floor = np.arange(0.005, edge, 0.005)
+    found = labels_before(
+        lambda x, y: np.where(x < 41 * RESOLUTION, 0.005, -0.4) + 0 * y, points(floor, np.full(floor.size, 0.005)), range(30, 36)
+    )
+    assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
+
+
+@pytest.mark.parametrize("astray, met, first_inflated", [(1, 20, 34), (20, 20, 33)])
+def test_thing_is_where_most_beams_met_it_not_where_a_few_ended_before_it(astray, met, first_inflated):
+    """It begins in the middle of column 41; some beams ended at the far rim of column 40."""
+    beams = points(np.repeat([40.95, 41.5], [astray, met]) * RESOLUTION, np.full(astray + met, 0.6))
+    found = labels_before(lambda x, y: np.where(x < 40 * RESOLUTION, 0.005, 0.6) + 0 * y, beams, range(30, 36))
+    assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
 
 
 def test_kerb_is_judged_by_its_voxels_where_the_thesis_does():
