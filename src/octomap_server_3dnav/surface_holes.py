@@ -92,9 +92,10 @@ def _bridges(columns: Any, surfaces: Any, limits: Any) -> Any:
             ix, iy = c // ny, c % ny
             room = min(hole + 1, (nx - ix - 4 if k == 0 else ny - iy - 4)) if ix >= 3 and iy >= 3 else 0
             for gap in range(2, room + 1):
-                b = find_node(start, z, c + gap * stride, z_a, 2)
+                b = find_node(start, z, c + gap * stride, z_a, max(step, 2))
                 if (
                     b >= 0
+                    and abs(np.int64(z[b]) - z_a) <= 2
                     and _is_one_floor(surfaces, a, b, gap, c - 3 * stride, c + (gap + 3) * stride, step, max_step)
                     and _spans(columns, start, z, a, b, c, stride, gap, step, clearance, drop)
                     and not (_is_alone(surfaces, a, ny, step) or _is_alone(surfaces, b, ny, step))
@@ -102,7 +103,7 @@ def _bridges(columns: Any, surfaces: Any, limits: Any) -> Any:
                     for j in range(1, gap):
                         between = _level_between(z, a, b, j, gap)
                         found.append((float(c + j * stride), float(between), float(gap), float(a), float(b), j / gap))
-                if find_node(start, z, c + gap * stride, z_a, step) >= 0:
+                if b >= 0 and abs(np.int64(z[b]) - z_a) <= step:
                     break
     out = np.empty((len(found), 6))
     for i in range(len(found)):
@@ -124,43 +125,43 @@ def _one_per_hole(found: NDArray[np.float64], step: int) -> NDArray[np.float64]:
 
 
 @njit(cache=True)
-def _merged(surfaces: Any, hole_column: Any, hole_z: Any) -> Any:
-    """(N + H,) index of every surface and sorted hole in the order of both: surfaces count from 0, holes from N; and start per column."""
-    start, z = surfaces.start, surfaces.z
-    order, out_start = np.empty(z.size + hole_z.size, np.int64), np.empty_like(start)
+def _on_line(known: Any, a: Any, b: Any, share: Any) -> Any:
+    """The value on a line from node a to node b, after a share of the way."""
+    return known[a] + share * (known[b] - known[a])
+
+
+@njit(cache=True)
+def _with_holes(surfaces: Any, found: Any) -> Any:
+    """The fields of `Surfaces` with the (H, 6) sorted holes among them."""
+    old_start, old_column, old_z, old_bridged, old_level, old_slope_level, old_offset, old_measured = surfaces
+    size = old_z.size + found.shape[0]
+    start, column, z, bridged = np.empty_like(old_start), np.empty(size, np.int32), np.empty(size, np.int16), np.zeros(size, np.bool_)
+    level, slope_level = np.empty(size, np.float32), np.empty(size, np.float32)
+    offset, measured = np.zeros((size, 2), np.float32), np.zeros(size, np.bool_)
     s, h = 0, 0
-    for c in range(start.size - 1):
-        out_start[c] = s + h
-        while s < start[c + 1] or (h < hole_z.size and hole_column[h] == c):
-            is_hole = h < hole_z.size and hole_column[h] == c and (s == start[c + 1] or hole_z[h] < z[s])
-            order[s + h] = z.size + h if is_hole else s
-            h, s = (h + 1, s) if is_hole else (h, s + 1)
-    out_start[-1] = order.size
-    return order, out_start
+    for c in range(old_start.size - 1):
+        start[c] = s + h
+        while s < old_start[c + 1] or (h < found.shape[0] and found[h, 0] == c):
+            n = s + h
+            column[n] = c
+            if h == found.shape[0] or found[h, 0] != c or (s < old_start[c + 1] and found[h, 1] >= old_z[s]):
+                z[n], bridged[n], level[n], slope_level[n] = old_z[s], old_bridged[s], old_level[s], old_slope_level[s]
+                offset[n, 0], offset[n, 1], measured[n] = old_offset[s, 0], old_offset[s, 1], old_measured[s]
+                s += 1
+                continue
+            a, b, share = int(found[h, 3]), int(found[h, 4]), found[h, 5]
+            z[n], bridged[n], measured[n] = found[h, 1], True, old_measured[a] and old_measured[b]
+            level[n] = slope_level[n] = found[h, 1] + 0.5
+            if measured[n]:
+                level[n], slope_level[n] = _on_line(old_level, a, b, share), _on_line(old_slope_level, a, b, share)
+                for axis in range(2):
+                    offset[n, axis] = _on_line(old_offset[:, axis], a, b, share)
+            h += 1
+    start[-1] = size
+    return start, column, z, bridged, level, slope_level, offset, measured
 
 
 def bridge_holes(columns: Columns, surfaces: Surfaces, clearance: int, hole: int, step: int, max_measured_step: float) -> Surfaces:
     """The surfaces and virtual ones over holes of at most `hole` unknown columns, as high as a straight line over the hole is."""
     found = _bridges(columns, surfaces, (hole, step, clearance, step + 1, max_measured_step))
-    if not len(found):
-        return surfaces
-    found = _one_per_hole(found, step)
-    share = found[:, 5]
-    column, z, _, a, b = (part.astype(np.int64) for part in found[:, :5].T)
-    order, start = _merged(surfaces, column, z)
-    measured = surfaces.measured[a] & surfaces.measured[b]
-
-    def with_holes(known: NDArray[np.float32], unknown: NDArray[np.float64]) -> NDArray[np.float32]:
-        between = known[a] + share * (known[b] - known[a])
-        return np.asarray(np.concatenate([known, np.where(measured, between, unknown)], dtype=np.float32)[order])
-
-    return Surfaces(
-        start,
-        np.concatenate([surfaces.column, column.astype(np.int32)])[order],
-        np.concatenate([surfaces.z, z.astype(np.int16)])[order],
-        np.concatenate([surfaces.bridged, np.ones(z.size, dtype=bool)])[order],
-        with_holes(surfaces.level, z + 0.5),
-        with_holes(surfaces.slope_level, z + 0.5),
-        np.stack([with_holes(surfaces.offset[:, i], np.zeros(z.size)) for i in (0, 1)], axis=1),
-        np.concatenate([surfaces.measured, measured])[order],
-    )
+    return Surfaces(*_with_holes(surfaces, _one_per_hole(found, step))) if len(found) else surfaces
