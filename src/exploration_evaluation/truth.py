@@ -12,7 +12,7 @@ of a solid is kept out by its side faces, which end all links to it.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -139,11 +139,11 @@ def _grid_over(vertices: Floats, cell: float) -> _Grid:
 def _surfaces(scene: RayScene, grid: _Grid, mesh: tuple[Floats, Ints], robot: RobotShape) -> _Nodes:
     """All surfaces with headroom, steep ones too."""
     column, z, triangle = _floors(scene, grid.centres(), mesh, robot)
-    xyz, slope = np.column_stack([grid.centres()[column], z]), _slopes(*mesh)[triangle]
-    surfaces = _Nodes(xyz, column, _first_of(column, grid.nx * grid.ny), slope, slope)
-    links = _links(grid, surfaces, robot.max_step_m)
+    first, slope = _first_of(column, grid.nx * grid.ny), _slopes(*mesh)[triangle]
+    links = _links(grid, column, first, z, robot.max_step_m)
     beside, over_wheelbase = (_mean_slope(z, links, grid.cell, reach) for reach in (1, max(1, round(_HALF_WHEELBASE_M / grid.cell))))
-    return replace(surfaces, steepness=np.maximum(np.minimum(slope, beside), over_wheelbase))
+    steepness = np.maximum(np.minimum(slope, beside), over_wheelbase)
+    return _Nodes(np.column_stack([grid.centres()[column], z]), column, first, slope, steepness)
 
 
 def _first_of(group: Ints, groups: int) -> Ints:
@@ -192,13 +192,10 @@ def _neighbour_columns(grid: _Grid, column: Ints, direction: int) -> Ints:
     return np.where(inside, i * grid.ny + j, -1)
 
 
-def _links(grid: _Grid, nodes: _Nodes, max_step_m: float) -> Ints:
-    """(M, 4) the node nearest in height in each neighbouring column, -1 where the step is too high."""
-    links = np.full((len(nodes.column), 4), -1, dtype=np.int64)
-    for direction in range(4):
-        neighbour = _neighbour_columns(grid, nodes.column, direction)
-        links[:, direction] = _nearest_in_height(nodes.first, nodes.xyz[:, 2], neighbour, nodes.xyz[:, 2], max_step_m)
-    return links
+def _links(grid: _Grid, column: Ints, first: Ints, z: Floats, max_step_m: float) -> Ints:
+    """(M, 4) the surface nearest in height in each neighbouring column, -1 where the step is too high."""
+    beside = (_neighbour_columns(grid, column, direction) for direction in range(4))
+    return np.stack([_nearest_in_height(first, z, neighbour, z, max_step_m) for neighbour in beside], axis=1)
 
 
 def _nearest_in_height(first: Ints, z: Floats, group: Ints, level: Floats, reach_m: float) -> Ints:
@@ -250,7 +247,7 @@ def _ends_of_ground(
     Short horizontal rays at several heights of the body find things between the columns, and find them exactly; `_ends_between` finds
     where it ends that nothing stands on.
     """
-    links = _links(grid, nodes, robot.max_step_m)
+    links = _links(grid, nodes.column, nodes.first, nodes.xyz[:, 2], robot.max_step_m)
     points, kept = [], links.copy()
     for direction in range(4):
         step = _STEPS[direction] * grid.cell

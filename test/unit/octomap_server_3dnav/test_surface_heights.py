@@ -115,7 +115,7 @@ def test_sill_is_a_step_however_narrow(rise, drivable):
 
 
 def test_edge_is_a_cliff_to_the_ground_above_and_a_step_to_that_below():
-    """Both within one flood, as a ramp beside it leads up; above the way is kept from the cliff's middle, below from the step's rim."""
+    """Both within one flood, as a ramp beside it leads up; above the way is kept from where it was hit, below from its rim."""
     terrain = measured(
         lambda x, y: 0.005 + np.where(y > 3.2, np.clip(0.25 * (x - 1.6), 0.0, 0.15), np.where(x < 3.2, 0.0, 0.15)), pose(1.0, 1.2), ny=80
     )
