@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from evaluation_campaign.plan import Campaign, CampaignProblem, Limits, RunSpec, open_campaign, parse_seeds
-from explore_command.arguments import NAMED_WORLDS
+from explore_command.arguments import NAMED_WORLDS, SENSORS
 from explore_command.parameters import override_problems, read_profile
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -32,6 +32,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--profile", default="ours", metavar="P,P", help="profiles of parameters: ours, nearest, thesis, or YAML FILEs; default ours"
     )
+    p.add_argument("--sensor", choices=SENSORS, default=SENSORS[0], help="the sensor of all runs; default %(default)s")
     p.add_argument(
         "--jobs", type=int, default=max(1, (os.cpu_count() or 2) // 2), metavar="N", help="runs at a time; default: half the cores"
     )
@@ -56,7 +57,7 @@ def parse(arguments: list[str] | None = None) -> tuple[Campaign, argparse.Namesp
     if len({Path(profile).stem for profile in profiles}) < len(profiles):
         raise CampaignProblem(f"--profile {a.profile}: two of these have the same name, after which the folders of their runs are called")
     worlds = tuple(w if w in NAMED_WORLDS else str(Path(w).absolute()) for w in worlds)
-    return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, Limits(a.max_sim_time, a.max_wall_time)), a
+    return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, a.sensor, Limits(a.max_sim_time, a.max_wall_time)), a
 
 
 def _check_world(world: str) -> None:

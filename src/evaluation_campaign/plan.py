@@ -15,8 +15,9 @@ from exploration_evaluation import read_json, write_json
 
 FORMAT = 1
 CAMPAIGN_FILE, OUTCOME_FILE = "campaign.json", "outcome.json"
-_IDENTITY = ("format", "worlds", "seeds", "profiles", "limits")
+_IDENTITY = ("format", "worlds", "seeds", "profiles", "sensor", "limits")
 _EXTENSIBLE = ("worlds", "seeds", "profiles")
+_SINCE_FORMAT_1 = {"sensor": "tilting"}  # what campaigns had that do not say it
 
 
 class CampaignProblem(ValueError):
@@ -53,6 +54,7 @@ class Campaign:
     worlds: tuple[str, ...]
     seeds: tuple[int, ...]
     profiles: tuple[str, ...]
+    sensor: str
     limits: Limits
 
     @property
@@ -130,7 +132,7 @@ def _identity(campaign: Campaign) -> dict[str, Any]:
 def _check_extends(campaign: Campaign, found: Mapping[str, Any]) -> None:
     asked = _identity(campaign)
     for key in _IDENTITY:
-        was, now = found.get(key), asked[key]
+        was, now = found.get(key, _SINCE_FORMAT_1.get(key)), asked[key]
         if was != now and not (key in _EXTENSIBLE and isinstance(was, list) and set(was) <= set(now)):
             raise CampaignProblem(
                 f"--out {campaign.out}: holds another campaign, of {key} {_shown(was)}, not {_shown(now)}; choose another folder"

@@ -32,6 +32,7 @@ class RunRequest:
     """All that a worker needs to know: the run, the campaign's folder and the project's."""
 
     spec: RunSpec
+    sensor: str
     limits: Limits
     out: Path
     project: Path
@@ -77,7 +78,7 @@ def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
     spec = request.spec
     command = [str(request.project / "explore"), "--headless", "--force", "--world", spec.world, "--seed", str(spec.seed)]
     command += ["--profile", spec.profile, "--out", str(folder), "--port", str(free_port(random.sample(_PORTS, 100)))]
-    command += ["--max-sim-time", str(request.limits.sim_s)]
+    command += ["--sensor", request.sensor, "--max-sim-time", str(request.limits.sim_s)]
     with (folder.parent / f".{folder.name}.log").open("w") as log:
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=end_with_parent

@@ -106,6 +106,7 @@ class Campaign:
     version: str
     started: str
     jobs: int | None
+    sensor: str
     limits: Mapping[str, Any]
     machine: Mapping[str, Any]
     runs: tuple[Run, ...]
@@ -142,6 +143,7 @@ def load_campaign(directory: Path | str) -> Campaign:
         version=str(asked.get("version") or "unknown"),
         started=str(asked.get("started") or "unknown"),
         jobs=jobs if isinstance(jobs, int) else None,
+        sensor=str(asked.get("sensor") or "tilting"),  # the only one there was when campaigns did not say
         limits=_mapping(asked.get("limits")),
         machine=_mapping(asked.get("machine")),
         runs=runs,

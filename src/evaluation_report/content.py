@@ -144,6 +144,7 @@ def _facts(campaign: Campaign) -> tuple[tuple[str, str], ...]:
         ("started", campaign.started.replace("T", " ")),
         ("machine", processor),
         ("Python", str(machine.get("python") or "unknown")),
+        ("sensor", campaign.sensor),
         ("runs at a time", UNKNOWN if campaign.jobs is None else str(campaign.jobs)),
         ("limits of a run", ", ".join(given) or "unknown"),
     )

@@ -12,7 +12,7 @@ LIMITS = Limits(60.0, 120.0)
 
 
 def campaign(out: Path, **changed) -> Campaign:
-    return replace(Campaign(out, ("rooms", "ramp"), (1, 2), ("ours", "thesis"), LIMITS), **changed)
+    return replace(Campaign(out, ("rooms", "ramp"), (1, 2), ("ours", "thesis"), "tilting", LIMITS), **changed)
 
 
 @pytest.mark.parametrize(
@@ -71,11 +71,23 @@ def test_campaign_is_extended_by_more_runs_and_does_not_shrink_again(tmp_path):
         open_campaign(campaign(tmp_path), {})
 
 
-@pytest.mark.parametrize("changed", [{"seeds": (1, 3)}, {"worlds": ("rooms",)}, {"profiles": ("ours",)}, {"limits": Limits(1.0, 1.0)}])
+@pytest.mark.parametrize(
+    "changed",
+    [{"seeds": (1, 3)}, {"worlds": ("rooms",)}, {"profiles": ("ours",)}, {"sensor": "spinning"}, {"limits": Limits(1.0, 1.0)}],
+)
 def test_folder_of_another_campaign_is_refused_with_what_differs(tmp_path, changed):
     open_campaign(campaign(tmp_path), {})
     with pytest.raises(CampaignProblem, match=f"another campaign, of {next(iter(changed))}"):
         open_campaign(campaign(tmp_path, **changed), {})
+
+
+def test_campaign_from_before_there_was_a_choice_of_sensors_had_the_tilting_one(tmp_path):
+    open_campaign(campaign(tmp_path), {})
+    path = tmp_path / "campaign.json"
+    path.write_text(json.dumps({key: value for key, value in json.loads(path.read_text()).items() if key != "sensor"}))
+    with pytest.raises(CampaignProblem, match="another campaign, of sensor tilting, not spinning"):
+        open_campaign(campaign(tmp_path, sensor="spinning"), {})
+    open_campaign(campaign(tmp_path), {})
 
 
 def test_folder_with_something_else_is_refused(tmp_path):

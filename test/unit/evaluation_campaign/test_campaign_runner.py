@@ -23,7 +23,7 @@ def request_with(tmp_path: Path, script: str, wall_s: float = 20.0) -> RunReques
     explore = project / "explore"
     explore.write_text('#!/bin/bash\nwhile [ $# -gt 0 ]; do [ "$1" = --out ] && out=$2; shift; done\n' + script)
     explore.chmod(0o755)
-    return RunRequest(SPEC, Limits(60.0, wall_s), tmp_path / "campaign", project)
+    return RunRequest(SPEC, "spinning", Limits(60.0, wall_s), tmp_path / "campaign", project)
 
 
 def written(request: RunRequest) -> dict:
@@ -40,6 +40,13 @@ def test_run_with_a_summary_is_finished(tmp_path):
     assert outcome == written(request)
     assert (outcome["world"], outcome["seed"], outcome["profile"], outcome["exit_code"]) == ("rooms", 3, "ours", 0)
     assert (outcome["status"], outcome["error"], outcome["attempts"]) == ("finished", None, 1)
+
+
+def test_run_is_made_with_the_sensor_that_was_asked_for(tmp_path):
+    request = request_with(tmp_path, "")
+    (request.project / "explore").write_text(f'#!/bin/bash\necho "$@" > {tmp_path}/asked\n')
+    make_run(request)
+    assert "--sensor spinning" in (tmp_path / "asked").read_text()
 
 
 @pytest.mark.parametrize(
