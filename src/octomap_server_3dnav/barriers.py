@@ -96,6 +96,13 @@ def _from_middles(heights: SurfaceHeights, scene: Scene, column: Ints, voxel: In
     return offset
 
 
+def _doubtful_way(scene: Scene, cliff: Ints) -> Floats:
+    """(M, 2) the last voxel before the edge of those cliffs whose floor is assumed over a hole, as across a corner of the void; else 0."""
+    beyond = (scene.links.graph[cliff] < 0).astype(np.float64) @ np.stack([DX, DY], axis=1)
+    length = np.maximum(1.0, np.hypot(beyond[:, :1], beyond[:, 1:]))
+    return np.asarray(scene.surfaces.bridged[cliff, None] * beyond / length)
+
+
 def barriers_of(
     scene: Scene, label: NDArray[np.uint8], obstacles: Ints, steps: Ints, cliff: Ints, heights: SurfaceHeights | None
 ) -> tuple[Barriers, Barriers]:
@@ -104,7 +111,7 @@ def barriers_of(
     obstacles to the ground below.
 
     Obstacles are where beams ended in the lowest voxel that is in the way, cliffs where they ended in theirs, and those that nobody has hit
-    in the middle of their column. Measured steps begin where their column does.
+    in the middle of their column, cliffs on assumed floor a voxel nearer. Measured steps begin where their column does.
     """
     column, z, ny = scene.surfaces.column, scene.surfaces.z.astype(np.int64), scene.columns.ny
     steep, rise = np.flatnonzero(label == TerrainClass.OBSTACLE), steps[:0]
@@ -119,6 +126,7 @@ def barriers_of(
     if heights is None:
         return in_voxels, in_voxels
     stand[:, :2] += _from_middles(heights, scene, at, voxel)
+    cliffs[:, :2] -= _doubtful_way(scene, cliff)
     cliffs[:, :2] += _places(heights, scene, column[cliff].astype(np.int64), z[cliff])[:, 1:]
     return Barriers(np.concatenate([stand, _rims(too_high, rise[:, 1])]), too_steep, cliffs), in_voxels
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from terrain_worlds import RESOLUTION, grid_of_heights, label_at, pose, runs_of
+from terrain_worlds import BELOW, RESOLUTION, UNKNOWN, grid_of_heights, label_at, pose, runs_of
 
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
@@ -145,6 +145,23 @@ def test_cliff_is_where_its_voxel_was_hit(part_of_column, first_inflated):
         lambda x, y: np.where(x < 41 * RESOLUTION, 0.005, -0.4) + 0 * y, points(floor, np.full(floor.size, 0.005)), range(30, 36)
     )
     assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
+
+
+@pytest.mark.parametrize("is_met", [True, False])
+def test_cliff_on_floor_that_is_assumed_over_a_hole_may_be_a_voxel_nearer(is_met):
+    """Along a void at x < 40, y < 30 three columns of the edge were met, or were not."""
+    states = grid_of_heights(lambda x, y: np.where((x < 40 * RESOLUTION) & (y < 30 * RESOLUTION), -0.4, 0.005), 80, 60)
+    floor = points(np.arange(0.005, 80 * RESOLUTION, 0.02), np.full(320, 0.005))
+    column = np.floor(floor[:, :2] / RESOLUTION).astype(int)
+    hole = (column >= (37, 30)).all(axis=1) & (column <= (39, 30)).all(axis=1)
+    if not is_met:
+        states[37:40, 30, : BELOW + 1] = UNKNOWN
+        floor = floor[~hole]
+    heights = SurfaceHeights(RESOLUTION)
+    heights.add(HitHeights.of(floor[~((floor[:, 0] < 40 * RESOLUTION) & (floor[:, 1] < 30 * RESOLUTION))], RESOLUTION))
+    terrain = classify(runs_of(states), pose(5.0, 3.6), TerrainConfig(), None, heights)
+    assert label_at(terrain, 38.5 * RESOLUTION, 30.5 * RESOLUTION, 0.005) == CLIFF
+    assert label_at(terrain, 38.5 * RESOLUTION, 38.5 * RESOLUTION, 0.005) == (TRAVERSABLE if is_met else INFLATION)
 
 
 @pytest.mark.parametrize("astray, met, first_inflated", [(1, 20, 34), (20, 20, 33)])
