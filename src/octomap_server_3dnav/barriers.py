@@ -1,6 +1,6 @@
 """Where ground ends, and how far the middle of the robot keeps off: the inflation of the thesis (5.5, addRobotPadding), by the hit.
 
-After the first flood, in `terrain.classify`. An obstacle is where beams ended in its voxel, not in that voxel's middle, which is up to 6 cm
+After the first flood, in `terrain.classify`. An obstacle or a cliff is where beams ended in its voxel, not in the middle, up to 6 cm
 away; ground that is too steep begins somewhere in its column. All places are in voxels of the window.
 """
 
