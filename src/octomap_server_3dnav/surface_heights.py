@@ -93,41 +93,37 @@ def _place_from(key: Any, wanted: Any, place: Any) -> Any:
 
 
 @njit(cache=True)
-def _heights(key: Any, total: Any, count: Any, wanted: Any, z: Any, out: Any) -> None:
-    """Writes of the voxels with the `wanted` keys and levels z into `out` (N, 4): the height of the hits in the voxel, and height and place
-    along x and y of these together with the hits in the voxel below, if these are of one slope. Ascending keys are fastest."""
-    place = 0
+def _indices(key: Any, wanted: Any) -> Any:
+    """(N,) where the `wanted` keys are, -1 for those that are not there; ascending ones are found fastest."""
+    out, place = np.full(wanted.size, -1, np.int64), 0
     for i in range(wanted.size):
         if i and wanted[i] < wanted[i - 1]:
             place = 0
         if place < key.size and key[place] < wanted[i]:
             place = _place_from(key, wanted[i], place)
         if place < key.size and key[place] == wanted[i]:
-            hits, x, y, height = count[place], total[place, 0], total[place, 1], total[place, 2]
-            out[i, 0] = z[i] + height / (_FINE * hits)
-            if place > 0 and key[place - 1] == wanted[i] - 1:
-                more, deep = count[place - 1], total[place - 1, 2] - _FINE * count[place - 1]
-                is_edge = height / hits - deep / more > _ONE_SLOPE * _FINE and hits > _STRAY * more
-                if not is_edge:
-                    hits, height = hits + more, height + deep
-                    x, y = x + total[place - 1, 0], y + total[place - 1, 1]
-            out[i, 1] = z[i] + height / (_FINE * hits)
-            out[i, 2], out[i, 3] = x / (_FINE * hits) - 0.5, y / (_FINE * hits) - 0.5
+            out[i] = place
+    return out
 
 
 @njit(cache=True)
-def _places(key: Any, total: Any, count: Any, wanted: Any, out: Any) -> None:
-    """Writes of the voxels with the `wanted` keys into `out` (N, 3): the number of hits, and their place along x and y."""
-    place = 0
-    for i in range(wanted.size):
-        if i and wanted[i] < wanted[i - 1]:
-            place = 0
-        if place < key.size and key[place] < wanted[i]:
-            place = _place_from(key, wanted[i], place)
-        if place < key.size and key[place] == wanted[i]:
-            out[i, 0] = count[place]
-            for axis in range(2):
-                out[i, axis + 1] = total[place, axis] / (_FINE * count[place]) - 0.5
+def _heights(key: Any, total: Any, count: Any, index: Any, z: Any, out: Any) -> None:
+    """Writes of the voxels at the indices and levels z into `out` (N, 4): the height of the hits in the voxel, and height and place along
+    x and y of these together with the hits in the voxel below, if these are of one slope."""
+    for i in range(index.size):
+        place = index[i]
+        if place < 0:
+            continue
+        hits, x, y, height = count[place], total[place, 0], total[place, 1], total[place, 2]
+        out[i, 0] = z[i] + height / (_FINE * hits)
+        if place > 0 and key[place - 1] == key[place] - 1:
+            more, deep = count[place - 1], total[place - 1, 2] - _FINE * count[place - 1]
+            is_edge = height / hits - deep / more > _ONE_SLOPE * _FINE and hits > _STRAY * more
+            if not is_edge:
+                hits, height = hits + more, height + deep
+                x, y = x + total[place - 1, 0], y + total[place - 1, 1]
+        out[i, 1] = z[i] + height / (_FINE * hits)
+        out[i, 2], out[i, 3] = x / (_FINE * hits) - 0.5, y / (_FINE * hits) - 0.5
 
 
 class SurfaceHeights:
@@ -177,7 +173,7 @@ class SurfaceHeights:
         wanted, levels = _keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64)), z.astype(np.int64)
         out = np.full((wanted.size, 4), np.nan, dtype=np.float32)
         for slab, part in self._slabs_of(wanted):
-            _heights(slab.key, slab.total, slab.count, wanted[part], levels[part], out[part])
+            _heights(slab.key, slab.total, slab.count, _indices(slab.key, wanted[part]), levels[part], out[part])
         return out
 
     def places(self, x: NDArray[np.integer], y: NDArray[np.integer], z: NDArray[np.integer]) -> NDArray[np.float32]:
@@ -186,7 +182,11 @@ class SurfaceHeights:
         out = np.full((wanted.size, 3), np.nan, dtype=np.float32)
         out[:, 0] = 0.0
         for slab, part in self._slabs_of(wanted):
-            _places(slab.key, slab.total, slab.count, wanted[part], out[part])
+            index = _indices(slab.key, wanted[part])
+            hit, index = np.flatnonzero(index >= 0), index[index >= 0]
+            count = slab.count[index]
+            out[part][hit, 0] = count
+            out[part][hit, 1:] = slab.total[index, :2] / (_FINE * count[:, None]) - 0.5
         return out
 
     def _slabs_of(self, wanted: NDArray[np.int64]) -> Iterator[tuple[HitHeights, slice]]:
