@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
 from octomap_server_3dnav.classified_terrain import TerrainClass
-from octomap_server_3dnav.surface_columns import DX, DY
+from octomap_server_3dnav.surface_columns import DX, DY, NO_VOXEL
 from octomap_server_3dnav.surface_heights import SurfaceHeights
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 from octomap_server_3dnav.terrain_scene import Scene
@@ -24,7 +24,8 @@ _BITS = 16  # of a level
 _LOWEST = -(2 ** (_BITS - 1))
 _RIM = 0.5  # voxels from the middle of a column to its rim
 _AT_RIM = 0.4  # where the hits at the rim of a voxel begin
-_SPILLING = 3.0  # times as many hits in the voxel beside
+_SPILLING = 3.0  # times as many hits in the column beside
+_POINTS = np.empty((0, 3))  # of barriers that extend nowhere
 
 
 class Radii(NamedTuple):
@@ -36,11 +37,17 @@ class Radii(NamedTuple):
 
 
 class Barriers(NamedTuple):
-    """Obstacles, ground that is too steep or too high a step, and cliffs: x, y of the window and level, (M, 3) each."""
+    """Obstacles, ground that is too steep or too high a step, and cliffs: x, y of the window and level, (M, 3) each; and how far the
+    obstacles extend from there, `reach` (M, 3) as `terrain_kernels.inflate` takes it, or (0, 3) where nothing is known of that."""
 
     obstacles: Floats
     steep: Floats
     cliffs: Floats
+    reach: Floats
+
+    def as_points(self) -> "Barriers":
+        """The same without their extent."""
+        return self._replace(reach=_POINTS)
 
 
 def _unique(column: Ints, *numbers: Ints) -> list[Ints]:
@@ -71,29 +78,43 @@ def _rims(places: Floats, direction: Ints) -> Floats:
     return np.asarray(places - 0.99 * _RIM * back)
 
 
-def _places(heights: SurfaceHeights, scene: Scene, column: Ints, voxel: Ints) -> NDArray[np.float32]:
-    """(M, 3) how many beams ended in these voxels, and where, from the middle of their columns; there where none did."""
+def _spread(heights: SurfaceHeights, scene: Scene, column: Ints, low: Ints, high: Ints) -> Floats:
+    """(M, 6) of the hits of some columns from one voxel to another, as `SurfaceHeights.spread` gives them."""
     ny = scene.columns.ny
-    found = heights.places(column // ny + scene.key[0], column % ny + scene.key[1], voxel)
-    return np.asarray(np.nan_to_num(found, nan=0.0))
+    return heights.spread(column // ny + scene.key[0], column % ny + scene.key[1], low, high)
 
 
-def _from_middles(heights: SurfaceHeights, scene: Scene, column: Ints, voxel: Ints) -> NDArray[np.float32]:
-    """(M, 2) where the things in these voxels are, from the middle of their columns.
+def _together(hits: Floats, more: Floats) -> Floats:
+    """(M, 6) the spread of two groups of hits as of one."""
+    count, share = hits[:, :1] + more[:, :1], more[:, :1] / (hits[:, :1] + more[:, :1])
+    off = more[:, 1:3] - hits[:, 1:3]
+    between = share * (1 - share) * off[:, [0, 1, 0]] * off[:, [0, 1, 1]]
+    return np.concatenate([count, hits[:, 1:3] + share * off, (1 - share) * hits[:, 3:] + share * more[:, 3:] + between], axis=1)
 
-    What sticks a centimetre into a voxel, beside one that far more beams met, are the beams that ended too soon: it is where those of both
-    ended on average.
+
+def _of_things(heights: SurfaceHeights, scene: Scene, column: Ints, low: Ints, high: Ints) -> Floats:
+    """(M, 6) the spread of what stands in these columns.
+
+    What sticks a centimetre into a column, beside one that far more beams met, are the beams that ended too soon: the hits of both are of
+    one thing.
     """
-    found, ahead = _places(heights, scene, column, voxel), np.stack([DX, DY], axis=1).astype(np.float32)
-    count, offset = found[:, :1], found[:, 1:]
-    at_rim, k = np.nonzero(offset @ ahead.T > _AT_RIM)
-    beyond = _places(heights, scene, column[at_rim] + DX[k] * scene.columns.ny + DY[k], voxel[at_rim])
-    many = beyond[:, :1]
-    mean = offset[at_rim] + many / (many + count[at_rim]) * (beyond[:, 1:] + ahead[k] - offset[at_rim])
-    spilling = np.flatnonzero(many >= _SPILLING * count[at_rim])
-    spilling = spilling[np.argsort(many[spilling, 0], kind="stable")]  # of two the one with more hits is written last
-    offset[at_rim[spilling]] = mean[spilling]
-    return offset
+    found, ahead = _spread(heights, scene, column, low, high), np.stack([DX, DY], axis=1)
+    at_rim, k = np.nonzero(found[:, 1:3] @ ahead.T > _AT_RIM)
+    beyond = _spread(heights, scene, column[at_rim] + DX[k] * scene.columns.ny + DY[k], low[at_rim], high[at_rim])
+    beyond[:, 1:3] += ahead[k]
+    many = np.flatnonzero(beyond[:, 0] >= _SPILLING * found[at_rim, 0])
+    many = many[np.argsort(beyond[many, 0], kind="stable")]  # of two the one with more hits is written last
+    found[at_rim[many]] = _together(found[at_rim[many]], beyond[many])
+    return found
+
+
+def _reach(things: Floats, noise: float) -> Floats:
+    """(M, 3) how far things extend around the mean place of their hits, as `terrain_kernels.inflate` takes it: what is spread evenly ends
+    at the root of three standard deviations. The noise of the beams, in voxels, is not part of them.
+    """
+    reach = 3.0 * things[:, 3:]
+    reach[:, :2] -= 3.0 * noise**2
+    return reach
 
 
 def _doubtful_way(scene: Scene, cliff: Ints) -> Floats:
@@ -104,14 +125,15 @@ def _doubtful_way(scene: Scene, cliff: Ints) -> Floats:
 
 
 def barriers_of(
-    scene: Scene, label: NDArray[np.uint8], obstacles: Ints, steps: Ints, cliff: Ints, heights: SurfaceHeights | None
+    scene: Scene, label: NDArray[np.uint8], obstacles: Ints, steps: Ints, cliff: Ints, heights: SurfaceHeights | None, limits: Limits
 ) -> tuple[Barriers, Barriers]:
     """The places of all barriers as they were measured, and in voxels, where the local costmap has them: of `obstacles` and `steps` as
     `terrain_kernels.obstacles_seen` and `mark_steps` give them, of the nodes that are obstacles, and of `cliff` nodes, some of which may be
     obstacles to the ground below.
 
-    Obstacles are where beams ended in the lowest voxel that is in the way, cliffs where they ended in theirs, and those that nobody has hit
-    in the middle of their column, cliffs on assumed floor a voxel nearer. Measured steps begin where their column does.
+    Obstacles are where beams ended in their column from the lowest voxel that is in the way to the robot's height, cliffs where they ended
+    in their voxel, and those that nobody has hit in the middle of their column, cliffs on assumed floor a voxel nearer. Measured steps
+    begin where their column does.
     """
     column, z, ny = scene.surfaces.column, scene.surfaces.z.astype(np.int64), scene.columns.ny
     steep, rise = np.flatnonzero(label == TerrainClass.OBSTACLE), steps[:0]
@@ -122,13 +144,16 @@ def barriers_of(
         middles(columns, levels, ny)
         for columns, levels in ((at, level), (column[steep], z[steep]), (column[rise[:, 0]], z[rise[:, 0]]), (column[cliff], z[cliff]))
     )
-    in_voxels = Barriers(np.concatenate([stand, too_high]), too_steep, cliffs.copy())
+    in_voxels = Barriers(np.concatenate([stand, too_high]), too_steep, cliffs.copy(), _POINTS)
     if heights is None:
         return in_voxels, in_voxels
-    stand[:, :2] += _from_middles(heights, scene, at, voxel)
-    cliffs[:, :2] -= _doubtful_way(scene, cliff)
-    cliffs[:, :2] += _places(heights, scene, column[cliff].astype(np.int64), z[cliff])[:, 1:]
-    return Barriers(np.concatenate([stand, _rims(too_high, rise[:, 1])]), too_steep, cliffs), in_voxels
+    low, high = (np.where(voxel == NO_VOXEL, NO_VOXEL, level + above) for above in (limits.step + 1, limits.clearance))
+    things = _of_things(heights, scene, at, low, high)
+    stand[:, :2] += things[:, 1:3]
+    cliffs[:, :2] += _spread(heights, scene, column[cliff].astype(np.int64), z[cliff], z[cliff])[:, 1:3] - _doubtful_way(scene, cliff)
+    rims = _rims(too_high, rise[:, 1])
+    reach = np.concatenate([_reach(things, limits.hit_noise), np.zeros_like(rims)])
+    return Barriers(np.concatenate([stand, rims]), too_steep, cliffs, reach), in_voxels
 
 
 def turning_radii(config: TerrainConfig, limits: Limits) -> Radii:
@@ -156,11 +181,14 @@ def narrow_radii(config: TerrainConfig, limits: Limits) -> Radii:
 
 def inflate(scene: Scene, label: NDArray[np.uint8], barriers: Barriers, radii: Radii, shape: str, limits: Limits) -> None:
     """addRobotPadding: obstacles and cliffs take the ground around them, at their own level and within `radii`, out of the graph."""
-    for places, radius in zip(barriers, radii, strict=True):
-        inflate_around(scene, label, places, radius, shape, limits)
+    inflate_around(scene, label, barriers.obstacles, radii.obstacles, shape, limits, barriers.reach)
+    inflate_around(scene, label, barriers.steep, radii.steep, shape, limits)
+    inflate_around(scene, label, barriers.cliffs, radii.cliffs, shape, limits)
 
 
-def inflate_around(scene: Scene, label: NDArray[np.uint8], places: Floats, radius: float, shape: str, limits: Limits) -> None:
-    """The same around (M, 3) places of one kind."""
+def inflate_around(
+    scene: Scene, label: NDArray[np.uint8], places: Floats, radius: float, shape: str, limits: Limits, reach: Floats = _POINTS
+) -> None:
+    """The same around (M, 3) places of one kind, that extend as far as `reach` says."""
     band = limits.step + math.ceil(radius * limits.max_slope)
-    kernels.inflate(label, scene.surfaces, places, radius, shape == "square", band, scene.columns.nx, scene.columns.ny)
+    kernels.inflate(label, scene.surfaces, places, reach, radius, shape == "square", band, scene.columns.nx, scene.columns.ny)

@@ -1,4 +1,4 @@
-"""Where in its voxel a surface lies: the mean place of the beams that ended there.
+"""Where in its voxel a surface lies, and how far it extends: mean place and spread of the beams that ended there.
 
 Beside the octree, whose voxels tell a floor's height to 8 cm only: a kerb of 5 cm and one of 15 cm may look alike in them. And where the
 laser's lines lie far apart a slope is hit beside the middle of its columns, up to 2 cm higher or lower. The sums are whole numbers, so that
@@ -24,11 +24,18 @@ _SLAB_BITS = 32 + 5  # of a key: a slab is 32 voxels wide
 
 @dataclass(frozen=True, eq=False)
 class HitHeights:
-    """Hits by voxel, int64: ascending `key` (K,) of x, y, z; `total` (K, 3) of their places in the voxel; `count` (K,)."""
+    """Hits by voxel, int64: ascending `key` (K,) of x, y, z; `total` (K, 3) of their places in the voxel; `count` (K,); `squares` (K, 3)
+    of x * x, y * y and x * y of these places."""
 
     key: NDArray[np.int64]
     total: NDArray[np.int64]
     count: NDArray[np.int64]
+    squares: NDArray[np.int64]
+
+    @property
+    def arrays(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+        """Key, total, count and squares, as the kernels take them."""
+        return self.key, self.total, self.count, self.squares
 
     @classmethod
     def of(cls, points_map: NDArray[np.floating], resolution: float) -> "HitHeights":
@@ -38,31 +45,33 @@ class HitHeights:
         floor = np.floor(scaled)
         keys = _keys(*floor.astype(np.int64).T)
         places = ((scaled - floor) * _FINE).astype(np.int64)
-        return cls.together([cls(keys, places, np.ones_like(keys))])
+        squares = places[:, [0, 1, 0]] * places[:, [0, 1, 1]]
+        return cls.together([cls(keys, places, np.ones_like(keys), squares)])
 
     @classmethod
     def together(cls, parts: Sequence["HitHeights"]) -> "HitHeights":
         """The hits of one or more sweeps."""
-        keys, total, count = (np.concatenate([getattr(part, name) for part in parts]) for name in ("key", "total", "count"))
+        keys, *sums = (np.concatenate([getattr(part, name) for part in parts]) for name in ("key", "total", "count", "squares"))
         order = np.argsort(keys)
         keys = keys[order]
         first = np.flatnonzero(np.r_[True, keys[1:] != keys[:-1]]) if keys.size else np.zeros(0, dtype=np.int64)
-        sums = (np.add.reduceat(part[order], first, axis=0) if keys.size else part for part in (total, count))
-        return cls(keys[first], *sums)
+        return cls(keys[first], *(np.add.reduceat(part[order], first, axis=0) if keys.size else part for part in sums))
 
 
 def _keys(x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray((x + KEY_OFFSET) << 32 | (y + KEY_OFFSET) << 16 | (z + KEY_OFFSET))
 
 
-_NO_HITS = HitHeights(*(np.zeros(shape, dtype=np.int64) for shape in (0, (0, 3), 0)))
+_NO_HITS = HitHeights(*(np.zeros(shape, dtype=np.int64) for shape in (0, (0, 3), 0, (0, 3))))
 
 
 @njit(cache=True)
-def _merged(key: Any, total: Any, count: Any, more_key: Any, more_total: Any, more_count: Any, sign: Any) -> Any:
-    """Both sorted tables as one, the second counted `sign` times; voxels without a hit left are left out."""
+def _merged(old: Any, more: Any, sign: Any) -> Any:
+    """Two tables (key, total, count, squares) as one, the second counted `sign` times; voxels without a hit left are left out."""
+    (key, total, count, squares), (more_key, more_total, more_count, more_squares) = old, more
     size = key.size + more_key.size
-    out_key, out_total, out_count = np.empty(size, np.int64), np.empty((size, 3), np.int64), np.empty(size, np.int64)
+    out_key, out_count = np.empty(size, np.int64), np.empty(size, np.int64)
+    out_total, out_squares = np.empty((size, 3), np.int64), np.empty((size, 3), np.int64)
     n, a, b = 0, 0, 0
     while a < key.size or b < more_key.size:
         has_old = b == more_key.size or (a < key.size and key[a] <= more_key[b])
@@ -71,9 +80,10 @@ def _merged(key: Any, total: Any, count: Any, more_key: Any, more_total: Any, mo
         out_count[n] = (count[a] if has_old else 0) + (sign * more_count[b] if has_more else 0)
         for i in range(3):
             out_total[n, i] = (total[a, i] if has_old else 0) + (sign * more_total[b, i] if has_more else 0)
+            out_squares[n, i] = (squares[a, i] if has_old else 0) + (sign * more_squares[b, i] if has_more else 0)
         a, b = a + has_old, b + has_more
         n += out_count[n] != 0
-    return out_key[:n].copy(), out_total[:n].copy(), out_count[:n].copy()
+    return out_key[:n].copy(), out_total[:n].copy(), out_count[:n].copy(), out_squares[:n].copy()
 
 
 @njit(cache=True)
@@ -126,6 +136,27 @@ def _heights(key: Any, total: Any, count: Any, index: Any, z: Any, out: Any) -> 
         out[i, 2], out[i, 3] = x / (_FINE * hits) - 0.5, y / (_FINE * hits) - 0.5
 
 
+@njit(cache=True)
+def _spreads(hits: Any, low: Any, high: Any, out: Any) -> None:
+    """Writes of the hits in the voxels with keys from `low` to `high` (N,) into `out` (N, 6): how many, mean x and y from the middle of the
+    column, and their variances along x and y and covariance."""
+    (key, total, count, squares), place = hits, 0
+    for i in range(low.size):
+        if i and low[i] < low[i - 1]:
+            place = 0
+        if place < key.size and key[place] < low[i]:
+            place = _place_from(key, low[i], place)
+        n, x, y, xx, yy, xy, j = 0, 0, 0, 0, 0, 0, place
+        while j < key.size and key[j] <= high[i]:
+            n, x, y = n + count[j], x + total[j, 0], y + total[j, 1]
+            xx, yy, xy = xx + squares[j, 0], yy + squares[j, 1], xy + squares[j, 2]
+            j += 1
+        if n:
+            mean_x, mean_y, unit = x / (_FINE * n), y / (_FINE * n), 1.0 / (_FINE**2 * n)
+            out[i, 0], out[i, 1], out[i, 2] = n, mean_x - 0.5, mean_y - 0.5
+            out[i, 3], out[i, 4], out[i, 5] = xx * unit - mean_x**2, yy * unit - mean_y**2, xy * unit - mean_x * mean_y
+
+
 class SurfaceHeights:
     """The hits of all sweeps of a map, by voxel.
 
@@ -142,7 +173,7 @@ class SurfaceHeights:
     @property
     def memory_bytes(self) -> int:
         """What the hits take."""
-        return sum(slab.key.nbytes + slab.total.nbytes + slab.count.nbytes for slab in self._slabs.values())
+        return sum(array.nbytes for slab in self._slabs.values() for array in slab.arrays)
 
     def reset(self) -> None:
         """Forget everything."""
@@ -159,7 +190,7 @@ class SurfaceHeights:
     def _merge(self, hits: HitHeights, sign: int) -> None:
         for number, part in _stretches(hits.key >> _SLAB_BITS):
             old = self._slabs.get(number, _NO_HITS)
-            merged = HitHeights(*_merged(old.key, old.total, old.count, hits.key[part], hits.total[part], hits.count[part], sign))
+            merged = HitHeights(*_merged(old.arrays, tuple(array[part] for array in hits.arrays), sign))
             self._slabs[number] = merged
             if not merged.key.size:
                 del self._slabs[number]
@@ -176,17 +207,15 @@ class SurfaceHeights:
             _heights(slab.key, slab.total, slab.count, _indices(slab.key, wanted[part]), levels[part], out[part])
         return out
 
-    def places(self, x: NDArray[np.integer], y: NDArray[np.integer], z: NDArray[np.integer]) -> NDArray[np.float32]:
-        """(N, 3) how many beams ended in the voxels (N,) of index x, y, z, and how far along x and y from their middle, NaN where none."""
-        wanted = _keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64))
-        out = np.full((wanted.size, 3), np.nan, dtype=np.float32)
-        out[:, 0] = 0.0
-        for slab, part in self._slabs_of(wanted):
-            index = _indices(slab.key, wanted[part])
-            hit, index = np.flatnonzero(index >= 0), index[index >= 0]
-            count = slab.count[index]
-            out[part][hit, 0] = count
-            out[part][hit, 1:] = slab.total[index, :2] / (_FINE * count[:, None]) - 0.5
+    def spread(
+        self, x: NDArray[np.integer], y: NDArray[np.integer], low: NDArray[np.integer], high: NDArray[np.integer]
+    ) -> NDArray[np.float64]:
+        """(N, 6) of the beams that ended in columns (N,) from voxel `low` to `high`, in voxels, zeros where none did: how many, their mean
+        place along x and y from the middle of the column, their variances along x and y, and their covariance."""
+        first, last = (_keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64)) for z in (low, high))
+        out = np.zeros((first.size, 6))
+        for slab, part in self._slabs_of(first):
+            _spreads(slab.arrays, first[part], last[part], out[part])
         return out
 
     def _slabs_of(self, wanted: NDArray[np.int64]) -> Iterator[tuple[HitHeights, slice]]:

@@ -146,7 +146,7 @@ def _passages(
     surfaces = scene.surfaces
     ground = Ground(scene.columns.ny, surfaces.start, surfaces.column, surfaces.z, scene.links.graph, drivable, passable, piece)
     radii, unknown = passage_radii(config, limits), middles(edges[:, 0], edges[:, 1], scene.columns.ny)
-    kept_off = KeptOff.of([*zip(barriers, radii, strict=True), (unknown, radii.cliffs)])
+    kept_off = KeptOff.of([*zip(barriers[:3], radii, strict=True), (unknown, radii.cliffs)])
     return find_passages(ground, kept_off, scene, config, limits)
 
 
@@ -175,9 +175,9 @@ def classify(
     cliff = np.flatnonzero(label == TerrainClass.CLIFF)
     steps = kernels.mark_steps(label, scene.links.near, scene.links.graph, scene.surfaces.level)
     obstacles = kernels.obstacles_seen(scene.columns, scene.surfaces, scene.links, label, seen, limits)
-    barriers, in_voxels = barriers_of(scene, label, obstacles, steps, cliff, heights)
+    barriers, in_voxels = barriers_of(scene, label, obstacles, steps, cliff, heights, limits)
     narrow = label.copy()
-    inflate(scene, narrow, barriers, narrow_radii(config, limits), config.inflation_shape, limits)
+    inflate(scene, narrow, barriers.as_points(), narrow_radii(config, limits), config.inflation_shape, limits)
     inflate(scene, label, barriers, turning_radii(config, limits), config.inflation_shape, limits)
     is_narrow = (narrow == TerrainClass.TRAVERSABLE) & (label == TerrainClass.INFLATION)
     edges = frontier_edges(scene, label, seen, radius_m, limits)

@@ -49,6 +49,9 @@ class TerrainConfig:
         low=0.0,
         high=0.5,
     )
+    hit_noise_m: float = parameter(
+        0.01, "m", "scatter of beams around where they end, not part of what they met: noise of the laser and of poses", low=0.0, high=0.5
+    )
     narrow_radius_m: float = parameter(
         0.385,
         "m",
@@ -110,6 +113,7 @@ class Limits(NamedTuple):
     look: int
     inflation: int
     hit_margin: float
+    hit_noise: float
     cliff_area: int
     assumes_cliffs: bool
 
@@ -130,6 +134,7 @@ class Limits(NamedTuple):
             look=max(1, round(config.cliff_look_m / resolution)),
             inflation=math.ceil(largest / resolution - 1e-9),
             hit_margin=config.hit_margin_m / resolution if is_measured else 0.0,
+            hit_noise=config.hit_noise_m / resolution,
             cliff_area=config.cliff_area_voxels,
             assumes_cliffs=config.cliff_evidence == "assumed",
         )

@@ -262,20 +262,33 @@ def obstacles_seen(columns: Any, surfaces: Any, links: Any, label: Any, seen: An
 
 
 @njit(cache=True)
-def inflate(label: Any, surfaces: Any, places: Any, radius: Any, square: Any, band: Any, nx: Any, ny: Any) -> None:
+def _is_within(dx: Any, dy: Any, radius: Any, reach: Any) -> Any:
+    """Whether a place dx, dy from the middle of a thing is within `radius` of its end on this side."""
+    away = np.sqrt(dx * dx + dy * dy)
+    end = np.sqrt(max(0.0, reach[0] * dx * dx + reach[1] * dy * dy + 2.0 * reach[2] * dx * dy))  # times `away`
+    return away * (away - radius) <= end + 1e-6
+
+
+@njit(cache=True)
+def inflate(label: Any, surfaces: Any, places: Any, reach: Any, radius: Any, square: Any, band: Any, nx: Any, ny: Any) -> None:
     """Turn traversable nodes into inflation whose column's middle is within `radius` of a barrier, at most `band` voxels up or down.
 
-    `places` (M, 3) float: x, y and level of the barriers in voxels of the window; `square`: within `radius` along both axes.
+    `places` (M, 3) float: x, y and level of the barriers in voxels of the window; `reach` (M, 3): how far they extend from there, as the
+    x * x, y * y and x * y of an ellipse, or (0, 3) where none does; `square`: within `radius` along both axes.
     """
-    start, z, slack = surfaces.start, surfaces.z, 1e-6
+    start, column, z, slack = surfaces.start, surfaces.column, surfaces.z, 1e-6
     for i in range(len(places)):
         x, y, level = places[i, 0] - 0.5, places[i, 1] - 0.5, places[i, 2]
-        for jx in range(max(0, int(np.ceil(x - radius - slack))), min(nx, int(np.floor(x + radius + slack)) + 1)):
-            half = slack + (radius if square else np.sqrt(max(0.0, radius**2 - (jx - x) ** 2)))
+        extends = len(reach) > 0 and max(reach[i, 0], reach[i, 1]) > 0.0
+        most = radius + np.sqrt(max(reach[i, 0], 0.0) + max(reach[i, 1], 0.0)) if extends else radius
+        for jx in range(max(0, int(np.ceil(x - most - slack))), min(nx, int(np.floor(x + most + slack)) + 1)):
+            dx = jx - x
+            half = slack + (most if square else np.sqrt(max(0.0, most**2 - dx**2)))
             first, end = max(0, int(np.ceil(y - half))), min(ny, int(np.floor(y + half)) + 1)
             for n in range(start[jx * ny + first], start[jx * ny + end]):
                 if label[n] == TRAVERSABLE and abs(z[n] - level) <= band:
-                    label[n] = INFLATION
+                    if not extends or square or _is_within(dx, column[n] - jx * ny - y, radius, reach[i]):
+                        label[n] = INFLATION
 
 
 @njit(cache=True)

@@ -56,12 +56,18 @@ def test_voxel_without_a_hit_has_no_height():
     assert np.isnan(heights.at(*voxels((0, 0, 0), (0, 1, 1), (99, 99, 99)))).all()
 
 
-def test_places_are_those_of_the_hits_in_the_voxel_alone():
-    heights = SurfaceHeights(0.5)
-    heights.add(HitHeights.of(np.array([[0.1, 0.1, 0.75], [0.2, 0.3, 0.875], [0.4, 0.4, 0.25]]), 0.5))
-    (two, x, y), none = heights.places(*voxels((0, 0, 1), (0, 1, 1)))
-    assert (two, x, y) == pytest.approx((2, -0.2, -0.1), abs=2e-3)
-    assert none[0] == 0 and np.isnan(none[1:]).all()
+def test_spread_is_that_of_all_hits_between_two_voxels_of_a_column():
+    rng = np.random.default_rng(4)
+    points, resolution = rng.uniform(0.0, 1.0, (200, 3)) * [0.5, 0.5, 3.0], 0.5
+    heights = SurfaceHeights(resolution)
+    heights.add(HitHeights.of(points[:120], resolution))
+    heights.add(HitHeights.of(points[120:], resolution))
+    few, none, many = heights.spread(*voxels((0, 0, 2), (0, 1, 0), (0, 0, 1)), np.array([2, 5, 4]))
+    for found, low, high in ((few, 2, 3), (many, 1, 5)):
+        x, y, _ = (points[(points[:, 2] >= low * resolution) & (points[:, 2] < high * resolution)] / resolution - 0.5).T
+        expected = [x.size, x.mean(), y.mean(), x.var(), y.var(), np.cov(x, y, bias=True)[0, 1]]
+        assert found == pytest.approx(expected, abs=2e-3)
+    assert not none.any()
 
 
 def test_points_that_are_none_or_out_of_range_are_left_out():
@@ -170,6 +176,31 @@ def test_thing_is_where_most_beams_met_it_not_where_a_few_ended_before_it(astray
     beams = points(np.repeat([40.95, 41.5], [astray, met]) * RESOLUTION, np.full(astray + met, 0.6))
     found = labels_before(lambda x, y: np.where(x < 40 * RESOLUTION, 0.005, 0.6) + 0 * y, beams, range(30, 36))
     assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
+
+
+@pytest.mark.parametrize("sticks_out, first_inflated", [(0.0, 33), (0.7, 32)])
+def test_thing_is_where_it_sticks_out_at_any_height_of_the_robot(sticks_out, first_inflated):
+    """A wall begins near the far rim of column 40, and at 0.6 m something sticks out of it."""
+    z = np.arange(0.18, 1.0, 0.02)
+    beams = points((40.8 - np.where(abs(z - 0.6) < 0.1, sticks_out, 0.0)) * RESOLUTION, z)
+    found = labels_before(lambda x, y: np.where(x < 40 * RESOLUTION, 0.005, 1.0) + 0 * y, beams, range(30, 36))
+    assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
+
+
+@pytest.mark.parametrize("corner, label", [(40.3, INFLATION), (40.6, TRAVERSABLE)])
+def test_corner_is_where_its_sides_meet_not_where_they_were_hit_on_average(corner, label):
+    """7.5 and 7.9 voxels from the place, and to be kept off by 7.75."""
+    side, z = np.arange(corner, 50.0, 0.05) * RESOLUTION, np.arange(0.18, 1.0, 0.08)
+    first, second = np.tile(side, z.size), np.full(side.size * z.size, corner * RESOLUTION)
+    heights = SurfaceHeights(RESOLUTION)
+    heights.add(
+        HitHeights.of(
+            np.concatenate([np.stack([a, b, np.repeat(z, side.size)], axis=1) for a, b in ((first, second), (second, first))]), RESOLUTION
+        )
+    )
+    runs = runs_of(grid_of_heights(lambda x, y: np.where((x < 40 * RESOLUTION) | (y < 40 * RESOLUTION), 0.005, 1.0), 80, 80))
+    terrain = classify(runs, pose(1.2, 1.2), TerrainConfig(), None, heights)
+    assert label_at(terrain, 35.5 * RESOLUTION, 34.5 * RESOLUTION, 0.005) == label
 
 
 def test_kerb_is_judged_by_its_voxels_where_the_thesis_does():

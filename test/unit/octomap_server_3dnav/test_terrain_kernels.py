@@ -87,10 +87,32 @@ def test_inflation_takes_what_is_near_at_the_level_of_the_barrier(shape, off):
     label = np.zeros(surfaces.z.size, dtype=np.uint8)
     at, level = surfaces.column[barriers].astype(np.int64), surfaces.z[barriers].astype(np.int64)
     places = np.column_stack([at // ny + 0.5 + off, at % ny + 0.5 - off, level])
-    reach = math.floor(radius / 0.08) if shape == "square" else radius / 0.08
-    terrain_kernels.inflate(label, surfaces, places, reach, shape == "square", band, columns.nx, ny)
+    voxels = math.floor(radius / 0.08) if shape == "square" else radius / 0.08
+    terrain_kernels.inflate(label, surfaces, places, np.empty((0, 3)), voxels, shape == "square", band, columns.nx, ny)
     dx, dy = surfaces.column[:, None] // ny - at // ny - off, surfaces.column[:, None] % ny - at % ny + off
-    near = np.hypot(dx, dy) * 0.08 <= radius if shape == "circle" else np.maximum(abs(dx), abs(dy)) <= reach
+    near = np.hypot(dx, dy) * 0.08 <= radius if shape == "circle" else np.maximum(abs(dx), abs(dy)) <= voxels
+    expected = (near & (abs(surfaces.z[:, None] - level) <= band)).any(axis=1)
+    assert np.array_equal(label == terrain_kernels.INFLATION, expected) and expected.any()
+
+
+def test_inflation_begins_where_a_barrier_ends_on_the_side_of_the_ground():
+    columns, surfaces = bumpy_world(1)
+    ny, radius, band = columns.ny, 5.25, 3
+    rng = np.random.default_rng(3)
+    barriers = rng.choice(surfaces.z.size, 9)
+    label = np.zeros(surfaces.z.size, dtype=np.uint8)
+    at, level = surfaces.column[barriers].astype(np.int64), surfaces.z[barriers].astype(np.int64)
+    places = np.column_stack([at // ny + 0.4, at % ny + 0.7, level])
+    ends = rng.uniform(-1.0, 1.0, (9, 3, 2))  # barriers are the sums of three lines
+    ends[0] = 0.0
+    reach = np.stack([(ends[:, :, a] * ends[:, :, b]).sum(axis=1) for a, b in ((0, 0), (1, 1), (0, 1))], axis=1)
+    reach[1, :2] -= 0.3  # and narrower than nothing along some direction
+    terrain_kernels.inflate(label, surfaces, places, reach, radius, False, band, columns.nx, ny)
+    off = np.stack([surfaces.column[:, None] // ny + 0.5 - places[:, 0], surfaces.column[:, None] % ny + 0.5 - places[:, 1]], axis=-1)
+    away = np.linalg.norm(off, axis=-1)
+    along = off / away[..., None]
+    squared = reach[:, 0] * along[..., 0] ** 2 + reach[:, 1] * along[..., 1] ** 2 + 2 * reach[:, 2] * along[..., 0] * along[..., 1]
+    near = away - np.sqrt(np.maximum(0.0, squared)) <= radius
     expected = (near & (abs(surfaces.z[:, None] - level) <= band)).any(axis=1)
     assert np.array_equal(label == terrain_kernels.INFLATION, expected) and expected.any()
 
