@@ -36,6 +36,7 @@ _STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])  # +x, -x, +y, -y: opposit
 _BODY_HEIGHTS = 5
 _HALF_WHEELBASE_M = 0.2
 _PARTS_OF_CELL = 10  # in which the end of the ground is looked for
+_EDGE_RAD = 0.3  # by which a face is steeper than the ground beside it where both meet at an edge
 _START_SEARCH_M = 1.5
 
 
@@ -89,8 +90,8 @@ class _Grid:
 class _Nodes:
     """Surfaces with headroom, ordered by column and height; `first[c]:first[c + 1]` are those of column c.
 
-    slope is that of the triangle, steepness what the robot feels of it: over its wheelbase, or in itself and beside itself. A pebble's
-    flank, lower than a step, is steep in itself only.
+    slope is that of the triangle, steepness what the robot feels of it: over its wheelbase, between faces that are none too steep, or in
+    itself and beside itself. A pebble's flank, lower than a step, is steep in itself only.
     """
 
     xyz: Floats
@@ -141,8 +142,10 @@ def _surfaces(scene: RayScene, grid: _Grid, mesh: tuple[Floats, Ints], robot: Ro
     column, z, triangle = _floors(scene, grid.centres(), mesh, robot)
     first, slope = _first_of(column, grid.nx * grid.ny), _slopes(*mesh)[triangle]
     links = _links(grid, column, first, z, robot.max_step_m)
-    beside, over_wheelbase = (_mean_slope(z, links, grid.cell, reach) for reach in (1, max(1, round(_HALF_WHEELBASE_M / grid.cell))))
-    steepness = np.maximum(np.minimum(slope, beside), over_wheelbase)
+    in_itself, half = np.minimum(slope, _mean_slope(z, links, grid.cell, 1, least=1)), max(1, round(_HALF_WHEELBASE_M / grid.cell))
+    is_face = in_itself > _steepest(robot)
+    between = np.where(is_face[links] | is_face[:, None], -1, links)
+    steepness = np.maximum(in_itself, _mean_slope(z, between, grid.cell, half, least=2 * half))
     return _Nodes(np.column_stack([grid.centres()[column], z]), column, first, slope, steepness)
 
 
@@ -211,8 +214,10 @@ def _nearest_in_height(first: Ints, z: Floats, group: Ints, level: Floats, reach
     return nearest
 
 
-def _mean_slope(z: Floats, links: Ints, cell: float, reach: int) -> Floats:
-    """(M,) slope averaged over `reach` cells to either side, as far as the ground is connected."""
+def _mean_slope(z: Floats, links: Ints, cell: float, reach: int, least: int) -> Floats:
+    """(M,) slope averaged over `reach` cells to either side, as far as the ground is connected; level along an axis on which that is less
+    than `least` cells: half a wheelbase beside a wall would take a ledge for a slope.
+    """
     gradient = np.zeros((2, len(z)))
     for axis in range(2):
         ends, run = [], np.zeros(len(z))
@@ -223,7 +228,7 @@ def _mean_slope(z: Floats, links: Ints, cell: float, reach: int) -> Floats:
                 run += onward >= 0
                 at = np.where(onward >= 0, onward, at)
             ends.append(z[at])
-        gradient[axis] = (ends[0] - ends[1]) / (np.maximum(run, 1) * cell)
+        gradient[axis] = np.where(run >= least, ends[0] - ends[1], 0.0) / (np.maximum(run, 1) * cell)
     return np.asarray(np.arctan(np.hypot(gradient[0], gradient[1])))
 
 
@@ -270,34 +275,39 @@ def _ends_between(
 ) -> Floats:
     """(N,) at which part of the way to the next column the ground of each node ends, as a drop, below a ceiling or as too steep a slope.
 
-    What is too steep begins where the steepness between both columns would be at its limit. Drops and ceilings are looked for by vertical
-    rays between the columns.
+    Drops, ceilings and faces that begin at an edge are looked for by vertical rays between the columns. Where ground gets too steep by and
+    by it ends where the steepness between both columns would be at its limit.
     """
     z = nodes.xyz[node, 2]
     beyond = _nearest_in_height(surfaces.first, surfaces.xyz[:, 2], _neighbour_columns(grid, nodes.column[node], direction), z, grid.cell)
     here, there = nodes.steepness[node], np.where(beyond >= 0, surfaces.steepness[beyond], 0.0)
     is_steep = there > _steepest(robot)
-    share = (_steepest(robot) - here) / np.where(is_steep, there - here, 1.0)
-    others = np.flatnonzero(~is_steep)
-    share[others] = _last_floor(scene, nodes.xyz[node[others]], _STEPS[direction] * grid.cell, mesh, robot)
-    return share
+    last, face = _last_floor(scene, nodes.xyz[node], nodes.slope[node], _STEPS[direction] * grid.cell, mesh, robot)
+    by_and_by = np.where(is_steep, (_steepest(robot) - here) / np.where(is_steep, there - here, 1.0), 0.5)
+    return np.where(is_steep | np.isinf(last), np.where(np.isfinite(face), face, by_and_by), last)
 
 
-def _last_floor(scene: RayScene, ground: Floats, step_xy: Floats, mesh: tuple[Floats, Ints], robot: RobotShape) -> Floats:
-    """(N,) part of a step from (N, 3) points of the ground over which there is floor with headroom; half where that goes on all the way."""
+def _last_floor(
+    scene: RayScene, ground: Floats, slope: Floats, step_xy: Floats, mesh: tuple[Floats, Ints], robot: RobotShape
+) -> tuple[Floats, Floats]:
+    """(N,) part of a step from (N, 3) points of the ground over which there is floor with headroom, inf where that goes on all the way; and
+    part of it at which the last edge to a much steeper face lies, inf where there is none."""
     if not len(ground):
-        return np.zeros(0)
+        return np.zeros(0), np.zeros(0)
     shares = np.arange(1, _PARTS_OF_CELL + 1) / _PARTS_OF_CELL
     places = ground[:, None, :2] + shares[None, :, None] * step_xy
-    place, floors, _ = _floors(scene, places.reshape(-1, 2), mesh, robot)
-    first = _first_of(place, len(ground) * len(shares))
-    level, left, end = ground[:, 2].copy(), np.arange(len(ground)), np.full(len(ground), 0.5)
+    place, floors, triangle = _floors(scene, places.reshape(-1, 2), mesh, robot)
+    first, slopes = _first_of(place, len(ground) * len(shares)), _slopes(*mesh)[triangle]
+    level, slope, left = ground[:, 2].copy(), slope.copy(), np.arange(len(ground))
+    end, face = np.full((2, len(ground)), np.inf)
     for part, share in enumerate(shares):
         floor = _nearest_in_height(first, floors, left * len(shares) + part, level[left], robot.max_step_m)
-        end[left[floor < 0]] = share - 0.5 / _PARTS_OF_CELL
+        middle = share - 0.5 / _PARTS_OF_CELL
+        end[left[floor < 0]] = middle
         left, floor = left[floor >= 0], floor[floor >= 0]
-        level[left] = floors[floor]
-    return end
+        face[left[(slopes[floor] > _steepest(robot)) & (slopes[floor] > slope[left] + _EDGE_RAD)]] = middle
+        level[left], slope[left] = floors[floor], slopes[floor]
+    return end, face
 
 
 def _free_fraction(scene: RayScene, ground: Floats, steps: Floats, robot: RobotShape) -> Floats:

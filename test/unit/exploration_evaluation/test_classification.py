@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hand_made_worlds import Mesh, box, join, plate, ramp, room
+from hand_made_worlds import Mesh, box, join, plate, ramp, room, wall
 
 from exploration_evaluation import reachable_ground
 from exploration_evaluation.classification import Classification, ClassificationConfig, classification, true_classes
@@ -180,3 +180,21 @@ def test_ground_that_grows_steeper_ends_where_it_is_too_steep(steep_x: float) ->
     z = np.maximum(0.0, x - 2.0) ** 2 * math.tan(math.radians(25)) / (2 * (steep_x - 2.0))
     hill = join(*(ramp(a, 0, b, 4, low, high) for a, b, low, high in zip(x[:-1], x[1:], z[:-1], z[1:], strict=True)))
     assert end_of_ground_along_x(hill) == pytest.approx(steep_x, abs=0.015)
+
+
+@pytest.mark.parametrize("foot_x", ODD_PLACES)
+def test_face_that_is_too_steep_begins_at_its_foot(foot_x: float) -> None:
+    assert end_of_ground_along_x(join(plate(0, 0, foot_x, 4), ramp(foot_x, 0, foot_x + 1.0, 4, 0, 1.0))) == pytest.approx(foot_x, abs=0.011)
+
+
+def diamond(x: float, y: float, radius: float, height: float) -> Mesh:
+    """A post with corners along both axes."""
+    corners = [(x - radius, y), (x, y - radius), (x + radius, y), (x, y + radius)]
+    top = np.array([(*corner, height) for corner in corners]), np.array([[0, 1, 2], [0, 2, 3]])
+    return join(top, *(wall(*a, *b, height) for a, b in zip(corners, corners[1:] + corners[:1], strict=True)))
+
+
+def test_foot_of_a_post_that_is_lower_than_a_step_is_ground() -> None:
+    mesh = join(room(8, 4), diamond(4.5, 2.0, 0.4, 0.9), diamond(4.5, 2.0, 0.6, 0.08))
+    off = abs(true_classes(*mesh, reachable_ground(*mesh, START)).barriers[:, :2] - (4.5, 2.0)).sum(axis=1)
+    assert off[off < 1.0].max() == pytest.approx(0.4, abs=0.006)
