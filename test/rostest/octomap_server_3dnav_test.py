@@ -12,8 +12,8 @@ from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
 from node_testing import DiagnosticsOf, Inbox, feed, floor_and_walls, one_line_of, run_misconfigured, wait_for_node
-from std_srvs.srv import Trigger
-from visualization_msgs.msg import MarkerArray
+from std_srvs.srv import Empty, Trigger
+from visualization_msgs.msg import Marker, MarkerArray
 
 import rostest
 from octomap_server_3dnav.column_runs import VoxelState
@@ -58,7 +58,7 @@ class OctomapServer3dnavTest(unittest.TestCase):
         points = self.points if points is None else points
         message = MappedSweep(header=header(self.clock_s, "map"), vertex_id=self.mapped)
         message.vertex_poses = [pose_message(T_MAP_BASE)] * (self.mapped + 1)
-        message.cloud = cloud_message(self.clock_s, frame, points, self.origins[: len(points)])
+        message.cloud = cloud_message(self.clock_s, frame, points, np.tile(self.origins[:1], (len(points), 1)))
         return message
 
     def decision(self) -> ExplorationDecision:
@@ -123,9 +123,13 @@ class OctomapServer3dnavTest(unittest.TestCase):
         with self.assertRaisesRegex(rospy.ServiceException, "lo <= hi"):
             clear(Point(1.0, 0.0, 0.0), Point(0.0, 1.0, 1.0))
 
+    def classes_of_last_sweep(self) -> list[Marker]:
+        """The whole map's classes, by which plans are made from now on."""
+        return self.markers.wait_for(lambda m: abs(m.markers[0].header.stamp.to_sec() - self.clock_s) < 1e-6).markers
+
     def test_classes_are_shown_in_the_map_frame(self) -> None:
         self.decision()
-        shown = self.markers.wait_for(lambda m: abs(m.markers[0].header.stamp.to_sec() - self.clock_s) < 1e-6).markers
+        shown = self.classes_of_last_sweep()
         self.assertEqual({m.header.frame_id for m in shown}, {"map"})
         self.assertIn("traversable", [m.ns for m in shown if m.points])
 
@@ -186,6 +190,27 @@ class OctomapServer3dnavTest(unittest.TestCase):
         self.assertEqual(plan_path(PoseStamped(header(0.0, "odom"), here.pose), near, 0.5).plan.poses, [])
         near.pose.position.x = 50.0
         self.assertEqual(plan_path(here, near, 0.5).plan.poses, [])
+
+    def test_make_plan_leads_through_a_door_without_room_to_turn_and_plan_path_up_to_it(self) -> None:
+        points, origins = floor_and_walls()
+        wall = points[(points[:, 0] > 2.99) & (abs(points[:, 1]) > 0.48)] - np.float32([1.4, 0.0, 0.0])
+        behind = points + np.float32([4.6, 0.0, 0.0])
+        x, y, _ = (behind - origins).T
+        behind = behind[(abs(y) * 1.4 < 0.45 * x) & (behind[:, 0] > 1.6)]  # what is seen through the door
+        reset = rospy.ServiceProxy(f"/{NODE}/reset", Empty)
+        reset()
+        self.sweeps.publish(self.sweep(np.concatenate([points[points[:, 0] < 1.6], wall, behind])))
+        OctomapServer3dnavTest.mapped += 1
+        self.classes_of_last_sweep()
+        here, far = (PoseStamped(header(0.0, "map"), pose_message(transform_from_rpy((x, 0.0, 0.0)))) for x in (0.0, 4.0))
+        plan = rospy.ServiceProxy(f"/{NODE}/make_plan", GetPlan)(PoseStamped(), far, 0.5).plan
+        self.assertLess(abs(plan.poses[-1].pose.position.x - 4.0), 0.5)
+        through = [p.pose.position.y for p in plan.poses if abs(p.pose.position.x - 1.6) < 0.4]
+        self.assertLess(max(map(abs, through)), 0.1)
+        answer = rospy.ServiceProxy(f"/{NODE}/plan_path", PlanPath)(here, far, 0.5)
+        self.assertFalse(answer.whole)
+        self.assertLess(answer.plan.poses[-1].pose.position.x, 1.2)
+        reset()
 
     def test_save_without_a_folder_is_no_failure(self) -> None:
         self.assertTrue(rospy.ServiceProxy(f"/{NODE}/save", Trigger)().success)
