@@ -1,7 +1,7 @@
 """What the terrain analysis is told, in metres, and the same in voxels of one resolution."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from stage_config import check_ranges, parameter
@@ -97,6 +97,10 @@ class TerrainConfig:
         if self.cliff_look_m < self.max_step_m:
             problems.append(f"cliff_look_m = {self.cliff_look_m!r} is below max_step_m = {self.max_step_m!r}")
         return problems
+
+    def without_passages(self) -> "TerrainConfig":
+        """The same, but no way through without room to turn is looked for."""
+        return replace(self, narrow_radius_m=self.inflation_radius_m, narrow_cliff_radius_m=self.cliff_inflation_radius_m)
 
 
 class Limits(NamedTuple):
