@@ -59,19 +59,38 @@ def _ahead(ways: Any, n: Any, goal: Any) -> Any:
 
 
 @njit(cache=True)
-def _grow(ways: Any, source: Any, goal: Any, weight: Any, total: Any, before: Any, state: Any) -> None:
-    """Costs and predecessors from `source`, until `goal` is closed or, where that is -1, everything is; only nodes with a `state` have any.
+def _hops_to(ways: Any, source: Any, goal: Any) -> Any:
+    """(N,) int32 edges from every node to the goal, of those farther than `source` as many as from there; -1 where only links lead on."""
+    graph, cost = ways.graph, ways.cost
+    hops, queue = np.full(cost.size, -1, np.int32), np.empty(cost.size, np.int32)
+    hops[goal], queue[0], head, tail = 0, goal, 0, 1
+    while head < tail and hops[source] < 0:
+        s = queue[head]
+        head += 1
+        for k in range(4):
+            n = graph[s, k]
+            if n >= 0 and hops[n] < 0 and (cost[n] < np.inf or n == source):
+                hops[n], queue[tail] = hops[s] + 1, n
+                tail += 1
+    return np.where(hops < 0, hops[source], hops)
+
+
+@njit(cache=True)
+def _grow(ways: Any, source: Any, goal: Any, weight: Any, hops: Any, most: Any, total: Any, before: Any, state: Any) -> None:
+    """Costs and predecessors from `source`, until `goal` is closed or, where that is -1, everything is, or `most` nodes are; only nodes
+    with a `state` have any. `hops` to the goal, none or one a node, tell how long a way is at least: two of them make a diagonal.
 
     Equal costs are settled by the smaller node index, so that the result is the same every time.
     """
     graph, z, cost, climb, links = ways.graph, ways.z, ways.cost, ways.climb, ways.links  # arrays of a tuple are counted at every use
     total[source], state[source] = 0.0, _OPEN
-    heap = [(0.0, np.int64(source))]
-    while len(heap) > 0:
+    heap, left = [(0.0, np.int64(source))], most
+    while len(heap) > 0 and left > 0:
         _, s = heapq.heappop(heap)
         if state[s] == _CLOSED:
             continue
         state[s] = _CLOSED
+        left -= 1
         if s == goal:
             break
         for move in range(8 + links.shape[0]):
@@ -85,20 +104,31 @@ def _grow(ways: Any, source: Any, goal: Any, weight: Any, total: Any, before: An
             reached = total[s] + (edge_cost(s, n, length, z, cost, climb) if move < 8 else ways.link_cost[move - 8])
             if state[n] != _OPEN or reached < total[n]:
                 total[n], before[n], state[n] = reached, s, _OPEN
-                heapq.heappush(heap, (reached + (weight * _ahead(ways, n, goal) if goal >= 0 else 0.0), np.int64(n)))
+                ahead = _ahead(ways, n, goal) if goal >= 0 else 0.0
+                if hops.size:
+                    ahead = max(ahead, np.sqrt(0.5) * hops[n])
+                heapq.heappush(heap, (reached + weight * ahead, np.int64(n)))
 
 
 @njit(cache=True)
-def cheapest_way(ways: Any, source: Any, goal: Any, weight: Any) -> Any:
-    """(K,) int64 nodes from `source` to `goal`, none where no way leads there, which costs at most `weight` times what the cheapest does.
+def cheapest_way(ways: Any, source: Any, goal: Any, weight: Any, far_weight: Any, near: Any) -> Any:
+    """(K,) int64 nodes from `source` to `goal`, none where no way leads there, which costs at most `weight` times what the cheapest does,
+    or `far_weight` times where the goal is not among the first `near` nodes that are tried.
 
-    With a weight above 1 what lies towards the goal is tried first (weighted A*, Pohl 1970).
+    With a weight above 1 what lies towards the goal is tried first (weighted A*, Pohl 1970); where the way leads far round, what lies
+    towards it over the ground.
     """
     total, before, state = np.empty(ways.cost.size), np.empty(ways.cost.size, np.int32), np.zeros(ways.cost.size, np.uint8)
-    _grow(ways, source, goal, weight, total, before, state)
-    count, node = 1, np.int64(goal)
+    _grow(ways, source, goal, weight, np.empty(0, np.int32), near, total, before, state)
+    if state[goal] != _CLOSED and np.count_nonzero(state == _CLOSED) == near:
+        hops = _hops_to(ways, source, goal)
+        if hops[source] < 0 and ways.links.shape[0] == 0:
+            return np.empty(0, np.int64)
+        state[:] = 0
+        _grow(ways, source, goal, far_weight, hops, state.size, total, before, state)
     if state[goal] != _CLOSED:
         return np.empty(0, np.int64)
+    count, node = 1, np.int64(goal)
     while node != source:
         node = np.int64(before[node])
         count += 1
@@ -113,5 +143,5 @@ def cheapest_way(ways: Any, source: Any, goal: Any, weight: Any) -> Any:
 def distances(ways: Any, source: Any) -> Any:
     """(N,) float64 cost of the cheapest way from `source` to every node, inf where there is none."""
     total, before, state = np.full(ways.cost.size, np.inf), np.empty(ways.cost.size, np.int32), np.zeros(ways.cost.size, np.uint8)
-    _grow(ways, source, -1, 1.0, total, before, state)
+    _grow(ways, source, -1, 1.0, np.empty(0, np.int32), state.size, total, before, state)
     return total

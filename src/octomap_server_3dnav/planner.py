@@ -18,6 +18,7 @@ from octomap_server_3dnav.terrain import Terrain, TerrainClass
 from stage_config import check_ranges, parameter
 
 _STOREY_M = 0.5  # ground that differs by less in height is of one storey
+_NEAR_NODES = 50_000  # that are searched for the cheapest path: 320 m2 of ground at 8 cm
 SHORTCUT_NODES = 80  # how far ahead a shortcut is looked for: 6 m at 8 cm, and keeps it linear in the length of the path
 
 
@@ -34,7 +35,9 @@ class PlannerConfig:
         high=1e3,
     )
     escape_cost: float = parameter(5.0, "-", "cost factor of inflated ground on the way out of it", low=1.0, high=1000.0)
-    far_m: float = parameter(30.0, "m", "to goals that lie farther off along an axis a path need not be the cheapest", low=0.0, high=1e4)
+    far_m: float = parameter(
+        30.0, "m", "to goals that lie farther off along an axis, or far round, a path need not be the cheapest", low=0.0, high=1e4
+    )
     far_weight: float = parameter(1.5, "-", "but costs at most so many times as much, and is found ten times sooner", low=1.0, high=5.0)
     waypoint_spacing_m: float = parameter(0.15, "m", "distance between the points of a path", low=0.02, high=2.0)
     trim_m: float = parameter(0.9, "m", "distance from the frontier at which a path ends", low=0.0, high=5.0)
@@ -165,7 +168,8 @@ def _ways(terrain: Terrain, cost: NDArray[np.float32], climb: float, config: Pla
 
 def _nodes_between(terrain: Terrain, cost: NDArray[np.float32], source: int, goal: int, config: PlannerConfig) -> NDArray[np.int64] | None:
     is_far = np.ptp(terrain.centers(np.array([source, goal])), axis=0).max() > config.far_m
-    chain = cheapest_way(_ways(terrain, cost, config.climb_weight, config), source, goal, config.far_weight if is_far else 1.0)
+    weight = config.far_weight if is_far else 1.0
+    chain = cheapest_way(_ways(terrain, cost, config.climb_weight, config), source, goal, weight, config.far_weight, _NEAR_NODES)
     return np.asarray(chain) if chain.size else None
 
 

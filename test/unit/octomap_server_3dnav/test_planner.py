@@ -136,8 +136,24 @@ def test_a_star_costs_what_dijkstra_costs_and_a_weighted_one_at_most_so_much_mor
     goal = t.surface_near((6.0, 1.0, 0.04))
     ways = Ways(t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, np.zeros((0, 2), np.int64), np.zeros(0))
     least = distances(ways, t.departure)[goal]
-    assert cost_of(ways, cheapest_way(ways, t.departure, goal, 1.0)) == pytest.approx(least)
-    assert least * (1 - 1e-9) <= cost_of(ways, cheapest_way(ways, t.departure, goal, 1.5)) <= 1.5 * least
+    assert cost_of(ways, cheapest_way(ways, t.departure, goal, 1.0, 1.5, 10**6)) == pytest.approx(least)
+    assert least * (1 - 1e-9) <= cost_of(ways, cheapest_way(ways, t.departure, goal, 1.5, 1.5, 10**6)) <= 1.5 * least
+
+
+@pytest.mark.parametrize("weight", [1.0, 1.5])
+def test_way_far_round_costs_at_most_its_weight_more_whether_or_not_it_was_found_near_by(weight):
+    states = flat()
+    for wall, opening in ((20, slice(0, 48)), (35, slice(12, None)), (50, slice(0, 48)), (65, slice(12, None))):
+        states[wall, opening, BELOW:] = OCCUPIED
+    t = terrain_of(states, pose(0.8, 0.8), inflation_radius_m=0.16, narrow_radius_m=0.335)
+    goal = t.surface_near((6.0, 1.0, 0.04))
+    ways = Ways(t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, np.zeros((0, 2), np.int64), np.zeros(0))
+    least = distances(ways, t.departure)[goal]
+    for near in (0, 30, 700):
+        assert least * (1 - 1e-9) <= cost_of(ways, cheapest_way(ways, t.departure, goal, 1.0, weight, near)) <= weight * least * (1 + 1e-9)
+    closed = ways._replace(cost=np.where(t.ix < 50, t.cost, np.inf).astype(np.float32))
+    assert cheapest_way(closed, t.departure, t.surface_near((3.4, 1.0, 0.04)), 1.0, weight, 30).size
+    assert not cheapest_way(closed, t.departure, goal, 1.0, weight, 30).size
 
 
 def test_nothing_leads_to_a_closed_node_and_a_link_leads_where_the_ground_does_not():
@@ -147,8 +163,9 @@ def test_nothing_leads_to_a_closed_node_and_a_link_leads_where_the_ground_does_n
     near, across = t.departure, t.surface_near((2.0, 2.0, 0.04))
     ways = Ways(t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, np.array([[near, across]], np.int64), np.array([0.5]))
     closed = int(np.flatnonzero(~np.isfinite(t.cost))[0])
-    assert cheapest_way(ways, near, closed, 1.0).size == 0 and np.isinf(distances(ways, near)[closed])
-    assert cheapest_way(ways, near, across, 1.0).tolist() == [near, across] and distances(ways, near)[across] == 0.5
+    assert not cheapest_way(ways, near, closed, 1.0, 1.5, 10**6).size and np.isinf(distances(ways, near)[closed])
+    for most in (1, 10**6):
+        assert cheapest_way(ways, near, across, 1.0, 1.5, most).tolist() == [near, across] and distances(ways, near)[across] == 0.5
 
 
 def test_trimmed_path_ends_the_distance_before_the_frontier():
