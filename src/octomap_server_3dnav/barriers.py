@@ -131,9 +131,9 @@ def barriers_of(
     `terrain_kernels.obstacles_seen` and `mark_steps` give them, of the nodes that are obstacles, and of `cliff` nodes, some of which may be
     obstacles to the ground below.
 
-    Obstacles are where beams ended in their column from the lowest voxel that is in the way to the robot's height, cliffs where they ended
-    in their voxel, and those that nobody has hit in the middle of their column, cliffs on assumed floor a voxel nearer. Measured steps
-    begin where their column does.
+    Obstacles are where beams ended in their column higher than a step and up to the robot's height, cliffs where they ended in their voxel,
+    and those that nobody has hit in the middle of their column, cliffs on assumed floor a voxel nearer. Measured steps begin where their
+    column does.
     """
     column, z, ny = scene.surfaces.column, scene.surfaces.z.astype(np.int64), scene.columns.ny
     steep, rise = np.flatnonzero(label == TerrainClass.OBSTACLE), steps[:0]
