@@ -25,6 +25,7 @@ _LOWEST = -(2 ** (_BITS - 1))
 _RIM = 0.5  # voxels from the middle of a column to its rim
 _AT_RIM = 0.4  # where the hits at the rim of a voxel begin
 _SPILLING = 3.0  # times as many hits in the column beside
+_FALLING = 0.25  # voxels from one column to the next, 14 degrees: less is the unevenness of a floor
 _POINTS = np.empty((0, 3))  # of barriers that extend nowhere
 
 
@@ -124,6 +125,14 @@ def _doubtful_way(scene: Scene, cliff: Ints) -> Floats:
     return np.asarray(scene.surfaces.bridged[cliff, None] * beyond / length)
 
 
+def _is_rounded(scene: Scene, cliff: Ints) -> NDArray[np.bool_]:
+    """(M,) cliffs towards which the ground falls already and beyond which it goes on little lower, as at the rim of a crater."""
+    near, graph, level = scene.links.near[cliff], scene.links.graph[cliff], scene.surfaces.level
+    behind = np.roll(graph, 2, axis=1)  # of every direction the node the other way
+    fall = np.where((graph < 0) & (near >= 0) & (behind >= 0), level[behind] - level[cliff, None], -np.inf)
+    return np.asarray(fall.max(axis=1, initial=-np.inf) > _FALLING)
+
+
 def barriers_of(
     scene: Scene, label: NDArray[np.uint8], obstacles: Ints, steps: Ints, cliff: Ints, heights: SurfaceHeights | None, limits: Limits
 ) -> tuple[Barriers, Barriers]:
@@ -133,7 +142,7 @@ def barriers_of(
 
     Obstacles are where beams ended in their column higher than a step and up to the robot's height, cliffs where they ended in their voxel,
     and those that nobody has hit in the middle of their column, cliffs on assumed floor a voxel nearer. Measured steps begin where their
-    column does.
+    column does; rounded cliffs somewhere in theirs, as what is too steep.
     """
     column, z, ny = scene.surfaces.column, scene.surfaces.z.astype(np.int64), scene.columns.ny
     steep, rise = np.flatnonzero(label == TerrainClass.OBSTACLE), steps[:0]
@@ -150,6 +159,8 @@ def barriers_of(
     low, high = (np.where(voxel == NO_VOXEL, NO_VOXEL, level + above) for above in (limits.step + 1, limits.clearance))
     things = _of_things(heights, scene, at, low, high)
     stand[:, :2] += things[:, 1:3]
+    rounded = _is_rounded(scene, cliff)
+    too_steep, cliff, cliffs = np.concatenate([too_steep, cliffs[rounded]]), cliff[~rounded], cliffs[~rounded]
     cliffs[:, :2] += _spread(heights, scene, column[cliff].astype(np.int64), z[cliff], z[cliff])[:, 1:3] - _doubtful_way(scene, cliff)
     rims = _rims(too_high, rise[:, 1])
     reach = np.concatenate([_reach(things, limits.hit_noise), np.zeros_like(rims)])

@@ -153,6 +153,20 @@ def test_cliff_is_where_its_voxel_was_hit(part_of_column, first_inflated):
     assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
 
 
+@pytest.mark.parametrize("degrees, first_inflated", [(0, 33), (30, 32)])
+def test_cliff_at_the_end_of_ground_that_falls_already_begins_in_its_column(degrees, first_inflated):
+    """A crater: its wall begins behind column 40, over which the rim falls or does not."""
+    rim, wall = (np.tan(np.radians(angle)) for angle in (degrees, 65.0))
+
+    def crater(x, y):
+        beyond = np.maximum(0.0, x - 40 * RESOLUTION)
+        return 0.63 - rim * np.minimum(beyond, RESOLUTION) - wall * np.clip(beyond - RESOLUTION, 0.0, 0.25) + 0 * y
+
+    terrain = measured(crater, pose(1.2, 2.4, ground=0.63))
+    found = [label_at(terrain, (column + 0.5) * RESOLUTION, 2.4, 0.63) for column in range(30, 36)]
+    assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
+
+
 @pytest.mark.parametrize("is_met", [True, False])
 def test_cliff_on_floor_that_is_assumed_over_a_hole_may_be_a_voxel_nearer(is_met):
     """Along a void at x < 40, y < 30 three columns of the edge were met, or were not."""
