@@ -10,6 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.terrain_kernels import hops_from
+
 _OPEN, _CLOSED = 1, 2
 
 
@@ -60,19 +62,11 @@ def _ahead(ways: Any, n: Any, goal: Any) -> Any:
 
 @njit(cache=True)
 def _hops_to(ways: Any, source: Any, goal: Any) -> Any:
-    """(N,) int32 edges from every node to the goal, of those farther than `source` as many as from there; -1 where only links lead on."""
-    graph, cost = ways.graph, ways.cost
-    hops, queue = np.full(cost.size, -1, np.int32), np.empty(cost.size, np.int32)
-    hops[goal], queue[0], head, tail = 0, goal, 0, 1
-    while head < tail and hops[source] < 0:
-        s = queue[head]
-        head += 1
-        for k in range(4):
-            n = graph[s, k]
-            if n >= 0 and hops[n] < 0 and (cost[n] < np.inf or n == source):
-                hops[n], queue[tail] = hops[s] + 1, n
-                tail += 1
-    return np.where(hops < 0, hops[source], hops)
+    """(N,) int32 edges from every node to the goal, 0 where only links lead there or nothing does."""
+    seeds, passable = np.zeros(ways.cost.size, np.bool_), np.isfinite(ways.cost)
+    seeds[goal], passable[source] = True, True
+    hops = hops_from(seeds, passable, ways.graph, passable.size + 1)
+    return np.where(hops > passable.size, 0, hops)
 
 
 @njit(cache=True)
@@ -122,7 +116,7 @@ def cheapest_way(ways: Any, source: Any, goal: Any, weight: Any, far_weight: Any
     _grow(ways, source, goal, weight, np.empty(0, np.int32), near, total, before, state)
     if state[goal] != _CLOSED and np.count_nonzero(state == _CLOSED) == near:
         hops = _hops_to(ways, source, goal)
-        if hops[source] < 0 and ways.links.shape[0] == 0:
+        if hops[source] == 0 and ways.links.shape[0] == 0:
             return np.empty(0, np.int64)
         state[:] = 0
         _grow(ways, source, goal, far_weight, hops, state.size, total, before, state)

@@ -104,25 +104,23 @@ def _place_from(key: Any, wanted: Any, place: Any) -> Any:
 
 @njit(cache=True)
 def _indices(key: Any, wanted: Any) -> Any:
-    """(N,) where the `wanted` keys are, -1 for those that are not there; ascending ones are found fastest."""
-    out, place = np.full(wanted.size, -1, np.int64), 0
+    """(N,) first index whose key is not below each of the `wanted` ones; ascending ones are found fastest."""
+    out, place = np.empty(wanted.size, np.int64), 0
     for i in range(wanted.size):
         if i and wanted[i] < wanted[i - 1]:
             place = 0
         if place < key.size and key[place] < wanted[i]:
             place = _place_from(key, wanted[i], place)
-        if place < key.size and key[place] == wanted[i]:
-            out[i] = place
+        out[i] = place
     return out
 
 
 @njit(cache=True)
-def _heights(key: Any, total: Any, count: Any, index: Any, z: Any, out: Any) -> None:
-    """Writes of the voxels at the indices and levels z into `out` (N, 4): the height of the hits in the voxel, and height and place along
-    x and y of these together with the hits in the voxel below, if these are of one slope."""
-    for i in range(index.size):
-        place = index[i]
-        if place < 0:
+def _heights(key: Any, total: Any, count: Any, wanted: Any, z: Any, out: Any) -> None:
+    """Writes of the voxels with the `wanted` keys and levels z into `out` (N, 4): the height of the hits in the voxel, and height and place
+    along x and y of these together with the hits in the voxel below, if these are of one slope."""
+    for i, place in enumerate(_indices(key, wanted)):
+        if place == key.size or key[place] != wanted[i]:
             continue
         hits, x, y, height = count[place], total[place, 0], total[place, 1], total[place, 2]
         out[i, 0] = z[i] + height / (_FINE * hits)
@@ -140,12 +138,8 @@ def _heights(key: Any, total: Any, count: Any, index: Any, z: Any, out: Any) -> 
 def _spreads(hits: Any, low: Any, high: Any, out: Any) -> None:
     """Writes of the hits in the voxels with keys from `low` to `high` (N,) into `out` (N, 6): how many, mean x and y from the middle of the
     column, and their variances along x and y and covariance."""
-    (key, total, count, squares), place = hits, 0
-    for i in range(low.size):
-        if i and low[i] < low[i - 1]:
-            place = 0
-        if place < key.size and key[place] < low[i]:
-            place = _place_from(key, low[i], place)
+    key, total, count, squares = hits
+    for i, place in enumerate(_indices(key, low)):
         n, x, y, xx, yy, xy, j = 0, 0, 0, 0, 0, 0, place
         while j < key.size and key[j] <= high[i]:
             n, x, y = n + count[j], x + total[j, 0], y + total[j, 1]
@@ -204,7 +198,7 @@ class SurfaceHeights:
         wanted, levels = _keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64)), z.astype(np.int64)
         out = np.full((wanted.size, 4), np.nan, dtype=np.float32)
         for slab, part in self._slabs_of(wanted):
-            _heights(slab.key, slab.total, slab.count, _indices(slab.key, wanted[part]), levels[part], out[part])
+            _heights(slab.key, slab.total, slab.count, wanted[part], levels[part], out[part])
         return out
 
     def spread(
