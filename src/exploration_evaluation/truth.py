@@ -284,7 +284,7 @@ def _ends_between(
     is_steep = there > _steepest(robot)
     last, face = _last_floor(scene, nodes.xyz[node], nodes.slope[node], _STEPS[direction] * grid.cell, mesh, robot)
     by_and_by = np.where(is_steep, (_steepest(robot) - here) / np.where(is_steep, there - here, 1.0), 0.5)
-    return np.where(is_steep | np.isinf(last), np.where(np.isfinite(face), face, by_and_by), last)
+    return np.where(np.isfinite(face) & (is_steep | np.isinf(last)), face, np.where(np.isinf(last), by_and_by, last))
 
 
 def _last_floor(

@@ -187,6 +187,15 @@ def test_face_that_is_too_steep_begins_at_its_foot(foot_x: float) -> None:
     assert end_of_ground_along_x(join(plate(0, 0, foot_x, 4), ramp(foot_x, 0, foot_x + 1.0, 4, 0, 1.0))) == pytest.approx(foot_x, abs=0.011)
 
 
+@pytest.mark.parametrize("edge_x", [4.02, 4.03, 4.04])
+def test_floor_below_a_flank_that_juts_out_ends_where_that_does(edge_x: float) -> None:
+    falling, gap = math.tan(math.radians(20)), 0.105  # higher than a step, and yet within the height of a cell from the last place
+    edge_z = gap - (edge_x - 2.0) * falling
+    flank = ramp(edge_x, 0, edge_x + 1.0, 4, edge_z, edge_z + math.tan(math.radians(30)))
+    mesh = join(plate(0, 0, 2, 4), ramp(2, 0, 6, 4, 0, -4 * falling), flank)
+    assert end_of_ground_along_x(mesh) == pytest.approx(edge_x, abs=0.006)
+
+
 def diamond(x: float, y: float, radius: float, height: float) -> Mesh:
     """A post with corners along both axes."""
     corners = [(x - radius, y), (x, y - radius), (x + radius, y), (x, y + radius)]
