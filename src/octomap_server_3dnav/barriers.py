@@ -26,6 +26,7 @@ _RIM = 0.5  # voxels from the middle of a column to its rim
 _AT_RIM = 0.4  # where the hits at the rim of a voxel begin
 _SPILLING = 3.0  # times as many hits in the column beside
 _FALLING = 0.25  # voxels from one column to the next, 14 degrees: less is the unevenness of a floor
+_FEW = 10.0  # hits a voxel apart from each other leave that much of a column unmet
 _POINTS = np.empty((0, 3))  # of barriers that extend nowhere
 
 
@@ -112,10 +113,14 @@ def _of_things(heights: SurfaceHeights, scene: Scene, column: Ints, low: Ints, h
 def _reach(things: Floats, noise: float) -> Floats:
     """(M, 3) how far things extend around the mean place of their hits, as `terrain_kernels.inflate` takes it: what is spread evenly ends
     at the root of three standard deviations. The noise of the beams, in voxels, is not part of them.
+
+    What few beams met may end where none did: the fewer, the farther, and up to the rim of a column that none met.
     """
-    reach = 3.0 * things[:, 3:]
-    reach[:, :2] -= 3.0 * noise**2
-    return reach
+    xx, yy, xy = 3.0 * things[:, 3:].T
+    mean, off, angle = 0.5 * (xx + yy) - 3.0 * noise**2, np.hypot(0.5 * (xx - yy), xy), 0.5 * np.arctan2(2.0 * xy, xx - yy)
+    length, width = np.sqrt(np.maximum(mean + off, 0.0)), np.sqrt(np.maximum(mean - off, 0.0))
+    unmet = np.minimum(_RIM, _FEW / np.maximum(things[:, 0], 1.0))
+    return np.column_stack([(length - width) * np.cos(angle), (length - width) * np.sin(angle), width + unmet])
 
 
 def _doubtful_way(scene: Scene, cliff: Ints) -> Floats:
@@ -156,7 +161,7 @@ def barriers_of(
     in_voxels = Barriers(np.concatenate([stand, too_high]), too_steep, cliffs.copy(), _POINTS)
     if heights is None:
         return in_voxels, in_voxels
-    low, high = (np.where(voxel == NO_VOXEL, NO_VOXEL, level + above) for above in (limits.step + 1, limits.clearance))
+    low, high = (np.where(voxel == NO_VOXEL, NO_VOXEL, level + above) for above in (limits.step, limits.clearance))
     things = _of_things(heights, scene, at, low, high)
     stand[:, :2] += things[:, 1:3]
     rounded = _is_rounded(scene, cliff)
@@ -172,7 +177,7 @@ def turning_radii(config: TerrainConfig, limits: Limits) -> Radii:
     near, cliff = config.inflation_radius_m / limits.resolution, config.cliff_inflation_radius_m / limits.resolution
     if config.inflation_shape == "square":
         return Radii(*(math.floor(radius + 1e-9) for radius in (near, near, cliff)))
-    return Radii(near + limits.hit_margin, near + _RIM + limits.hit_margin, cliff + limits.hit_margin)
+    return Radii(near + limits.hit_margin, near + limits.steep_margin, cliff + limits.cliff_margin)
 
 
 def passage_radii(config: TerrainConfig, limits: Limits) -> Radii:

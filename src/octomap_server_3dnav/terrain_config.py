@@ -24,7 +24,7 @@ class TerrainConfig:
     step_margin_m: float = parameter(0.01, "m", "how much lower than the highest step a measured one must be", low=0.0, high=0.2)
     max_slope_rad: float = parameter(math.radians(25.0), "rad", "steepest slope the robot drives", low=0.05, high=0.8)
     slope_margin_rad: float = parameter(
-        math.radians(1.5),
+        math.radians(1.2),
         "rad",
         "how much gentler than the steepest slope one that is fitted to measured heights must be",
         low=0.0,
@@ -43,12 +43,9 @@ class TerrainConfig:
     inflation_radius_m: float = parameter(0.60, "m", "distance kept from obstacles by the robot's centre", low=0.0, high=3.0)
     cliff_inflation_radius_m: float = parameter(0.60, "m", "distance kept from cliffs by the robot's centre", low=0.0, high=3.0)
     hit_margin_m: float = parameter(
-        0.02,
-        "m",
-        "kept from obstacles and cliffs beside their radius where it is measured where they were hit: beams err",
-        low=0.0,
-        high=0.5,
+        0.01, "m", "kept from obstacles beside their radius where it is measured where they were hit: beams err", low=0.0, high=0.5
     )
+    cliff_margin_m: float = parameter(0.025, "m", "the same from cliffs: floor is hit more sparsely than what stands", low=0.0, high=0.5)
     hit_noise_m: float = parameter(
         0.01, "m", "scatter of beams around where they end, not part of what they met: noise of the laser and of poses", low=0.0, high=0.5
     )
@@ -104,7 +101,11 @@ class TerrainConfig:
 
 
 class Limits(NamedTuple):
-    """The configuration in voxels of one resolution, as the kernels take it; `assumes_cliffs`: also where no drop was seen."""
+    """The configuration in voxels of one resolution, as the kernels take it.
+
+    `assumes_cliffs`: also where no drop was seen. `steep_margin`: what is too steep begins somewhere in its column, or, where slopes are
+    fitted to a few columns of measured heights, in the one before.
+    """
 
     resolution: float
     step: int
@@ -118,6 +119,8 @@ class Limits(NamedTuple):
     inflation: int
     hit_margin: float
     hit_noise: float
+    cliff_margin: float
+    steep_margin: float
     cliff_area: int
     assumes_cliffs: bool
 
@@ -125,6 +128,7 @@ class Limits(NamedTuple):
     def of(cls, config: TerrainConfig, resolution: float, is_measured: bool) -> "Limits":
         """For a map with or without measured heights."""
         slope_radius_m, margin = (config.slope_radius_m, config.slope_margin_rad) if is_measured else (config.voxel_slope_radius_m, 0.0)
+        hit_margin = config.hit_margin_m / resolution if is_measured else 0.0
         largest = max(config.inflation_radius_m, config.cliff_inflation_radius_m)
         return cls(
             resolution=resolution,
@@ -137,8 +141,10 @@ class Limits(NamedTuple):
             max_fitted_slope=math.tan(config.max_slope_rad - margin),
             look=max(1, round(config.cliff_look_m / resolution)),
             inflation=math.ceil(largest / resolution - 1e-9),
-            hit_margin=config.hit_margin_m / resolution if is_measured else 0.0,
+            hit_margin=hit_margin,
             hit_noise=config.hit_noise_m / resolution,
+            cliff_margin=config.cliff_margin_m / resolution if is_measured else 0.0,
+            steep_margin=1.0 + hit_margin if is_measured else 0.5,
             cliff_area=config.cliff_area_voxels,
             assumes_cliffs=config.cliff_evidence == "assumed",
         )

@@ -104,8 +104,8 @@ def look(columns: Any, surfaces: Any, s: Any, c: Any, k: Any, limits: Any) -> An
 
 
 @njit(cache=True)
-def _judge_sides(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: Any, limits: Any, seen: Any) -> Any:
-    """Cliff where a drop was seen beside node s of column c, else traversable; what was seen where no edge leads goes into `seen`.
+def _is_at_drop(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: Any, limits: Any, seen: Any) -> Any:
+    """Whether a drop was seen beside node s of column c; what was seen where no edge leads goes into `seen`.
 
     Lower ground whose top was not seen may be higher than it looks: a wall under a deck that was seen from below only.
     """
@@ -114,14 +114,14 @@ def _judge_sides(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: 
         if n < 0:
             seen[s, k] = look(columns, surfaces, s, c, k, limits)
             if seen[s, k] == SEES_DROP:
-                return CLIFF
+                return True
         elif graph[s, k] < 0:
             seen[s, k] = SEES_OBSTACLE
             if surfaces.level[n] < surfaces.level[s]:
                 if is_top_seen(columns, c + DX[k] * columns.ny + DY[k], surfaces.z[n]):
-                    return CLIFF
+                    return True
                 seen[s, k] = SEES_UNKNOWN
-    return TRAVERSABLE
+    return False
 
 
 @njit(cache=True)
@@ -144,7 +144,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
     """(N,) uint8 labels of all nodes reached from `first`, UNREACHED elsewhere, the number of traversable ones, and (N, 4) uint8 of
     what those see in directions without ground.
 
-    Nodes are traversable, obstacles (too steep; nearly so at a neighbour, too: alone it is a hit or two gone astray) or cliffs. Only
+    Nodes are cliffs, obstacles (too steep; nearly so at a neighbour, too: alone it is a hit or two gone astray) or traversable. Only
     traversable ones are expanded, and only into columns that are `inside` (bool per column).
     """
     column, level = surfaces.column, surfaces.slope_level  # arrays of a tuple are counted at every use
@@ -159,18 +159,18 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
         left -= 1
         s = np.int64(waiting[left])
         c = np.int64(column[s])
+        label[s] = TRAVERSABLE
+        for k in range(4):
+            if graph[s, k] < 0:
+                label[s] = CLIFF if _is_at_drop(columns, surfaces, near, graph, s, c, limits, seen) else TRAVERSABLE
+                break
+        if label[s] == CLIFF:
+            continue
         kind = slope[c]
         if kind == UNFITTED:
             kind = steepness(slope_at(graph, level, s, reach), nearly_steep, steep)
         if kind == STEEP or (kind == NEARLY_STEEP and _is_near_steep(surfaces, links, s, limits)):
             label[s] = OBSTACLE
-            continue
-        label[s] = TRAVERSABLE
-        for k in range(4):
-            if graph[s, k] < 0:
-                label[s] = _judge_sides(columns, surfaces, near, graph, s, c, limits, seen)
-                break
-        if label[s] != TRAVERSABLE:
             continue
         traversable += 1
         for k in ROW_LAST:
@@ -263,24 +263,24 @@ def obstacles_seen(columns: Any, surfaces: Any, links: Any, label: Any, seen: An
 
 @njit(cache=True)
 def _is_within(dx: Any, dy: Any, radius: Any, reach: Any) -> Any:
-    """Whether a place dx, dy from the middle of a thing is within `radius` of its end on this side."""
-    away = np.sqrt(dx * dx + dy * dy)
-    end = np.sqrt(max(0.0, reach[0] * dx * dx + reach[1] * dy * dy + 2.0 * reach[2] * dx * dy))  # times `away`
-    return away * (away - radius) <= end + 1e-6
+    """Whether a place dx, dy from the middle of a thing is within `radius` of it."""
+    square = reach[0] ** 2 + reach[1] ** 2
+    along = min(1.0, max(-1.0, (dx * reach[0] + dy * reach[1]) / square)) if square > 0.0 else 0.0
+    return np.hypot(dx - along * reach[0], dy - along * reach[1]) <= radius + reach[2] + 1e-6
 
 
 @njit(cache=True)
 def inflate(label: Any, surfaces: Any, places: Any, reach: Any, radius: Any, square: Any, band: Any, nx: Any, ny: Any) -> None:
     """Turn traversable nodes into inflation whose column's middle is within `radius` of a barrier, at most `band` voxels up or down.
 
-    `places` (M, 3) float: x, y and level of the barriers in voxels of the window; `reach` (M, 3): how far they extend from there, as the
-    x * x, y * y and x * y of an ellipse, or (0, 3) where none does; `square`: within `radius` along both axes.
+    `places` (M, 3) float: x, y and level of the barriers in voxels of the window; `reach` (M, 3): how far they extend, x and y to the end
+    of a line from there and how far around it, or (0, 3) where none does; `square`: within `radius` along both axes.
     """
     start, column, z, slack = surfaces.start, surfaces.column, surfaces.z, 1e-6
     for i in range(len(places)):
         x, y, level = places[i, 0] - 0.5, places[i, 1] - 0.5, places[i, 2]
-        extends = len(reach) > 0 and max(reach[i, 0], reach[i, 1]) > 0.0
-        most = radius + np.sqrt(max(reach[i, 0], 0.0) + max(reach[i, 1], 0.0)) if extends else radius
+        extends = len(reach) > 0
+        most = radius + np.hypot(reach[i, 0], reach[i, 1]) + reach[i, 2] if extends else radius
         for jx in range(max(0, int(np.ceil(x - most - slack))), min(nx, int(np.floor(x + most + slack)) + 1)):
             dx = jx - x
             half = slack + (most if square else np.sqrt(max(0.0, most**2 - dx**2)))

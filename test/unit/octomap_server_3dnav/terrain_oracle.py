@@ -295,13 +295,13 @@ class Oracle:
             s = waiting.pop()
             if s in self.label:
                 continue
-            if self.slope(s) > self.limits.max_fitted_slope:
-                self.label[s] = OBSTACLE
-                continue
             edges = [self.edge(s, k) for k in range(4)]
-            drops = any(self.beside(s, k) == "drop" for k in range(4) if edges[k] is None)
-            self.label[s] = CLIFF if drops else TRAVERSABLE
-            if not drops:
+            if any(self.beside(s, k) == "drop" for k in range(4) if edges[k] is None):
+                self.label[s] = CLIFF
+            elif self.slope(s) > self.limits.max_fitted_slope:
+                self.label[s] = OBSTACLE
+            else:
+                self.label[s] = TRAVERSABLE
                 waiting += [n for n in edges if n is not None]
 
     def _obstacles(self) -> set[tuple[Column, int, int]]:

@@ -153,18 +153,27 @@ def test_cliff_is_where_its_voxel_was_hit(part_of_column, first_inflated):
     assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
 
 
-@pytest.mark.parametrize("degrees, first_inflated", [(0, 33), (30, 32)])
-def test_cliff_at_the_end_of_ground_that_falls_already_begins_in_its_column(degrees, first_inflated):
-    """A crater: its wall begins behind column 40, over which the rim falls or does not."""
+def crater(degrees, aside=0.0):
+    """The terrain before a crater whose wall begins behind column 40, over which its rim falls already; along that it rises by `aside`."""
     rim, wall = (np.tan(np.radians(angle)) for angle in (degrees, 65.0))
 
-    def crater(x, y):
+    def height(x, y):
         beyond = np.maximum(0.0, x - 40 * RESOLUTION)
-        return 0.63 - rim * np.minimum(beyond, RESOLUTION) - wall * np.clip(beyond - RESOLUTION, 0.0, 0.25) + 0 * y
+        return 0.63 - rim * np.minimum(beyond, RESOLUTION) - wall * np.clip(beyond - RESOLUTION, 0.0, 0.25) + aside * (y - 2.4)
 
-    terrain = measured(crater, pose(1.2, 2.4, ground=0.63))
-    found = [label_at(terrain, (column + 0.5) * RESOLUTION, 2.4, 0.63) for column in range(30, 36)]
+    return measured(height, pose(1.2, 2.4, ground=0.63))
+
+
+@pytest.mark.parametrize("degrees, first_inflated", [(0, 33), (30, 32)])
+def test_cliff_at_the_end_of_ground_that_falls_already_begins_in_its_column(degrees, first_inflated):
+    found = [label_at(crater(degrees), (column + 0.5) * RESOLUTION, 2.4, 0.63) for column in range(30, 36)]
     assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.4])
+def test_ground_before_a_drop_that_was_seen_is_a_cliff_however_steep(aside):
+    """22 degrees along the rim alone can be driven, with what it falls towards the crater they are too steep."""
+    assert label_at(crater(40, aside), 40.5 * RESOLUTION, 2.4, 0.6) == CLIFF
 
 
 @pytest.mark.parametrize("is_met", [True, False])
@@ -201,9 +210,25 @@ def test_thing_is_where_it_sticks_out_at_any_height_of_the_robot(sticks_out, fir
     assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
 
 
+@pytest.mark.parametrize("times, first_inflated", [(1, 32), (20, 33)])
+def test_thing_that_few_beams_met_may_end_where_none_did(times, first_inflated):
+    """In the middle of column 40, up to whose rim a part of it may stand that was not met."""
+    beams = points(np.full(times, 40.5) * RESOLUTION, np.full(times, 0.6))
+    found = labels_before(lambda x, y: np.where(x < 40 * RESOLUTION, 0.005, 0.6) + 0 * y, beams, range(30, 36))
+    assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
+
+
+@pytest.mark.parametrize("foot, first_inflated", [(40.9, 33), (40.1, 32)])
+def test_thing_stands_where_its_foot_is_higher_than_a_step(foot, first_inflated):
+    """A rock that is hit near the far rim of column 40 at 0.6 m, and 0.2 m above the floor there or nearer."""
+    beams = points(np.repeat([foot, 40.9], 10) * RESOLUTION, np.repeat([0.2, 0.6], 10))
+    found = labels_before(lambda x, y: np.where(x < 40 * RESOLUTION, 0.005, 0.6) + 0 * y, beams, range(30, 36))
+    assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
+
+
 @pytest.mark.parametrize("corner, label", [(40.3, INFLATION), (40.6, TRAVERSABLE)])
 def test_corner_is_where_its_sides_meet_not_where_they_were_hit_on_average(corner, label):
-    """7.5 and 7.9 voxels from the place, and to be kept off by 7.75."""
+    """7.5 and 7.9 voxels from the place, and to be kept off by 7.6."""
     side, z = np.arange(corner, 50.0, 0.05) * RESOLUTION, np.arange(0.18, 1.0, 0.08)
     first, second = np.tile(side, z.size), np.full(side.size * z.size, corner * RESOLUTION)
     heights = SurfaceHeights(RESOLUTION)

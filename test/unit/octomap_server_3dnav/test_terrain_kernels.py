@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from terrain_worlds import grid_of_heights, runs_of
 
 from octomap_server_3dnav import terrain_kernels, terrain_scene
@@ -103,17 +104,14 @@ def test_inflation_begins_where_a_barrier_ends_on_the_side_of_the_ground():
     label = np.zeros(surfaces.z.size, dtype=np.uint8)
     at, level = surfaces.column[barriers].astype(np.int64), surfaces.z[barriers].astype(np.int64)
     places = np.column_stack([at // ny + 0.4, at % ny + 0.7, level])
-    ends = rng.uniform(-1.0, 1.0, (9, 3, 2))  # barriers are the sums of three lines
-    ends[0] = 0.0
-    reach = np.stack([(ends[:, :, a] * ends[:, :, b]).sum(axis=1) for a, b in ((0, 0), (1, 1), (0, 1))], axis=1)
-    reach[1, :2] -= 0.3  # and narrower than nothing along some direction
+    reach = np.column_stack([rng.uniform(-1.0, 1.0, (9, 2)), rng.uniform(0.0, 0.5, 9)])
+    reach[0] = 0.0
     terrain_kernels.inflate(label, surfaces, places, reach, radius, False, band, columns.nx, ny)
-    off = np.stack([surfaces.column[:, None] // ny + 0.5 - places[:, 0], surfaces.column[:, None] % ny + 0.5 - places[:, 1]], axis=-1)
-    away = np.linalg.norm(off, axis=-1)
-    along = off / away[..., None]
-    squared = reach[:, 0] * along[..., 0] ** 2 + reach[:, 1] * along[..., 1] ** 2 + 2 * reach[:, 2] * along[..., 0] * along[..., 1]
-    near = away - np.sqrt(np.maximum(0.0, squared)) <= radius
-    expected = (near & (abs(surfaces.z[:, None] - level) <= band)).any(axis=1)
+    middle = np.stack([surfaces.column // ny + 0.5, surfaces.column % ny + 0.5], axis=-1)
+    parts = np.linspace(-1.0, 1.0, 2001)
+    lines = places[:, None, :2] + parts[:, None] * reach[:, None, :2]
+    away = np.array([cKDTree(line).query(middle)[0] - width for line, width in zip(lines, reach[:, 2], strict=True)])
+    expected = ((away <= radius) & (abs(surfaces.z - level[:, None]) <= band)).any(axis=0)
     assert np.array_equal(label == terrain_kernels.INFLATION, expected) and expected.any()
 
 
