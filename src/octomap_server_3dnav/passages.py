@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
+from octomap_server_3dnav.lean_kernels import lean_njit
 from octomap_server_3dnav.surface_columns import find_node
 from octomap_server_3dnav.surface_graph import diagonal
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
@@ -99,7 +100,7 @@ class Demand(NamedTuple):
     rise: int
 
 
-@njit(cache=True)
+@lean_njit
 def _step(graph: Any, node: Any, mx: Any, my: Any) -> Any:
     """The node one column on along x, y or both."""
     if mx != 0 and my != 0:
@@ -109,7 +110,7 @@ def _step(graph: Any, node: Any, mx: Any, my: Any) -> Any:
     return graph[node, 0 if mx > 0 else 2 if mx < 0 else 1 if my > 0 else 3]
 
 
-@njit(cache=True)
+@lean_njit
 def _walk(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: Any, out: Any) -> Any:
     """Number of nodes from `node` at x, y in direction dx, dy to the end of the run-up, written to `out`; 0 when none is reached."""
     h = 1.0 / max(abs(dx), abs(dy))
@@ -129,7 +130,7 @@ def _walk(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: Any, out:
     return 0
 
 
-@njit(cache=True)
+@lean_njit
 def _room(b: Any, demand: Any, x: Any, y: Any, dx: Any, dy: Any, levels: Any, first: Any) -> Any:
     """Voxels by which the nearest barriers on the left and right of a line lie beyond their radius; levels[i] is its height `first + i`
     steps from x, y."""
@@ -147,7 +148,7 @@ def _room(b: Any, demand: Any, x: Any, y: Any, dx: Any, dy: Any, levels: Any, fi
     return left, right
 
 
-@njit(cache=True)
+@lean_njit
 def _is_covered(g: Any, demand: Any, x: Any, y: Any, dx: Any, dy: Any, line: Any, first: Any) -> Any:
     """Whether there is ground everywhere beside a line, as far as the outline reaches."""
     h = 1.0 / max(abs(dx), abs(dy))

@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.lean_kernels import lean_njit
 from octomap_server_3dnav.terrain_kernels import hops_from
 
 _OPEN, _CLOSED = 1, 2
@@ -29,7 +30,7 @@ class Ways(NamedTuple):
     link_cost: NDArray[np.float64]
 
 
-@njit(cache=True)
+@lean_njit
 def neighbour(graph: Any, cost: Any, s: Any, move: Any) -> Any:
     """Node beside s in direction `move` (0-3) or diagonally after it (4-7), -1 where there is none that is open."""
     a = graph[s, move & 3]
@@ -45,14 +46,14 @@ def neighbour(graph: Any, cost: Any, s: Any, move: Any) -> Any:
     return n if n >= 0 and cost[n] < np.inf else -1
 
 
-@njit(cache=True)
+@lean_njit
 def edge_cost(a: Any, b: Any, length: Any, z: Any, cost: Any, climb: Any) -> Any:
     """Cost of an edge in voxels: its length in space times the mean factor of its ends, and what its climb costs."""
     rise = abs(np.float64(z[b]) - np.float64(z[a]))
     return np.sqrt(length * length + rise * rise) * 0.5 * (cost[a] + cost[b]) + climb * rise
 
 
-@njit(cache=True)
+@lean_njit
 def _ahead(ways: Any, n: Any, goal: Any) -> Any:
     """The least that a way from n to the goal can cost: over a grid it turns by half right angles only."""
     dx, dy = abs(np.float64(ways.ix[n]) - ways.ix[goal]), abs(np.float64(ways.iy[n]) - ways.iy[goal])

@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.column_runs import ColumnRuns
+from octomap_server_3dnav.lean_kernels import lean_njit
 
 DX = np.array([1, 0, -1, 0], dtype=np.int64)
 DY = np.array([0, 1, 0, -1], dtype=np.int64)
@@ -90,7 +91,7 @@ def crop_columns(runs: ColumnRuns, key: tuple[int, int], ny: int, spans: NDArray
     return Columns(len(spans), ny, *_crop(runs.start, runs.z_lo, runs.z_hi, runs.occupied, rows, ny))
 
 
-@njit(cache=True)
+@lean_njit
 def lowest_occupied(columns: Any, c: Any, low: Any, high: Any) -> Any:
     """Lowest occupied voxel of column c in low..high, NO_VOXEL when there is none."""
     for r in range(columns.start[c], columns.start[c + 1]):
@@ -101,7 +102,7 @@ def lowest_occupied(columns: Any, c: Any, low: Any, high: Any) -> Any:
     return NO_VOXEL
 
 
-@njit(cache=True)
+@lean_njit
 def top_near(columns: Any, c: Any, z: Any, reach: Any) -> Any:
     """Top of the occupied run of column c that ends nearest to z, within `reach`; NO_VOXEL when there is none."""
     best: Any = NO_VOXEL
@@ -113,7 +114,7 @@ def top_near(columns: Any, c: Any, z: Any, reach: Any) -> Any:
     return best
 
 
-@njit(cache=True)
+@lean_njit
 def seen_down_to(columns: Any, c: Any, z: Any) -> Any:
     """Lowest voxel of the free space seen from level z of column c downwards, NO_VOXEL when level z itself was not seen.
 
@@ -130,7 +131,7 @@ def seen_down_to(columns: Any, c: Any, z: Any) -> Any:
     return lowest
 
 
-@njit(cache=True)
+@lean_njit
 def is_top_seen(columns: Any, c: Any, z: Any) -> Any:
     """Whether the voxel above voxel z of column c was seen free, so that what stands there ends at z."""
     for r in range(columns.start[c], columns.start[c + 1]):
@@ -139,7 +140,7 @@ def is_top_seen(columns: Any, c: Any, z: Any) -> Any:
     return False
 
 
-@njit(cache=True)
+@lean_njit
 def find_node(start: Any, z: Any, c: Any, level: Any, reach: Any) -> Any:
     """Index of the node of column c nearest to `level` within `reach` voxels, -1 when there is none."""
     best, best_gap = -1, reach + 1
@@ -150,7 +151,7 @@ def find_node(start: Any, z: Any, c: Any, level: Any, reach: Any) -> Any:
     return best
 
 
-@njit(cache=True)
+@lean_njit
 def slope_behind(surfaces: Any, a: Any, back: Any, step: Any) -> Any:
     """Rise per column from the node of column `back`, three columns behind node a, to a; 0 where it is level or not measured."""
     n = find_node(surfaces.start, surfaces.z, back, np.int64(surfaces.z[a]), step)
@@ -160,7 +161,7 @@ def slope_behind(surfaces: Any, a: Any, back: Any, step: Any) -> Any:
     return slope if abs(slope) > _SLOPED else 0.0
 
 
-@njit(cache=True)
+@lean_njit
 def blocking_voxel(columns: Any, c: Any, level: Any, step: Any, clearance: Any) -> Any:
     """Lowest occupied voxel of column c where something stands in the way of a robot at `level`, NO_VOXEL when nothing does.
 

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.lean_kernels import lean_njit
 from octomap_server_3dnav.surface_columns import DX, DY, find_node, slope_behind
 
 UNFITTED, GENTLE, NEARLY_STEEP, STEEP = 0, 1, 2, 3
@@ -51,7 +52,7 @@ def nearest_neighbours(start: Any, z: Any, ny: Any, spans: Any, step: Any) -> An
     return out
 
 
-@njit(cache=True)
+@lean_njit
 def _off_tread(level: Any, measured: Any, row: Any, aside: Any, tread: Any) -> Any:
     """1 or -1 where a neighbour is measured to lie more than `tread` higher or lower than a node, else 0."""
     if aside < 0 or not (measured[aside] and measured[row]) or abs(level[aside] - level[row]) <= tread:
@@ -59,7 +60,7 @@ def _off_tread(level: Any, measured: Any, row: Any, aside: Any, tread: Any) -> A
     return 1 if level[aside] > level[row] else -1
 
 
-@njit(cache=True)
+@lean_njit
 def _patch_mean(near: Any, level: Any, measured: Any, s: Any, k: Any, tread: Any) -> Any:
     """Mean height of s, the node beyond it in direction k, and the neighbours aside of both, where they exist; whether all are measured.
 
@@ -88,7 +89,7 @@ def _patch_mean(near: Any, level: Any, measured: Any, s: Any, k: Any, tread: Any
     return total / count, known
 
 
-@njit(cache=True)
+@lean_njit
 def _is_on_slope(surfaces: Any, s: Any, n: Any, max_step: Any) -> Any:
     """Whether the rise or fall from node s to its neighbour n is that of a slope, which goes on behind and beyond."""
     a, b, reach = np.int64(surfaces.column[s]), np.int64(surfaces.column[n]), np.int64(np.ceil(max_step))
@@ -97,7 +98,7 @@ def _is_on_slope(surfaces: Any, s: Any, n: Any, max_step: Any) -> Any:
     return min(behind * np.sign(rise), beyond * np.sign(rise)) > 0 and 2 * abs(rise) <= max_step
 
 
-@njit(cache=True)
+@lean_njit
 def _has_equal(near: Any, level: Any, measured: Any, s: Any, tread: Any) -> Any:
     """Whether a neighbour of node s is measured to lie about as high."""
     for k in range(4):
@@ -106,7 +107,7 @@ def _has_equal(near: Any, level: Any, measured: Any, s: Any, tread: Any) -> Any:
     return False
 
 
-@njit(cache=True)
+@lean_njit
 def _is_step(near: Any, surfaces: Any, s: Any, n: Any, k: Any, max_step: Any, max_measured_step: Any) -> Any:
     """Whether the ground on both sides of the edge from node s in direction k to node n differs too much; the same seen from n."""
     level, measured, tread = surfaces.level, surfaces.measured, max_measured_step / 2
@@ -177,7 +178,7 @@ def kerbs(graph: Any, surfaces: Any, rise: Any) -> Any:
     return out
 
 
-@njit(cache=True)
+@lean_njit
 def diagonal(graph: Any, s: Any, k: Any) -> Any:
     """Node diagonally between directions k and k + 1, -1 unless both ways round its corner are open and lead to it."""
     a, b = graph[s, k], graph[s, (k + 1) % 4]
@@ -186,13 +187,13 @@ def diagonal(graph: Any, s: Any, k: Any) -> Any:
     return graph[a, (k + 1) % 4]
 
 
-@njit(cache=True)
+@lean_njit
 def _ray_lengths(reach: Any) -> Any:
     """Steps along the axes and along the diagonals within `reach` columns."""
     return int(reach), int(round(reach / np.sqrt(2.0)))
 
 
-@njit(cache=True)
+@lean_njit
 def slope_at(graph: Any, level: Any, s: Any, reach: Any) -> Any:
     """Tangent of the steepest slope of the plane fitted to the ground around s, out to `reach` voxels."""
     n, sx, sy, sxx, syy, sxy = 1, 0, 0, 0, 0, 0
@@ -216,7 +217,7 @@ def slope_at(graph: Any, level: Any, s: Any, reach: Any) -> Any:
     return np.hypot((b * p - c * q) / det, (a * q - c * p) / det)
 
 
-@njit(cache=True)
+@lean_njit
 def steepness(slope: Any, max_fitted_slope: Any, max_slope: Any) -> Any:
     """STEEP beyond the limit, NEARLY_STEEP where it may be: within what a fit can be wrong, else GENTLE."""
     if slope > max_slope:

@@ -15,6 +15,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.column_runs import KEY_OFFSET
+from octomap_server_3dnav.lean_kernels import lean_njit
 
 _FINE = 1024  # parts of a voxel in which places are summed
 _ONE_SLOPE = 0.6  # voxels between what was hit in a voxel and in that below on a slope; more is an edge, and the face below it
@@ -86,7 +87,7 @@ def _merged(old: Any, more: Any, sign: Any) -> Any:
     return out_key[:n].copy(), out_total[:n].copy(), out_count[:n].copy(), out_squares[:n].copy()
 
 
-@njit(cache=True)
+@lean_njit
 def _place_from(key: Any, wanted: Any, place: Any) -> Any:
     """First index from `place` on whose key is not below `wanted`: steps that double, then halves; near places are found soonest."""
     step = 1

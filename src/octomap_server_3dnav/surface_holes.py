@@ -9,10 +9,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.lean_kernels import lean_njit
 from octomap_server_3dnav.surface_columns import NO_VOXEL, Columns, Surfaces, blocking_voxel, find_node, seen_down_to, slope_behind
 
 
-@njit(cache=True)
+@lean_njit
 def _is_step_between(surfaces: Any, a: Any, b: Any, gap: Any, back: Any, front: Any, step: Any, max_step: Any) -> Any:
     """Whether measured nodes a and b, `gap` columns apart, differ by more than `max_step` from where the slope behind or beyond leads.
 
@@ -23,7 +24,7 @@ def _is_step_between(surfaces: Any, a: Any, b: Any, gap: Any, back: Any, front: 
     return min(abs(rise), abs(rise - gap * behind), abs(rise - gap * beyond)) > max_step
 
 
-@njit(cache=True)
+@lean_njit
 def _is_one_floor(surfaces: Any, a: Any, b: Any, gap: Any, back: Any, front: Any, step: Any, max_step: Any) -> Any:
     """Whether nodes a and b, `gap` columns apart, are one floor: level, or on a slope that goes on behind a or b."""
     start, z = surfaces.start, surfaces.z
@@ -39,7 +40,7 @@ def _is_one_floor(surfaces: Any, a: Any, b: Any, gap: Any, back: Any, front: Any
     return (behind >= 0 and (z[a] - z[behind]) * sign >= 1) or (ahead >= 0 and (z[ahead] - z[b]) * sign >= 1)
 
 
-@njit(cache=True)
+@lean_njit
 def _is_alone(surfaces: Any, s: Any, ny: Any, step: Any) -> Any:
     """Whether no column beside that of node s has ground at about its level: a hit or two that went astray carry no bridge."""
     c, level = np.int64(surfaces.column[s]), np.int64(surfaces.z[s])
@@ -50,7 +51,7 @@ def _is_alone(surfaces: Any, s: Any, ny: Any, step: Any) -> Any:
     return True
 
 
-@njit(cache=True)
+@lean_njit
 def _spans(columns: Any, start: Any, z: Any, a: Any, b: Any, c: Any, stride: Any, gap: Any, step: Any, clearance: Any, drop: Any) -> Any:
     """Whether floor between nodes a, of column c, and b, `gap` columns on, contradicts nothing that is known there."""
     for j in range(1, gap):
@@ -66,7 +67,7 @@ def _spans(columns: Any, start: Any, z: Any, a: Any, b: Any, c: Any, stride: Any
     return True
 
 
-@njit(cache=True)
+@lean_njit
 def _level_between(z: Any, a: Any, b: Any, j: Any, gap: Any) -> Any:
     """Layer of the floor j of `gap` columns on the way from node a to node b."""
     return (2 * (np.int64(z[a]) * (gap - j) + np.int64(z[b]) * j) + gap) // (2 * gap)
@@ -124,7 +125,7 @@ def _one_per_hole(found: NDArray[np.float64], step: int) -> NDArray[np.float64]:
     return np.asarray(found[order[best[np.r_[True, np.diff(group[best]) != 0]]]])
 
 
-@njit(cache=True)
+@lean_njit
 def _on_line(known: Any, a: Any, b: Any, share: Any) -> Any:
     """The value on a line from node a to node b, after a share of the way."""
     return known[a] + share * (known[b] - known[a])

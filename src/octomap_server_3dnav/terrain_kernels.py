@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from octomap_server_3dnav.lean_kernels import lean_njit
 from octomap_server_3dnav.surface_columns import (
     DX,
     DY,
@@ -28,13 +29,13 @@ SEES_UNKNOWN, SEES_OBSTACLE, SEES_DROP, SEES_EDGE = 0, 1, 2, 3
 ROW_LAST = (0, 2, 1, 3)  # a stack filled in this order is worked off along y, where neighbours are neighbours in memory
 
 
-@njit(cache=True)
+@lean_njit
 def _limit(j: Any, step: Any, max_slope: Any) -> Any:
     """Voxels by which drivable ground may differ in height j columns away."""
     return max(step, 1 + int(np.floor(j * max_slope)))
 
 
-@njit(cache=True)
+@lean_njit
 def _falls_to(surfaces: Any, s: Any, n: Any, j: Any, stride: Any, limits: Any) -> Any:
     """Whether node n, j columns beyond node s and nothing in between, lies lower than a step and than any slope between would lead.
 
@@ -46,7 +47,7 @@ def _falls_to(surfaces: Any, s: Any, n: Any, j: Any, stride: Any, limits: Any) -
     return surfaces.slope_level[s] - surfaces.slope_level[n] > max(limits.max_measured_step, (j + slopes_down) * limits.max_slope)
 
 
-@njit(cache=True)
+@lean_njit
 def _drop_along(columns: Any, surfaces: Any, s: Any, c: Any, stride: Any, limits: Any, assumed: Any) -> Any:
     """Whether from column c in steps of `stride` all ground that could be driven to from node s lies too low, or free space below it.
 
@@ -71,7 +72,7 @@ def _drop_along(columns: Any, surfaces: Any, s: Any, c: Any, stride: Any, limits
     return False
 
 
-@njit(cache=True)
+@lean_njit
 def _ground_aside(start: Any, z: Any, c: Any, stride: Any, aside: Any, level: Any, limits: Any) -> Any:
     """Whether the area beside the ray (thesis figure 5.12) holds ground at about this level."""
     half_width = limits.cliff_area
@@ -82,7 +83,7 @@ def _ground_aside(start: Any, z: Any, c: Any, stride: Any, aside: Any, level: An
     return False
 
 
-@njit(cache=True)
+@lean_njit
 def look(columns: Any, surfaces: Any, s: Any, c: Any, k: Any, limits: Any) -> Any:
     """What lies in direction k of node s of column c where no ground goes on: obstacle, drop that was seen, edge, or the unknown.
 
@@ -103,7 +104,7 @@ def look(columns: Any, surfaces: Any, s: Any, c: Any, k: Any, limits: Any) -> An
     return SEES_EDGE if _drop_along(columns, surfaces, s, c, stride, limits, True) else SEES_UNKNOWN
 
 
-@njit(cache=True)
+@lean_njit
 def _is_at_drop(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: Any, limits: Any, seen: Any) -> Any:
     """Whether a drop was seen beside node s of column c; what was seen where no edge leads goes into `seen`.
 
@@ -124,7 +125,7 @@ def _is_at_drop(columns: Any, surfaces: Any, near: Any, graph: Any, s: Any, c: A
     return False
 
 
-@njit(cache=True)
+@lean_njit
 def _is_near_steep(surfaces: Any, links: Any, s: Any, limits: Any) -> Any:
     """Whether the ground at a neighbour of node s is too steep, or nearly so."""
     for k in range(4):
@@ -201,7 +202,7 @@ def mark_steps(label: Any, near: Any, graph: Any, level: Any) -> Any:
     return out
 
 
-@njit(cache=True)
+@lean_njit
 def _stands_at(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, step: Any, clearance: Any) -> Any:
     """Whether something stands at column c, or its ground is too steep or too high a step."""
     if lowest_occupied(columns, c, level + step + 1, level + clearance) != NO_VOXEL:
@@ -210,7 +211,7 @@ def _stands_at(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, step
     return node >= 0 and label[node] == OBSTACLE
 
 
-@njit(cache=True)
+@lean_njit
 def _stands_around(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, step: Any, clearance: Any) -> Any:
     """The same for column c and its four neighbours."""
     if _stands_at(columns, surfaces, label, c, level, step, clearance):
@@ -261,7 +262,7 @@ def obstacles_seen(columns: Any, surfaces: Any, links: Any, label: Any, seen: An
     return out
 
 
-@njit(cache=True)
+@lean_njit
 def _is_within(dx: Any, dy: Any, radius: Any, reach: Any) -> Any:
     """Whether a place dx, dy from the middle of a thing is within `radius` of it."""
     square = reach[0] ** 2 + reach[1] ** 2
@@ -269,7 +270,7 @@ def _is_within(dx: Any, dy: Any, radius: Any, reach: Any) -> Any:
     return np.hypot(dx - along * reach[0], dy - along * reach[1]) <= radius + reach[2] + 1e-6
 
 
-@njit(cache=True)
+@lean_njit
 def inflate(label: Any, surfaces: Any, places: Any, reach: Any, radius: Any, square: Any, band: Any, nx: Any, ny: Any) -> None:
     """Turn traversable nodes into inflation whose column's middle is within `radius` of a barrier, at most `band` voxels up or down.
 
@@ -345,7 +346,7 @@ def hops_from(seeds: Any, passable: Any, graph: Any, most: Any) -> Any:
     return hops
 
 
-@njit(cache=True)
+@lean_njit
 def _is_reached(start: Any, z: Any, label: Any, c: Any, level: Any, rise: Any) -> Any:
     """Whether the flood has reached ground at about this level some other way, in column c."""
     node = find_node(start, z, c, level, rise)

@@ -1,0 +1,17 @@
+"""How those kernels are compiled that are called for every voxel."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar, cast
+
+from numba import njit
+
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+_UNCOUNTED: dict[str, Any] = {"_nrt": False}  # as numba compiles its own sorting
+
+
+def lean_njit(function: Kernel) -> Kernel:
+    """`njit(cache=True)` for what makes no arrays and calls nothing that does; numba refuses others.
+
+    It does not count who holds the arrays that it is given, which takes longer than what a look-up does with them.
+    """
+    return cast(Kernel, njit(cache=True, **_UNCOUNTED)(function))
