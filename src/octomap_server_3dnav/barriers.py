@@ -1,7 +1,8 @@
 """Where ground ends, and how far the middle of the robot keeps off: the inflation of the thesis (5.5, addRobotPadding), by the hit.
 
 After the first flood, in `terrain.classify`. An obstacle or a cliff is where beams ended in its voxel, not in the middle, up to 6 cm
-away; ground that is too steep begins somewhere in its column. All places are in voxels of the window.
+away; ground that is too steep begins somewhere in its column or, fitted to those around, in the one before. All places are in voxels of
+the window.
 """
 
 import math
@@ -26,7 +27,7 @@ _RIM = 0.5  # voxels from the middle of a column to its rim
 _AT_RIM = 0.4  # where the hits at the rim of a voxel begin
 _SPILLING = 3.0  # times as many hits in the column beside
 _FALLING = 0.25  # voxels from one column to the next, 14 degrees: less is the unevenness of a floor
-_FEW = 10.0  # hits a voxel apart from each other leave that much of a column unmet
+_FEW = 10.0  # voxels, divided by the hits in a column: how far beyond them a part of a thing may stand that none met
 _POINTS = np.empty((0, 3))  # of barriers that extend nowhere
 
 
@@ -145,7 +146,7 @@ def barriers_of(
     `terrain_kernels.obstacles_seen` and `mark_steps` give them, of the nodes that are obstacles, and of `cliff` nodes, some of which may be
     obstacles to the ground below.
 
-    Obstacles are where beams ended in their column higher than a step and up to the robot's height, cliffs where they ended in their voxel,
+    Obstacles are where beams ended in their column from a step up to the robot's height, cliffs where they ended in their voxel,
     and those that nobody has hit in the middle of their column, cliffs on assumed floor a voxel nearer. Measured steps begin where their
     column does; rounded cliffs somewhere in theirs, as what is too steep.
     """
