@@ -1,8 +1,8 @@
 """The world `doors`: two rooms and a hall joined in a loop by doors through which the robot fits but in which it cannot turn.
 
 Seen from above (14 x 8 m): the rooms lie in the west, one north of the other; in the hall's north-east corner a ramp of 1 m width, with a
-drop on both sides, leads onto a deck, part of which is hidden behind a screen. Which door is how wide, where it is, and the clutter come
-from the seed.
+drop on both sides, leads onto a deck, part of which is hidden behind a screen, and behind a parapet to whoever looks up from the hall: it
+can only be seen from the deck. Which door is how wide, where it is, and the clutter come from the seed.
 """
 
 import math
@@ -60,7 +60,8 @@ def _deck() -> list[Solid]:
     profile = [(x0 - top / math.tan(SLOPE_RAD), 0.0), (x0 - top / math.tan(SLOPE_RAD), -BURIED_M), (x0 + 0.01, -BURIED_M), (x0 + 0.01, top)]
     ramp = hull("ramp", [(x, side, z) for side in (RAMP_Y - RAMP_M / 2, RAMP_Y + RAMP_M / 2) for x, z in profile])
     screen = box("screen", (SCREEN_X, y0, top - BURIED_M), (SCREEN_X + WALL_M, SCREEN_END_Y, WALL_HEIGHT_M))
-    return [box("deck", (x0, y0, -BURIED_M), (x1, y1, top)), ramp, screen]
+    parapet = box("parapet", (SCREEN_X, y0, top - BURIED_M), (x1, y0 + WALL_M, WALL_HEIGHT_M))
+    return [box("deck", (x0, y0, -BURIED_M), (x1, y1, top)), ramp, screen, parapet]
 
 
 def _clutter(rng: np.random.Generator, doors: list[tuple[float, float]], deck: list[Solid]) -> list[Solid]:
