@@ -276,7 +276,7 @@ def _ends_between(
     """(N,) at which part of the way to the next column the ground of each node ends, as a drop, below a ceiling or as too steep a slope.
 
     Drops, ceilings and faces that begin at an edge are looked for by vertical rays between the columns. Where ground gets too steep by and
-    by it ends where the steepness between both columns would be at its limit.
+    by it ends where the steepness between both columns would be at its limit; a steep flank above the floor is none that this leads to.
     """
     z = nodes.xyz[node, 2]
     beyond = _nearest_in_height(surfaces.first, surfaces.xyz[:, 2], _neighbour_columns(grid, nodes.column[node], direction), z, grid.cell)
