@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 _DIRECTIONS = 180  # tried around the middle of a neck
 _STARTS = 9  # nodes across it from which they are tried
 _AMPLE = 3.0  # voxels of room beyond the radius that are as good as any more
-_ENOUGH = 0.5  # and so many that a shorter line, straight across a wall, is better than more
+_ENOUGH = 1.0  # and so many that a shorter line, straight across a wall, is better than more
 _ALONG_RAD = 0.35
 _ASIDE_M = 0.2  # a robot so near to the line of a passage stands in it
 

@@ -20,6 +20,7 @@ _STAND = Motion(0.0, 0.0)
 _BEFORE_M = 1.0  # so far before a passage its beginning is steered for
 _RUN_UP_M = 0.3  # where it begins there is room to turn, if not always to drift
 _AT_BEGIN_M = 0.08  # and so near to it the robot is there
+_AT_ENTRY_M = 0.02  # a path that ends before a passage is driven on to where so little of it is left
 
 
 class PathFollower:
@@ -158,8 +159,9 @@ class PathFollower:
         tolerance = self._config.goal_tolerance_m * (2.0 if self._state is FollowerState.TURNING_TO_GOAL else 1.0)
         if path.length - self._s > max(tolerance, 0.05) or distance > tolerance:
             return False
-        # The last metre is driven on until the end itself is beside the robot, not only near.
-        return self._state is FollowerState.TURNING_TO_GOAL or path.length - self._s < 0.05 or distance < 0.5 * tolerance
+        # The last metre is driven on until the end itself is beside the robot, not only near; before a passage to the very end.
+        left, near = (_AT_ENTRY_M, 0.0) if path.ends_at_passage else (0.05, 0.5 * tolerance)
+        return self._state is FollowerState.TURNING_TO_GOAL or path.length - self._s < left or distance < near
 
     def _turn_to_goal(self, pose: Pose, around: Surroundings, dt: float) -> Motion:
         error = 0.0 if self._goal_yaw is None else angle_difference(self._goal_yaw, pose[2])

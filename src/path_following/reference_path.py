@@ -42,13 +42,14 @@ class ReferencePath:
     def __init__(self, points: ArrayLike, smoothing_m: float, straight: Sequence[bool] = ()) -> None:
         """(K, 3) or (K, 2) finite points in map, K >= 1; `straight` (K,) or empty: whether from each to the next there is no room to turn.
 
-        ValueError otherwise.
+        From the last point on, that is whether a passage begins there. ValueError otherwise.
         """
         given = np.asarray(points, dtype=np.float64)
         if given.ndim != 2 or len(given) == 0 or given.shape[1] not in (2, 3) or not np.isfinite(given).all():
             raise ValueError(f"a path is (K, 3) finite points with K >= 1, not {given!r}")
         if len(straight) not in (0, len(given)):
             raise ValueError(f"straight has one value for each of the {len(given)} points or none, not {len(straight)}")
+        self.ends_at_passage = bool(len(straight)) and bool(straight[-1])
         even = _resampled(given[:, :2])
         changes = _changes(straight)
         borders = _indices_of(changes, given[:, :2], len(even))

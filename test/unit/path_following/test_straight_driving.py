@@ -53,6 +53,21 @@ def test_door_is_entered_in_line_and_passed_without_a_touch(width, start, robot)
     assert speeds[inside[1:]].max() <= 0.26
 
 
+@pytest.mark.parametrize("robot", ROBOTS[:3], ids=["good", "pulls aside", "turns too little"])
+@pytest.mark.parametrize("before", [(-1.4, 1.0), (-1.4, -2.0), (-3.0, 0.5)], ids=str)
+def test_path_to_a_passage_is_driven_to_its_very_end(before, robot):
+    points, straight = through_the_door(before, (2.5, 1.0))
+    entry = int(straight.argmax()) + 1
+    follower = PathFollower(FollowerConfig())
+    follower.set_path(points[:entry], 0.0, straight[:entry])
+    heading = math.atan2(*(points[entry - 1] - points[0])[1::-1])
+    done = drive(follower, world_with_door(0.88), (*before, heading), robot=robot)
+    assert done.last.state is FollowerState.REACHED
+    assert math.dist(done.poses[-1, :2], points[entry - 1, :2]) < 0.035
+    follower.set_path(points[:entry], 0.0)
+    assert math.dist(drive(follower, world_with_door(0.88), (*before, heading)).poses[-1, :2], points[entry - 1, :2]) > 0.045
+
+
 def test_robot_that_stands_in_the_door_turned_away_drives_out_backward():
     points, straight = through_the_door((0.1, 0.0), (2.5, 1.0))
     follower = PathFollower(FollowerConfig())
