@@ -28,12 +28,12 @@ class VoxelState(IntEnum):
 @njit(cache=True)
 def _first_wrong(start: Any, z_lo: Any, z_hi: Any, occupied: Any) -> Any:
     """First run that the next one of its column does not lie above, or touches in the same state; -1 when there is none."""
-    for c in range(start.size - 1):
-        for r in range(start[c], start[c + 1] - 1):
-            gap = np.int64(z_lo[r + 1]) - z_hi[r] - 1
-            if gap < 0 or (gap == 0 and occupied[r] == occupied[r + 1]):
-                return r
-    return -1
+    is_wrong = np.zeros(z_lo.size + 1, np.bool_)
+    for r in range(1, z_lo.size):
+        gap = np.int32(z_lo[r]) - z_hi[r - 1] - 1
+        is_wrong[r] = (gap < 0) | ((gap == 0) & (occupied[r] == occupied[r - 1]))
+    is_wrong[start] = False  # the one before is of another column
+    return np.argmax(is_wrong) - 1 if is_wrong.any() else -1
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,10 +49,20 @@ class Surfaces(NamedTuple):
 
     def at_heights(self, heights: NDArray[np.float32]) -> "Surfaces":
         """The same with measured heights (N, 4) in voxels as `SurfaceHeights.at` gives them, NaN where there are none."""
-        measured = np.isfinite(heights[:, 0])
-        level, slope_level = (np.where(measured, heights[:, i], self.level) for i in (0, 1))
-        offset = np.where(measured[:, None], heights[:, 2:], self.offset)
+        level, slope_level, offset, measured = _measured_or(heights, self.level, self.slope_level, self.offset)
         return self._replace(level=level, slope_level=slope_level, offset=offset, measured=measured)
+
+
+@njit(cache=True)
+def _measured_or(heights: Any, level: Any, slope_level: Any, offset: Any) -> Any:
+    """level, slope_level and offset of the surfaces out of `heights` (N, 4) where these are not NaN, else as given; and where they are."""
+    measured = np.empty(level.size, np.bool_)
+    level, slope_level, offset = level.copy(), slope_level.copy(), offset.copy()
+    for n in range(level.size):
+        measured[n] = np.isfinite(heights[n, 0])
+        if measured[n]:
+            level[n], slope_level[n], offset[n, 0], offset[n, 1] = heights[n]
+    return level, slope_level, offset, measured
 
 
 @njit(cache=True)

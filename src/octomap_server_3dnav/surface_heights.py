@@ -44,7 +44,7 @@ class HitHeights:
         scaled = np.asarray(points_map, dtype=np.float64) * (1.0 / resolution)
         scaled = scaled[(np.abs(scaled) < KEY_OFFSET - 1).all(axis=1)]
         floor = np.floor(scaled)
-        keys = _keys(*floor.astype(np.int64).T)
+        keys = _keys(*floor.astype(np.int64).T.copy())
         places = ((scaled - floor) * _FINE).astype(np.int64)
         squares = places[:, [0, 1, 0]] * places[:, [0, 1, 1]]
         return cls.together([cls(keys, places, np.ones_like(keys), squares)])
@@ -59,8 +59,13 @@ class HitHeights:
         return cls(keys[first], *(np.add.reduceat(part[order], first, axis=0) if keys.size else part for part in sums))
 
 
-def _keys(x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]) -> NDArray[np.int64]:
-    return np.asarray((x + KEY_OFFSET) << 32 | (y + KEY_OFFSET) << 16 | (z + KEY_OFFSET))
+@njit(cache=True)
+def _keys(x: Any, y: Any, z: Any) -> Any:
+    """(N,) int64 keys of voxels of index x, y, z."""
+    out = np.empty(x.size, np.int64)
+    for i in range(x.size):
+        out[i] = (np.int64(x[i]) + KEY_OFFSET) << 32 | (np.int64(y[i]) + KEY_OFFSET) << 16 | (np.int64(z[i]) + KEY_OFFSET)
+    return out
 
 
 _NO_HITS = HitHeights(*(np.zeros(shape, dtype=np.int64) for shape in (0, (0, 3), 0, (0, 3))))
@@ -196,10 +201,10 @@ class SurfaceHeights:
         First the height of what lies in the voxel, from z to z + 1: the tread of a step. Then the height of that and what lies in the voxel
         below of a slope, which passes through both; and how far along x and y from the middle of the column those hits lie.
         """
-        wanted, levels = _keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64)), z.astype(np.int64)
+        wanted = _keys(x, y, z)
         out = np.full((wanted.size, 4), np.nan, dtype=np.float32)
         for slab, part in self._slabs_of(wanted):
-            _heights(slab.key, slab.total, slab.count, wanted[part], levels[part], out[part])
+            _heights(slab.key, slab.total, slab.count, wanted[part], z[part], out[part])
         return out
 
     def spread(
@@ -207,7 +212,7 @@ class SurfaceHeights:
     ) -> NDArray[np.float64]:
         """(N, 6) of the beams that ended in columns (N,) from voxel `low` to `high`, in voxels, zeros where none did: how many, their mean
         place along x and y from the middle of the column, their variances along x and y, and their covariance."""
-        first, last = (_keys(x.astype(np.int64), y.astype(np.int64), z.astype(np.int64)) for z in (low, high))
+        first, last = (_keys(x, y, z) for z in (low, high))
         out = np.zeros((first.size, 6))
         for slab, part in self._slabs_of(first):
             _spreads(slab.arrays, first[part], last[part], out[part])

@@ -126,26 +126,29 @@ def _one_per_hole(found: NDArray[np.float64], step: int) -> NDArray[np.float64]:
 
 
 @lean_njit
-def _on_line(known: Any, a: Any, b: Any, share: Any) -> Any:
-    """The value on a line from node a to node b, after a share of the way."""
-    return known[a] + share * (known[b] - known[a])
+def _on_line(at_a: Any, at_b: Any, share: Any) -> Any:
+    """The value on a line from a to b, after a share of the way."""
+    return at_a + share * (at_b - at_a)
 
 
 @njit(cache=True)
 def _with_holes(surfaces: Any, found: Any) -> Any:
     """The fields of `Surfaces` with the (H, 6) sorted holes among them."""
     old_start, old_column, old_z, old_bridged, old_level, old_slope_level, old_offset, old_measured = surfaces
-    size = old_z.size + found.shape[0]
+    holes, size = found.shape[0], old_z.size + found.shape[0]
+    hole_column, hole_z = np.full(holes + 1, -1, np.int32), np.zeros(holes + 1, np.int16)
+    for h in range(holes):
+        hole_column[h], hole_z[h] = found[h, 0], found[h, 1]
     start, column, z, bridged = np.empty_like(old_start), np.empty(size, np.int32), np.empty(size, np.int16), np.zeros(size, np.bool_)
     level, slope_level = np.empty(size, np.float32), np.empty(size, np.float32)
     offset, measured = np.zeros((size, 2), np.float32), np.zeros(size, np.bool_)
     s, h = 0, 0
     for c in range(old_start.size - 1):
-        start[c] = s + h
-        while s < old_start[c + 1] or (h < found.shape[0] and found[h, 0] == c):
+        start[c], end = s + h, old_start[c + 1]
+        while s < end or hole_column[h] == c:
             n = s + h
             column[n] = c
-            if h == found.shape[0] or found[h, 0] != c or (s < old_start[c + 1] and found[h, 1] >= old_z[s]):
+            if hole_column[h] != c or (s < end and hole_z[h] >= old_z[s]):
                 z[n], bridged[n], level[n], slope_level[n] = old_z[s], old_bridged[s], old_level[s], old_slope_level[s]
                 offset[n, 0], offset[n, 1], measured[n] = old_offset[s, 0], old_offset[s, 1], old_measured[s]
                 s += 1
@@ -154,9 +157,10 @@ def _with_holes(surfaces: Any, found: Any) -> Any:
             z[n], bridged[n], measured[n] = found[h, 1], True, old_measured[a] and old_measured[b]
             level[n] = slope_level[n] = found[h, 1] + 0.5
             if measured[n]:
-                level[n], slope_level[n] = _on_line(old_level, a, b, share), _on_line(old_slope_level, a, b, share)
+                level[n] = _on_line(old_level[a], old_level[b], share)
+                slope_level[n] = _on_line(old_slope_level[a], old_slope_level[b], share)
                 for axis in range(2):
-                    offset[n, axis] = _on_line(old_offset[:, axis], a, b, share)
+                    offset[n, axis] = _on_line(old_offset[a, axis], old_offset[b, axis], share)
             h += 1
     start[-1] = size
     return start, column, z, bridged, level, slope_level, offset, measured
