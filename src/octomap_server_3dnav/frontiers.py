@@ -5,10 +5,11 @@ After `terrain.classify`, before a path is planned. The cost is the thesis's, di
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from octomap_server_3dnav.frontier_gain import unknown_area_m2
 from octomap_server_3dnav.planner import PlannerConfig, distances_over_ground
@@ -64,15 +65,27 @@ def _approach_nodes(terrain: Terrain, frontier: NDArray[np.int64], approach_m: f
     best = np.argmin(parent_distance, axis=1)
     node = np.where(np.isfinite(parent_distance.min(axis=1)), parents[np.arange(len(parents)), best], -1).astype(np.int64)
     missing = np.flatnonzero(node < 0)
-    usable = np.flatnonzero(np.isfinite(distance))
-    if missing.size and usable.size:
-        node[missing] = _nearest(terrain.centers(frontier[missing]), terrain.centers(usable), usable, approach_m)
+    if missing.size:
+        at = np.stack([terrain.ix - terrain.window_key[0], terrain.iy - terrain.window_key[1], terrain.z], axis=1)[frontier[missing]]
+        z, size = terrain.z[: terrain.surface_count], np.array(terrain.window_size, dtype=np.int64)
+        node[missing] = _nearest(terrain.column_start, z, distance, size, at.astype(np.int64), approach_m / terrain.resolution)
     return node
 
 
-def _nearest(points: NDArray[np.float32], centers: NDArray[np.float32], nodes: NDArray[np.int64], within_m: float) -> NDArray[np.int64]:
-    found = cKDTree(centers).query(points, distance_upper_bound=within_m)[1]
-    return np.where(found < nodes.size, nodes[np.minimum(found, nodes.size - 1)], -1)
+@njit(cache=True)
+def _nearest(start: Any, z: Any, distance: Any, size: Any, places: Any, within: Any) -> Any:
+    """(F,) node of finite distance nearest to each of (F, 3) voxels of the window of `size` (2,) columns, -1 for none `within` voxels."""
+    out, reach = np.full(len(places), -1, np.int64), int(within)
+    for i in range(len(places)):
+        x, y, level = places[i]
+        best = within**2 + 1e-6
+        for ix in range(max(0, x - reach), min(size[0], x + reach + 1)):
+            for iy in range(max(0, y - reach), min(size[1], y + reach + 1)):
+                for n in range(start[ix * size[1] + iy], start[ix * size[1] + iy + 1]):
+                    square = (ix - x) ** 2 + (iy - y) ** 2 + (np.int64(z[n]) - level) ** 2
+                    if square < best and distance[n] < np.inf:
+                        best, out[i] = square, n
+    return out
 
 
 def _costs(

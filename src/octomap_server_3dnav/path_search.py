@@ -14,6 +14,7 @@ from octomap_server_3dnav.lean_kernels import lean_njit
 from octomap_server_3dnav.terrain_kernels import hops_from
 
 _OPEN, _CLOSED = 1, 2
+_OUT = -2  # of a node that waits in no bucket
 
 
 class Ways(NamedTuple):
@@ -71,13 +72,34 @@ def _hops_to(ways: Any, source: Any, goal: Any) -> Any:
 
 
 @njit(cache=True)
+def _linked(ways: Any) -> Any:
+    """(N,) bool nodes that links lead on from."""
+    out = np.zeros(ways.cost.size, np.bool_)
+    for link in ways.links:
+        out[link[0]] = True
+    return out
+
+
+@lean_njit
+def _edge(ways: Any, s: Any, move: Any) -> Any:
+    """The node that a move (0-7) or a link (8 and on) leads to from s, -1 for none, and what it costs."""
+    if move < 8:
+        n = neighbour(ways.graph, ways.cost, s, move)
+        length = 1.0 if move < 4 else np.sqrt(2.0)
+        return n, edge_cost(s, n, length, ways.z, ways.cost, ways.climb) if n >= 0 else 0.0
+    n = ways.links[move - 8, 1]
+    return n if ways.links[move - 8, 0] == s and ways.cost[n] < np.inf else -1, ways.link_cost[move - 8]
+
+
+@njit(cache=True)
 def _grow(ways: Any, source: Any, goal: Any, weight: Any, hops: Any, most: Any, total: Any, before: Any, state: Any) -> None:
-    """Costs and predecessors from `source`, until `goal` is closed or, where that is -1, everything is, or `most` nodes are; only nodes
-    with a `state` have any. `hops` to the goal, none or one a node, tell how long a way is at least: two of them make a diagonal.
+    """Costs and predecessors from `source`, until `goal` or `most` nodes are closed; only nodes with a `state` have any.
+
+    `hops` to the goal, none or one a node, tell how long a way is at least: two of them make a diagonal.
 
     Equal costs are settled by the smaller node index, so that the result is the same every time.
     """
-    graph, z, cost, climb, links = ways.graph, ways.z, ways.cost, ways.climb, ways.links  # arrays of a tuple are counted at every use
+    linked, links = _linked(ways), len(ways.links)
     total[source], state[source] = 0.0, _OPEN
     heap, left = [(0.0, np.int64(source))], most
     while len(heap) > 0 and left > 0:
@@ -88,18 +110,14 @@ def _grow(ways: Any, source: Any, goal: Any, weight: Any, hops: Any, most: Any, 
         left -= 1
         if s == goal:
             break
-        for move in range(8 + links.shape[0]):
-            if move < 8:
-                n = neighbour(graph, cost, s, move)
-            else:
-                n = links[move - 8, 1] if links[move - 8, 0] == s and cost[links[move - 8, 1]] < np.inf else -1
+        for move in range(8 + (links if linked[s] else 0)):
+            n, length = _edge(ways, s, move)
             if n < 0 or state[n] == _CLOSED:
                 continue
-            length = 1.0 if move < 4 else np.sqrt(2.0)
-            reached = total[s] + (edge_cost(s, n, length, z, cost, climb) if move < 8 else ways.link_cost[move - 8])
+            reached = total[s] + length
             if state[n] != _OPEN or reached < total[n]:
                 total[n], before[n], state[n] = reached, s, _OPEN
-                ahead = _ahead(ways, n, goal) if goal >= 0 else 0.0
+                ahead = _ahead(ways, n, goal)
                 if hops.size:
                     ahead = max(ahead, np.sqrt(0.5) * hops[n])
                 heapq.heappush(heap, (reached + weight * ahead, np.int64(n)))
@@ -136,7 +154,46 @@ def cheapest_way(ways: Any, source: Any, goal: Any, weight: Any, far_weight: Any
 
 @njit(cache=True)
 def distances(ways: Any, source: Any) -> Any:
-    """(N,) float64 cost of the cheapest way from `source` to every node, inf where there is none."""
-    total, before, state = np.full(ways.cost.size, np.inf), np.empty(ways.cost.size, np.int32), np.zeros(ways.cost.size, np.uint8)
-    _grow(ways, source, -1, 1.0, np.empty(0, np.int32), state.size, total, before, state)
+    """(N,) float64 cost of the cheapest way from `source` to every node, inf where there is none.
+
+    Nodes wait in buckets one voxel wide (Dial 1969): where no edge is cheaper all that wait in the nearest are settled, in any order. A
+    cheaper one may lead to a node again.
+    """
+    total, linked, links = np.full(ways.cost.size, np.inf), _linked(ways), len(ways.links)
+    following, previous = np.empty(total.size, np.int32), np.empty(total.size, np.int32)  # in the same bucket, -1 for none
+    first = np.full(1024, -1, np.int32)
+    total[source], first[0], following[source], previous[source] = 0.0, source, -1, -1
+    nearest, farthest = 0, 0
+    while nearest <= farthest:
+        s = np.int64(first[nearest])
+        if s < 0:
+            nearest += 1
+            continue
+        _take(first, following, previous, s, nearest)
+        for move in range(8 + (links if linked[s] else 0)):
+            n, length = _edge(ways, s, move)
+            if n < 0 or not total[s] + length < total[n]:
+                continue
+            if total[n] < np.inf and previous[n] != _OUT:
+                _take(first, following, previous, n, int(total[n]))
+            total[n] = total[s] + length
+            bucket = int(total[n])
+            while bucket >= first.size:
+                first = np.concatenate((first, np.full(first.size, -1, np.int32)))
+            following[n], previous[n], first[bucket] = first[bucket], -1, n
+            if following[n] >= 0:
+                previous[following[n]] = n
+            farthest = max(farthest, bucket)
     return total
+
+
+@lean_njit
+def _take(first: Any, following: Any, previous: Any, n: Any, bucket: Any) -> None:
+    """Takes node n out of its bucket."""
+    if previous[n] >= 0:
+        following[previous[n]] = following[n]
+    else:
+        first[bucket] = following[n]
+    if following[n] >= 0:
+        previous[following[n]] = previous[n]
+    previous[n] = _OUT

@@ -168,6 +168,21 @@ def test_nothing_leads_to_a_closed_node_and_a_link_leads_where_the_ground_does_n
         assert cheapest_way(ways, near, across, 1.0, 1.5, most).tolist() == [near, across] and distances(ways, near)[across] == 0.5
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_distances_along_a_chain_with_cheap_and_dear_links_agree_with_scipy(seed):
+    random, n = np.random.default_rng(seed), 3000
+    graph = np.full((n, 4), -1, np.int32)
+    graph[:-1, 0], graph[1:, 2] = np.arange(1, n), np.arange(n - 1)
+    links, link_cost = random.integers(0, n, (60, 2)), random.choice([1e-3, 0.3, 0.999, 5.0, 700.0], 60)
+    nowhere = np.zeros(n, np.int32)
+    ways = Ways(graph, np.arange(n, dtype=np.int32), nowhere, nowhere.astype(np.int16), np.ones(n, np.float32), 0.0, links, link_cost)
+    edges = np.full((n, n), np.inf)
+    edges[np.arange(n - 1), np.arange(1, n)] = edges[np.arange(1, n), np.arange(n - 1)] = 1.0
+    np.minimum.at(edges, (links[:, 0], links[:, 1]), link_cost)
+    oracle = dijkstra(np.where(np.isinf(edges), 0.0, edges), indices=7)
+    np.testing.assert_allclose(distances(ways, 7), oracle, rtol=1e-9)
+
+
 def test_trimmed_path_ends_the_distance_before_the_frontier():
     path = Path(np.column_stack([np.linspace(0, 5, 51), np.zeros(51), np.zeros(51)]))
     trimmed = trim_path(path, np.array([5.1, 0.0, 0.0]), 0.9)
