@@ -140,6 +140,34 @@ def _is_near_steep(surfaces: Any, links: Any, s: Any, limits: Any) -> Any:
     return False
 
 
+@lean_njit
+def _is_seen_above(columns: Any, c: Any, level: Any, limits: Any) -> Any:
+    """Whether anything of column c was seen free from a step above `level` to the robot's height."""
+    for r in range(columns.start[c], columns.start[c + 1]):
+        if columns.z_hi[r] > level + limits.step and columns.z_lo[r] <= level + limits.clearance and not columns.occupied[r]:
+            return True
+    return False
+
+
+@lean_njit
+def _may_be_side(columns: Any, surfaces: Any, near: Any, s: Any, c: Any, limits: Any) -> Any:
+    """Whether nothing was seen above node s of column c, though it was beside it, and something stands within two columns: a side of that,
+    and the beams that met the ground passed by it."""
+    level = np.int64(surfaces.z[s])
+    if _is_seen_above(columns, c, level, limits):
+        return False
+    is_seen_beside = False
+    for k in range(4):
+        is_seen_beside |= near[s, k] >= 0 and _is_seen_above(columns, c + DX[k] * columns.ny + DY[k], level, limits)
+    if not is_seen_beside:
+        return False
+    for dx in range(-2, 3):
+        for dy in range(-2, 3):
+            if lowest_occupied(columns, c + dx * columns.ny + dy, level + limits.step + 1, level + limits.clearance) != NO_VOXEL:
+                return True
+    return False
+
+
 @njit(cache=True)
 def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limits: Any) -> Any:
     """(N,) uint8 labels of all nodes reached from `first`, UNREACHED elsewhere, the number of traversable ones, and (N, 4) uint8 of
@@ -170,7 +198,8 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
         kind = slope[c]
         if kind == UNFITTED:
             kind = steepness(slope_at(graph, level, s, reach), nearly_steep, steep)
-        if kind == STEEP or (kind == NEARLY_STEEP and _is_near_steep(surfaces, links, s, limits)):
+        is_steep = kind == STEEP or (kind == NEARLY_STEEP and _is_near_steep(surfaces, links, s, limits))
+        if is_steep or _may_be_side(columns, surfaces, near, s, c, limits):
             label[s] = OBSTACLE
             continue
         traversable += 1

@@ -298,11 +298,22 @@ class Oracle:
             edges = [self.edge(s, k) for k in range(4)]
             if any(self.beside(s, k) == "drop" for k in range(4) if edges[k] is None):
                 self.label[s] = CLIFF
-            elif self.slope(s) > self.limits.max_fitted_slope:
+            elif self.slope(s) > self.limits.max_fitted_slope or self._may_be_side(s):
                 self.label[s] = OBSTACLE
             else:
                 self.label[s] = TRAVERSABLE
                 waiting += [n for n in edges if n is not None]
+
+    def _may_be_side(self, s: Node) -> bool:
+        """Something stands within two columns, and nothing was seen above the node where it was beside it."""
+        beside = [moved(s[:2], SIDES[k]) for k in range(4) if self.near(s, k) is not None]
+        if self._is_seen_above(s[:2], s.z) or not any(self._is_seen_above(c, s.z) for c in beside):
+            return False
+        around = [(s.x + dx, s.y + dy) for dx in range(-2, 3) for dy in range(-2, 3)]
+        return any(self.occupied(c, s.z + self.step + 1, s.z + self.clearance) is not None for c in around)
+
+    def _is_seen_above(self, c: Column, level: int) -> bool:
+        return any(self.voxels.get((*c, z)) == FREE for z in range(level + self.step + 1, level + self.clearance + 1))
 
     def _obstacles(self) -> set[tuple[Column, int, int]]:
         found = set()

@@ -253,6 +253,23 @@ def test_strip_that_was_not_seen_right_before_a_wall_is_a_side_of_it():
     assert label_at(terrain, 38.5 * RESOLUTION, 2.4, 0.04) == TerrainClass.OBSTACLE
 
 
+@pytest.mark.parametrize(
+    "wall_at, expected", [(40, TerrainClass.OBSTACLE), (41, TerrainClass.OBSTACLE), (42, INFLATION), (55, TRAVERSABLE)]
+)
+def test_floor_above_which_nothing_was_seen_is_a_side_of_what_stands_within_two_columns(wall_at, expected):
+    states = flat()
+    states[wall_at, :, BELOW:] = OCCUPIED
+    states[39, 30, BELOW + 2 :] = UNKNOWN
+    assert label_at(terrain_of(states, pose(1.6, 2.4)), 39.5 * RESOLUTION, 30.5 * RESOLUTION, 0.04) == expected
+
+
+def test_floor_above_which_nothing_was_seen_anywhere_is_floor():
+    states = flat()
+    states[40, :, BELOW:] = OCCUPIED
+    states[states == FREE] = UNKNOWN  # as in the map of a cloud
+    assert drawn(terrain_of(states, pose(1.6, 2.4)), 30, 30, 40) == "...ooooooo#"
+
+
 @pytest.mark.parametrize("half_width, expected", [(4, INFLATION), (12, TRAVERSABLE)])
 def test_floor_seen_from_inflated_ground_only_is_kept_off(half_width, expected):
     """Between two ends of a wall that were met its side was not: too near to them to be looked at, unless there is room between."""
