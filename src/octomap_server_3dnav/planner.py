@@ -167,10 +167,17 @@ def _ways(terrain: Terrain, cost: NDArray[np.float32], climb: float, config: Pla
 
 
 def _nodes_between(terrain: Terrain, cost: NDArray[np.float32], source: int, goal: int, config: PlannerConfig) -> NDArray[np.int64] | None:
+    """The nodes of the cheapest path. It is looked for from the goal: the ground there is often dear, as beside what was not seen, and from
+    the other end all cheap ground would be tried before."""
     is_far = np.ptp(terrain.centers(np.array([source, goal])), axis=0).max() > config.far_m
     weight = config.far_weight if is_far else 1.0
-    chain = cheapest_way(_ways(terrain, cost, config.climb_weight, config), source, goal, weight, config.far_weight, _NEAR_NODES)
-    return np.asarray(chain) if chain.size else None
+    ways = _ways(terrain, cost, config.climb_weight, config)
+    if not math.isfinite(cost[source]):  # in a passage, from where only links lead on
+        chain = cheapest_way(ways, source, goal, weight, config.far_weight, _NEAR_NODES)
+    else:
+        back = ways._replace(links=np.ascontiguousarray(ways.links[:, ::-1]))
+        chain = cheapest_way(back, goal, source, weight, config.far_weight, _NEAR_NODES)[::-1]
+    return np.ascontiguousarray(chain) if chain.size else None
 
 
 def _escape_cost(terrain: Terrain, config: PlannerConfig) -> NDArray[np.float32]:
