@@ -202,7 +202,7 @@ class OctomapServer3dnavTest(unittest.TestCase):
         self.sweeps.publish(self.sweep(np.concatenate([points[points[:, 0] < 1.6], wall, behind])))
         OctomapServer3dnavTest.mapped += 1
         self.classes_of_last_sweep()
-        here, far = (PoseStamped(header(0.0, "map"), pose_message(transform_from_rpy((x, 0.0, 0.0)))) for x in (0.0, 4.0))
+        here, far = (PoseStamped(header(0.0, "map"), pose_message(transform_from_rpy((x, 0.0, 0.0)))) for x in (-0.5, 4.0))
         plan = rospy.ServiceProxy(f"/{NODE}/make_plan", GetPlan)(PoseStamped(), far, 0.5).plan
         self.assertLess(abs(plan.poses[-1].pose.position.x - 4.0), 0.5)
         through = [p.pose.position.y for p in plan.poses if abs(p.pose.position.x - 1.6) < 0.4]
