@@ -1,6 +1,7 @@
 """What is wrong with a command line: one clear line on stderr, exit code 2, nothing started and nothing left running."""
 
 import os
+import shutil
 import socket
 import subprocess
 import uuid
@@ -143,7 +144,9 @@ def test_taken_port_of_the_master_does_not_matter(tmp_path: Path) -> None:
             assert not run.running()
 
 
-def test_help_reads_well_and_starts_nothing() -> None:
-    shown = subprocess.run(["./explore", "--help"], cwd=PACKAGE, capture_output=True, text=True, timeout=120, check=False)
+def test_help_reads_well_and_needs_nothing_set_up(tmp_path: Path) -> None:
+    shutil.copy(PACKAGE / "explore", tmp_path)  # without scripts/setup.bash
+    shutil.copytree(PACKAGE / "src" / "explore_command", tmp_path / "src" / "explore_command")
+    shown = subprocess.run(["./explore", "--help"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
     assert shown.returncode == 0 and shown.stderr == ""
     assert shown.stdout.startswith("usage: ./explore") and "Exit code:" in shown.stdout
