@@ -248,7 +248,6 @@ def compile_kernels() -> None:
     ExplorationPlanner().decide(ColumnRuns.from_dense(states), T_map_base)
     states[32, :27, 4:], states[32, 38:, 4:] = VoxelState.OCCUPIED, VoxelState.OCCUPIED  # a narrow door
     T_map_base[0, 3] = 1.2
-    ExplorationPlanner().decide(ColumnRuns.from_dense(states), T_map_base)
-    heights, level = SurfaceHeights(0.08), np.zeros(1, dtype=np.int64)
-    heights.add(HitHeights.of(np.zeros((1, 3)), 0.08))
-    heights.at(level, level, level)
+    runs, heights = ColumnRuns.from_dense(states), SurfaceHeights(0.08)
+    heights.add(HitHeights.of((np.argwhere(states == VoxelState.OCCUPIED) + 0.5) * 0.08, 0.08))
+    ExplorationPlanner().decide(lambda radius_m: classify(runs, T_map_base, TerrainConfig(), radius_m, heights), T_map_base)

@@ -1,20 +1,23 @@
 """Compiling the kernels beforehand: afterwards no decision may wait for the compiler."""
 
+import sys
+
 import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
 from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, grid_of_heights, pose, runs_of
 
-from octomap_server_3dnav import exploration, frontiers, passages, path_search, planner, surface_columns, surface_graph, terrain_kernels
+from octomap_server_3dnav import exploration
 from octomap_server_3dnav.column_runs import VoxelState
-from octomap_server_3dnav.octree import OctreeMap
-
-MODULES = (surface_columns, surface_graph, terrain_kernels, passages, frontiers, path_search, planner)
+from octomap_server_3dnav.map_builder import Beams, MapBuilder, MapConfig
+from octomap_server_3dnav.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.terrain import TerrainConfig, classify
 
 
 def signatures():
-    """Argument types that every kernel is compiled for, by name."""
-    kernels = {f"{m.__name__}.{name}": k for m in MODULES for name, k in vars(m).items() if isinstance(k, CPUDispatcher)}
+    """Argument types that every kernel of the package is compiled for, by name."""
+    modules = [m for name, m in list(sys.modules.items()) if name.startswith("octomap_server_3dnav.")]
+    kernels = {f"{m.__name__}.{name}": k for m in modules for name, k in vars(m).items() if isinstance(k, CPUDispatcher)}
     return {name: set(kernel.signatures) for name, kernel in kernels.items()}
 
 
@@ -28,12 +31,17 @@ def busy_world():
     return states
 
 
-def octree_runs():
-    """Column runs of a tree: those that the node hands over."""
-    tree, origin = OctreeMap(RESOLUTION), np.array([1.0, 1.0, 1.0])
+def floor_seen_from_above():
+    """Points (N, 3) on a floor of 4 x 4 m, and where their beams began."""
     x, y = np.meshgrid(np.arange(0.04, 4.0, 0.06), np.arange(0.04, 4.0, 0.06))
     points = np.stack([x.ravel(), y.ravel(), np.full(x.size, 0.04)], axis=1).astype(np.float32)
-    tree.insert_sweep(points, np.broadcast_to(origin, points.shape).astype(np.float32), 12.0)
+    return points, np.broadcast_to(np.ones(3, dtype=np.float32), points.shape).copy()
+
+
+def octree_runs():
+    """Column runs of a tree, as of a file."""
+    tree = OctreeMap(RESOLUTION)
+    tree.insert_sweep(*floor_seen_from_above(), 12.0)
     return tree.column_runs()
 
 
@@ -45,4 +53,18 @@ def test_no_decision_compiles_what_was_not_compiled_beforehand(runs, here):
     decision = planner_of_goals.decide(runs, here)
     assert decision.kind is exploration.DecisionKind.GOAL
     planner_of_goals.still_valid(decision.terrain, decision.path, decision.frontier)
+    assert signatures() == before
+
+
+def test_no_sweep_compiles_what_was_not_compiled_beforehand():
+    """The columns and heights that the node classifies."""
+    exploration.compile_kernels()
+    before = signatures()
+    builder, here = MapBuilder(MapConfig(), SensorModel()), pose(2.0, 2.0)
+    nothing = np.zeros((0, 3), dtype=np.float32)
+    builder.add_sweep(Beams(*floor_seen_from_above(), nothing, nothing), 0, np.eye(4)[None])
+    decision = exploration.ExplorationPlanner().decide(
+        lambda radius_m: classify(builder.runs_around(here, radius_m), here, TerrainConfig(), radius_m, builder.heights), here
+    )
+    assert decision.kind is exploration.DecisionKind.GOAL
     assert signatures() == before
