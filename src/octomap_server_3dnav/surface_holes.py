@@ -73,17 +73,17 @@ def _level_between(z: Any, a: Any, b: Any, j: Any, gap: Any) -> Any:
     return (2 * (np.int64(z[a]) * (gap - j) + np.int64(z[b]) * j) + gap) // (2 * gap)
 
 
-@njit(cache=True)
-def _bridges(columns: Any, surfaces: Any, limits: Any) -> Any:
-    """(M, 6) of (column, z, gap, a, b, share of the way from a to b) of virtual floor between nodes a and b of one floor, with at most
-    `hole` columns unknown.
+@lean_njit
+def _bridges(columns: Any, surfaces: Any, limits: Any, out: Any) -> Any:
+    """How many voxels of virtual floor are between nodes a and b of one floor, with at most `hole` columns unknown; as many of them as find
+    room in `out` (M, 7) are written there: column, z, gap, a, b, share of the way from a to b, and by how much the levels of both differ.
 
     `limits` is (hole, step, clearance, drop, highest measured step) in voxels.
     """
     hole, step, clearance, drop, max_step = limits
     nx, ny = columns.nx, columns.ny
     start, column, z = surfaces.start, surfaces.column, surfaces.z
-    found = [(0.0, 0.0, 0.0, 0.0, 0.0, 0.0) for _ in range(0)]
+    found = 0
     for a in range(z.size):
         c, z_a = np.int64(column[a]), np.int64(z[a])
         for k in range(2):
@@ -102,27 +102,41 @@ def _bridges(columns: Any, surfaces: Any, limits: Any) -> Any:
                     and not (_is_alone(surfaces, a, ny, step) or _is_alone(surfaces, b, ny, step))
                 ):
                     for j in range(1, gap):
-                        between = _level_between(z, a, b, j, gap)
-                        found.append((float(c + j * stride), float(between), float(gap), float(a), float(b), j / gap))
+                        if found < len(out):
+                            out[found, 0], out[found, 1] = c + j * stride, _level_between(z, a, b, j, gap)
+                            out[found, 2], out[found, 3], out[found, 4], out[found, 5] = gap, a, b, j / gap
+                            out[found, 6] = abs(surfaces.level[b] - surfaces.level[a])
+                        found += 1
                 if b >= 0 and abs(np.int64(z[b]) - z_a) <= step:
                     break
-    out = np.empty((len(found), 6))
-    for i in range(len(found)):
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5] = found[i]
-    return out
+    return found
+
+
+@lean_njit
+def _goes_before(bridge: Any, other: Any) -> Any:
+    """Whether of two bridges over one hole this one stays: the narrower, the higher, the more level one."""
+    if bridge[2] != other[2] or bridge[1] != other[1]:
+        return bridge[2] < other[2] or (bridge[2] == other[2] and bridge[1] > other[1])
+    return bridge[6] < other[6]
+
+
+@njit(cache=True)
+def _best_of(found: Any, order: Any, step: Any) -> Any:
+    """One of the (M, 7) bridges where some meet in one column at one level; `order` (M,) sorts them by column and height."""
+    out, n = np.empty_like(found), 0
+    for i in range(order.size):
+        bridge = found[order[i]]
+        meets = i > 0 and bridge[0] == found[order[i - 1], 0] and bridge[1] - found[order[i - 1], 1] <= step
+        n += not meets
+        if not meets or _goes_before(bridge, out[n - 1]):
+            out[n - 1] = bridge
+    return out[:n]
 
 
 def _one_per_hole(found: NDArray[np.float64], step: int) -> NDArray[np.float64]:
-    """Those of the (M, 6) bridges that stay: where some meet in one column at one level the narrowest, the higher when they tie.
-
-    As single numbers they sort faster than by three keys.
-    """
-    column, z, gap = found[:, :3].astype(np.int64).T
-    order = np.argsort(column << 16 | z + 2**15)
-    column, z, gap = column[order], z[order], gap[order]
-    group = np.cumsum(np.r_[True, (np.diff(column) != 0) | (np.diff(z) > step)])
-    best = np.argsort(group << 20 | gap << 16 | 2**15 - 1 - z)
-    return np.asarray(found[order[best[np.r_[True, np.diff(group[best]) != 0]]]])
+    """Those of the bridges that stay, sorted; as single numbers they sort faster than by two keys."""
+    column, z = found[:, :2].astype(np.int64).T
+    return np.asarray(_best_of(found, np.argsort((column << 16) + z, kind="stable"), step))
 
 
 @lean_njit
@@ -133,7 +147,7 @@ def _on_line(at_a: Any, at_b: Any, share: Any) -> Any:
 
 @njit(cache=True)
 def _with_holes(surfaces: Any, found: Any) -> Any:
-    """The fields of `Surfaces` with the (H, 6) sorted holes among them."""
+    """The fields of `Surfaces` with the (H, 7) sorted holes among them."""
     old_start, old_column, old_z, old_bridged, old_level, old_slope_level, old_offset, old_measured = surfaces
     holes, size = found.shape[0], old_z.size + found.shape[0]
     hole_column, hole_z = np.full(holes + 1, -1, np.int32), np.zeros(holes + 1, np.int16)
@@ -168,5 +182,10 @@ def _with_holes(surfaces: Any, found: Any) -> Any:
 
 def bridge_holes(columns: Columns, surfaces: Surfaces, clearance: int, hole: int, step: int, max_measured_step: float) -> Surfaces:
     """The surfaces and virtual ones over holes of at most `hole` unknown columns, as high as a straight line over the hole is."""
-    found = _bridges(columns, surfaces, (hole, step, clearance, step + 1, max_measured_step))
+    limits, out = (hole, step, clearance, step + 1, max_measured_step), np.empty((surfaces.z.size, 7))
+    count = _bridges(columns, surfaces, limits, out)
+    if count > len(out):
+        out = np.empty((count, 7))
+        _bridges(columns, surfaces, limits, out)
+    found = out[:count]
     return Surfaces(*_with_holes(surfaces, _one_per_hole(found, step))) if len(found) else surfaces

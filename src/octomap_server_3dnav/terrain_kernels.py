@@ -141,29 +141,27 @@ def _is_near_steep(surfaces: Any, links: Any, s: Any, limits: Any) -> Any:
 
 
 @lean_njit
-def _is_seen_above(columns: Any, c: Any, level: Any, limits: Any) -> Any:
-    """Whether anything of column c was seen free from a step above `level` to the robot's height."""
-    for r in range(columns.start[c], columns.start[c + 1]):
-        if columns.z_hi[r] > level + limits.step and columns.z_lo[r] <= level + limits.clearance and not columns.occupied[r]:
+def _is_seen_in(runs: Any, z_lo: Any, z_hi: Any, occupied: Any, c: Any, low: Any, high: Any) -> Any:
+    """Whether any voxel of column c was seen free in low..high."""
+    for r in range(runs[c], runs[c + 1]):
+        if z_hi[r] >= low and z_lo[r] <= high and not occupied[r]:
             return True
     return False
 
 
 @lean_njit
-def _may_be_side(columns: Any, surfaces: Any, near: Any, s: Any, c: Any, limits: Any) -> Any:
-    """Whether nothing was seen above node s of column c, though it was beside it, and something stands within two columns: a side of that,
-    and the beams that met the ground passed by it."""
-    level = np.int64(surfaces.z[s])
-    if _is_seen_above(columns, c, level, limits):
-        return False
+def _may_be_side(columns: Any, near: Any, s: Any, c: Any, low: Any, high: Any) -> Any:
+    """Whether node s of column c, above which nothing was seen in low..high, is beside what was seen there and within two columns of what
+    stands there: a side of that, and the beams that met the ground passed by it."""
+    runs, z_lo, z_hi, occupied = columns.start, columns.z_lo, columns.z_hi, columns.occupied
     is_seen_beside = False
     for k in range(4):
-        is_seen_beside |= near[s, k] >= 0 and _is_seen_above(columns, c + DX[k] * columns.ny + DY[k], level, limits)
+        is_seen_beside |= near[s, k] >= 0 and _is_seen_in(runs, z_lo, z_hi, occupied, c + DX[k] * columns.ny + DY[k], low, high)
     if not is_seen_beside:
         return False
     for dx in range(-2, 3):
         for dy in range(-2, 3):
-            if lowest_occupied(columns, c + dx * columns.ny + dy, level + limits.step + 1, level + limits.clearance) != NO_VOXEL:
+            if lowest_occupied(columns, c + dx * columns.ny + dy, low, high) != NO_VOXEL:
                 return True
     return False
 
@@ -176,7 +174,8 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
     Nodes are cliffs, obstacles (too steep; nearly so at a neighbour, too: alone it is a hit or two gone astray) or traversable. Only
     traversable ones are expanded, and only into columns that are `inside` (bool per column).
     """
-    column, level = surfaces.column, surfaces.slope_level  # arrays of a tuple are counted at every use
+    column, z, level = surfaces.column, surfaces.z, surfaces.slope_level  # arrays of a tuple are counted at every use
+    runs, z_lo, z_hi, occupied = columns.start, columns.z_lo, columns.z_hi, columns.occupied
     near, graph, slope = links.near, links.graph, links.slope
     label, seen = np.full(column.size, UNREACHED, np.uint8), np.empty((column.size, 4), np.uint8)
     queued = np.zeros(column.size, np.bool_)
@@ -199,7 +198,9 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
         if kind == UNFITTED:
             kind = steepness(slope_at(graph, level, s, reach), nearly_steep, steep)
         is_steep = kind == STEEP or (kind == NEARLY_STEEP and _is_near_steep(surfaces, links, s, limits))
-        if is_steep or _may_be_side(columns, surfaces, near, s, c, limits):
+        low, high = z[s] + limits.step + 1, z[s] + limits.clearance
+        is_seen_above = _is_seen_in(runs, z_lo, z_hi, occupied, c, low, high)
+        if is_steep or (not is_seen_above and _may_be_side(columns, near, s, c, low, high)):
             label[s] = OBSTACLE
             continue
         traversable += 1
@@ -296,7 +297,7 @@ def _is_within(dx: Any, dy: Any, radius: Any, reach: Any) -> Any:
     """Whether a place dx, dy from the middle of a thing is within `radius` of it."""
     square = reach[0] ** 2 + reach[1] ** 2
     along = min(1.0, max(-1.0, (dx * reach[0] + dy * reach[1]) / square)) if square > 0.0 else 0.0
-    return np.hypot(dx - along * reach[0], dy - along * reach[1]) <= radius + reach[2] + 1e-6
+    return (dx - along * reach[0]) ** 2 + (dy - along * reach[1]) ** 2 <= (radius + reach[2] + 1e-6) ** 2
 
 
 @lean_njit

@@ -1,5 +1,6 @@
 """The fast ways of the terrain kernels against the plain definitions that they stand for."""
 
+import itertools
 import math
 
 import numpy as np
@@ -18,7 +19,7 @@ from octomap_server_3dnav.surface_graph import (
     steepness,
     steppable_neighbours,
 )
-from octomap_server_3dnav.surface_holes import bridge_holes
+from octomap_server_3dnav.surface_holes import _one_per_hole, bridge_holes
 
 MARGIN, STEP, CLEARANCE = 18, 2, 14
 
@@ -124,3 +125,12 @@ def test_bridged_holes_are_sorted_into_the_surfaces():
     assert (np.diff(surfaces.z)[same_column] > 0).all() and (np.diff(surfaces.column) >= 0).all()
     unknown = np.diff(columns.start)[surfaces.column] == 0
     assert surfaces.bridged[unknown].all()
+
+
+def test_which_of_two_bridges_over_a_hole_stays_does_not_depend_on_their_order() -> None:
+    narrow, wide, low, steep = (
+        np.array([7.0, z, gap, a, a + 1, 0.5, rise]) for z, gap, a, rise in ((4, 2, 0, 0.1), (5, 3, 2, 0.0), (3, 2, 4, 0.0), (4, 2, 6, 0.6))
+    )
+    elsewhere = np.array([7.0, 40.0, 3.0, 8.0, 9.0, 0.5, 0.0])
+    for bridges in itertools.permutations([narrow, wide, low, steep, elsewhere]):
+        np.testing.assert_array_equal(_one_per_hole(np.array(bridges), step=2), [narrow, elsewhere])
