@@ -6,12 +6,13 @@ from typing import Any, TypeVar, cast
 from numba import njit
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
-_UNCOUNTED: dict[str, Any] = {"_nrt": False}  # as numba compiles its own sorting
+_LEAN: dict[str, Any] = {"_nrt": False, "forceinline": True}  # the first as numba compiles its own sorting
 
 
 def lean_njit(function: Kernel) -> Kernel:
     """`njit(cache=True)` for what makes no arrays and calls nothing that does; numba refuses others.
 
-    It does not count who holds the arrays that it is given, which takes longer than what a look-up does with them.
+    It does not count who holds the arrays that it is given, and becomes part of the kernel that calls it: both take longer, for a dozen
+    arrays, than what a look-up does with them.
     """
-    return cast(Kernel, njit(cache=True, **_UNCOUNTED)(function))
+    return cast(Kernel, njit(cache=True, **_LEAN)(function))
