@@ -11,7 +11,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.lean_kernels import lean_njit
-from octomap_server_3dnav.terrain_kernels import hops_from
 
 _OPEN, _CLOSED = 1, 2
 _OUT = -2  # of a node that waits in no bucket
@@ -63,15 +62,6 @@ def _ahead(ways: Any, n: Any, goal: Any) -> Any:
 
 
 @njit(cache=True)
-def _hops_to(ways: Any, source: Any, goal: Any) -> Any:
-    """(N,) int32 edges from every node to the goal, 0 where only links lead there or nothing does."""
-    seeds, passable = np.zeros(ways.cost.size, np.bool_), np.isfinite(ways.cost)
-    seeds[goal], passable[source] = True, True
-    hops = hops_from(seeds, passable, ways.graph, passable.size + 1)
-    return np.where(hops > passable.size, 0, hops)
-
-
-@njit(cache=True)
 def _linked(ways: Any) -> Any:
     """(N,) bool nodes that links lead on from."""
     out = np.zeros(ways.cost.size, np.bool_)
@@ -92,22 +82,20 @@ def _edge(ways: Any, s: Any, move: Any) -> Any:
 
 
 @njit(cache=True)
-def _grow(ways: Any, source: Any, goal: Any, weight: Any, hops: Any, most: Any, total: Any, before: Any, state: Any) -> None:
+def _grow(ways: Any, source: Any, goal: Any, weight: Any, left: Any, most: Any, total: Any, before: Any, state: Any) -> None:
     """Costs and predecessors from `source`, until `goal` or `most` nodes are closed; only nodes with a `state` have any.
-
-    `hops` to the goal, none or one a node, tell how long a way is at least: two of them make a diagonal.
 
     Equal costs are settled by the smaller node index, so that the result is the same every time.
     """
     linked, links = _linked(ways), len(ways.links)
     total[source], state[source] = 0.0, _OPEN
-    heap, left = [(0.0, np.int64(source))], most
-    while len(heap) > 0 and left > 0:
+    heap = [(0.0, np.int64(source))]
+    while len(heap) > 0 and most > 0:
         _, s = heapq.heappop(heap)
         if state[s] == _CLOSED:
             continue
         state[s] = _CLOSED
-        left -= 1
+        most -= 1
         if s == goal:
             break
         for move in range(8 + (links if linked[s] else 0)):
@@ -118,29 +106,23 @@ def _grow(ways: Any, source: Any, goal: Any, weight: Any, hops: Any, most: Any, 
             if state[n] != _OPEN or reached < total[n]:
                 total[n], before[n], state[n] = reached, s, _OPEN
                 ahead = _ahead(ways, n, goal)
-                if hops.size:
-                    ahead = max(ahead, np.sqrt(0.5) * hops[n])
+                if left.size:
+                    ahead = max(ahead, left[n])
                 heapq.heappush(heap, (reached + weight * ahead, np.int64(n)))
 
 
 @njit(cache=True)
-def cheapest_way(ways: Any, source: Any, goal: Any, weight: Any, far_weight: Any, near: Any) -> Any:
-    """(K,) int64 nodes from `source` to `goal`, none where no way leads there, which costs at most `weight` times what the cheapest does,
-    or `far_weight` times where the goal is not among the first `near` nodes that are tried.
+def cheapest_way(ways: Any, source: Any, goal: Any, weight: Any, left: Any, most: Any) -> Any:
+    """(K,) int64 nodes from `source` to `goal`, none where no way was found, which costs at most `weight` times what the cheapest does; and
+    whether the search ended because `most` nodes were tried.
 
-    With a weight above 1 what lies towards the goal is tried first (weighted A*, Pohl 1970); where the way leads far round, what lies
-    towards it over the ground.
+    `left` (N,) is what the way from every node to the goal costs at least, or empty. With a weight above 1 what lies towards the goal is
+    tried first (weighted A*, Pohl 1970).
     """
     total, before, state = np.empty(ways.cost.size), np.empty(ways.cost.size, np.int32), np.zeros(ways.cost.size, np.uint8)
-    _grow(ways, source, goal, weight, np.empty(0, np.int32), near, total, before, state)
-    if state[goal] != _CLOSED and np.count_nonzero(state == _CLOSED) == near:
-        hops = _hops_to(ways, source, goal)
-        if hops[source] == 0 and ways.links.shape[0] == 0:
-            return np.empty(0, np.int64)
-        state[:] = 0
-        _grow(ways, source, goal, far_weight, hops, state.size, total, before, state)
+    _grow(ways, source, goal, weight, left, most, total, before, state)
     if state[goal] != _CLOSED:
-        return np.empty(0, np.int64)
+        return np.empty(0, np.int64), np.count_nonzero(state == _CLOSED) >= most
     count, node = 1, np.int64(goal)
     while node != source:
         node = np.int64(before[node])
@@ -149,7 +131,7 @@ def cheapest_way(ways: Any, source: Any, goal: Any, weight: Any, far_weight: Any
     for i in range(count - 1, -1, -1):
         way[i] = node
         node = np.int64(before[node]) if i else node
-    return way
+    return way, False
 
 
 @njit(cache=True)

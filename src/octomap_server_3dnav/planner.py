@@ -7,6 +7,7 @@ both corners are open; inflated voxels cost infinity, but on the way out of the 
 import math
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numba import njit
@@ -19,6 +20,7 @@ from stage_config import check_ranges, parameter
 
 _STOREY_M = 0.5  # ground that differs by less in height is of one storey
 _NEAR_NODES = 50_000  # that are searched for the cheapest path: 320 m2 of ground at 8 cm
+_NOT_KNOWN = np.empty(0)  # what is left to the goal
 SHORTCUT_NODES = 80  # how far ahead a shortcut is looked for: 6 m at 8 cm, and keeps it linear in the length of the path
 
 
@@ -38,7 +40,7 @@ class PlannerConfig:
     far_m: float = parameter(
         30.0, "m", "to goals that lie farther off along an axis, or far round, a path need not be the cheapest", low=0.0, high=1e4
     )
-    far_weight: float = parameter(1.5, "-", "but costs at most so many times as much, and is found ten times sooner", low=1.0, high=5.0)
+    far_weight: float = parameter(1.2, "-", "but costs at most so many times as much, and is found sooner", low=1.0, high=5.0)
     waypoint_spacing_m: float = parameter(0.15, "m", "distance between the points of a path", low=0.02, high=2.0)
     trim_m: float = parameter(0.9, "m", "distance from the frontier at which a path ends", low=0.0, high=5.0)
 
@@ -166,18 +168,48 @@ def _ways(terrain: Terrain, cost: NDArray[np.float32], climb: float, config: Pla
     return Ways(terrain.neighbours, terrain.ix, terrain.iy, terrain.z, cost, climb, *_passage_costs(terrain, config))
 
 
+class _Distances:
+    """What ways over the ground from a node to all others cost without its factors, of every terrain for the node asked for last."""
+
+    def __init__(self) -> None:
+        self._found: WeakKeyDictionary[Terrain, tuple[int, PlannerConfig, NDArray[np.float64]]] = WeakKeyDictionary()
+
+    def known(self, terrain: Terrain, source: int, config: PlannerConfig) -> NDArray[np.float64] | None:
+        """(N,) voxels, inf where no way leads; None where they were not asked for yet."""
+        found = self._found.get(terrain)
+        return found[2] if found is not None and found[:2] == (source, config) else None
+
+    def of(self, terrain: Terrain, source: int, config: PlannerConfig) -> NDArray[np.float64]:
+        """The same, found where they are not known."""
+        total = self.known(terrain, source, config)
+        if total is None:
+            plain = np.where(np.isfinite(terrain.cost), np.float32(1.0), np.float32(np.inf))
+            total = distances(_ways(terrain, plain, 0.0, config), source)
+            self._found[terrain] = (source, config, total)
+        return total
+
+
+_distances = _Distances()
+
+
 def _nodes_between(terrain: Terrain, cost: NDArray[np.float32], source: int, goal: int, config: PlannerConfig) -> NDArray[np.int64] | None:
     """The nodes of the cheapest path. It is looked for from the goal: the ground there is often dear, as beside what was not seen, and from
-    the other end all cheap ground would be tried before."""
-    is_far = np.ptp(terrain.centers(np.array([source, goal])), axis=0).max() > config.far_m
-    weight = config.far_weight if is_far else 1.0
-    ways = _ways(terrain, cost, config.climb_weight, config)
+    the other end all cheap ground would be tried before.
+
+    What is left to the source is known over the ground where that was asked for before, and else as long as it takes as the crow flies.
+    """
+    is_plain, most = cost is terrain.cost, terrain.label.size + 1
+    left = _distances.known(terrain, source, config) if is_plain else None
+    apart = np.ptp(terrain.centers(np.array([source, goal])), axis=0).max() if left is None else left[goal] * terrain.resolution
+    weight, ways = config.far_weight if apart > config.far_m else 1.0, _ways(terrain, cost, config.climb_weight, config)
     if not math.isfinite(cost[source]):  # in a passage, from where only links lead on
-        chain = cheapest_way(ways, source, goal, weight, config.far_weight, _NEAR_NODES)
-    else:
-        back = ways._replace(links=np.ascontiguousarray(ways.links[:, ::-1]))
-        chain = cheapest_way(back, goal, source, weight, config.far_weight, _NEAR_NODES)[::-1]
-    return np.ascontiguousarray(chain) if chain.size else None
+        chain, _ = cheapest_way(ways, source, goal, weight, _NOT_KNOWN, most)
+        return chain if chain.size else None
+    back = ways._replace(links=np.ascontiguousarray(ways.links[:, ::-1]))
+    chain, is_far_round = cheapest_way(back, goal, source, weight, _NOT_KNOWN if left is None else left, _NEAR_NODES if is_plain else most)
+    if is_far_round:
+        chain, _ = cheapest_way(back, goal, source, config.far_weight, _distances.of(terrain, source, config), most)
+    return np.ascontiguousarray(chain[::-1]) if chain.size else None
 
 
 def _escape_cost(terrain: Terrain, config: PlannerConfig) -> NDArray[np.float32]:
@@ -198,8 +230,7 @@ def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np
     source = _source(terrain)
     if source is None:
         return np.full(terrain.label.size, np.inf)
-    plain = np.where(np.isfinite(terrain.cost), np.float32(1.0), np.float32(np.inf))
-    total = distances(_ways(terrain, plain, 0.0, config), source)
+    total = _distances.of(terrain, source, config).copy()
     if not math.isfinite(terrain.cost[source]):
         total[source] = math.inf  # a place in a passage is no place to look from
     centers = terrain.centers(np.array([source]))[0]

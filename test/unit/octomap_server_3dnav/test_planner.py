@@ -14,6 +14,7 @@ from octomap_server_3dnav.planner import Path, PlannerConfig, distances_over_gro
 from octomap_server_3dnav.terrain import TerrainClass
 
 CONFIG = PlannerConfig()
+NOT_KNOWN = np.empty(0)  # what is left to the goal
 
 
 def flat(nx=90, ny=60):
@@ -136,24 +137,49 @@ def test_a_star_costs_what_dijkstra_costs_and_a_weighted_one_at_most_so_much_mor
     goal = t.surface_near((6.0, 1.0, 0.04))
     ways = Ways(t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, np.zeros((0, 2), np.int64), np.zeros(0))
     least = distances(ways, t.departure)[goal]
-    assert cost_of(ways, cheapest_way(ways, t.departure, goal, 1.0, 1.5, 10**6)) == pytest.approx(least)
-    assert least * (1 - 1e-9) <= cost_of(ways, cheapest_way(ways, t.departure, goal, 1.5, 1.5, 10**6)) <= 1.5 * least
+    assert cost_of(ways, cheapest_way(ways, t.departure, goal, 1.0, NOT_KNOWN, 10**6)[0]) == pytest.approx(least)
+    assert least * (1 - 1e-9) <= cost_of(ways, cheapest_way(ways, t.departure, goal, 1.5, NOT_KNOWN, 10**6)[0]) <= 1.5 * least
 
 
-@pytest.mark.parametrize("weight", [1.0, 1.5])
-def test_way_far_round_costs_at_most_its_weight_more_whether_or_not_it_was_found_near_by(weight):
+def far_round():
+    """Walls that one has to go round, one after the other; the terrain, its ways and a goal behind them."""
     states = flat()
     for wall, opening in ((20, slice(0, 48)), (35, slice(12, None)), (50, slice(0, 48)), (65, slice(12, None))):
         states[wall, opening, BELOW:] = OCCUPIED
     t = terrain_of(states, pose(0.8, 0.8), inflation_radius_m=0.16, narrow_radius_m=0.335)
-    goal = t.surface_near((6.0, 1.0, 0.04))
     ways = Ways(t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, np.zeros((0, 2), np.int64), np.zeros(0))
+    return t, ways, t.surface_near((6.0, 1.0, 0.04))
+
+
+@pytest.mark.parametrize("weight", [1.0, 1.1, 1.5])
+def test_way_far_round_costs_at_most_its_weight_more_and_fewer_nodes_are_tried_where_what_is_left_is_known(weight):
+    t, ways, goal = far_round()
     least = distances(ways, t.departure)[goal]
-    for near in (0, 30, 700):
-        assert least * (1 - 1e-9) <= cost_of(ways, cheapest_way(ways, t.departure, goal, 1.0, weight, near)) <= weight * least * (1 + 1e-9)
+    plain = ways._replace(cost=np.where(np.isfinite(ways.cost), 1.0, np.inf).astype(np.float32), climb=0.0)
+    left = distances(plain, goal)  # both ways cost the same
+    tried = []
+    for known in (NOT_KNOWN, left):
+        cost = cost_of(ways, cheapest_way(ways, t.departure, goal, weight, known, 10**6)[0])
+        assert least * (1 - 1e-9) <= cost <= weight * least * (1 + 1e-9)
+        tried.append(next(most for most in range(0, 10**4, 50) if not cheapest_way(ways, t.departure, goal, weight, known, most)[1]))
+    assert tried[1] < tried[0]
+
+
+def test_a_search_tells_whether_it_gave_up_or_there_is_no_way():
+    t, ways, goal = far_round()
     closed = ways._replace(cost=np.where(t.ix < 50, t.cost, np.inf).astype(np.float32))
-    assert cheapest_way(closed, t.departure, t.surface_near((3.4, 1.0, 0.04)), 1.0, weight, 30).size
-    assert not cheapest_way(closed, t.departure, goal, 1.0, weight, 30).size
+    way, gave_up = cheapest_way(closed, t.departure, goal, 1.0, NOT_KNOWN, 10**6)
+    assert not way.size and not gave_up
+    for most in (0, 30):
+        way, gave_up = cheapest_way(closed, t.departure, goal, 1.0, NOT_KNOWN, most)
+        assert not way.size and gave_up
+
+
+def test_a_path_is_the_same_whether_or_not_the_ground_was_measured_from_the_robot_before():
+    t, _, goal = far_round()
+    before = plan_path(t, goal, CONFIG)
+    distances_over_ground(t, CONFIG)
+    assert plan_path(t, goal, CONFIG).length_m == pytest.approx(before.length_m, rel=0.02)
 
 
 def test_nothing_leads_to_a_closed_node_and_a_link_leads_where_the_ground_does_not():
@@ -163,9 +189,9 @@ def test_nothing_leads_to_a_closed_node_and_a_link_leads_where_the_ground_does_n
     near, across = t.departure, t.surface_near((2.0, 2.0, 0.04))
     ways = Ways(t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, np.array([[near, across]], np.int64), np.array([0.5]))
     closed = int(np.flatnonzero(~np.isfinite(t.cost))[0])
-    assert not cheapest_way(ways, near, closed, 1.0, 1.5, 10**6).size and np.isinf(distances(ways, near)[closed])
-    for most in (1, 10**6):
-        assert cheapest_way(ways, near, across, 1.0, 1.5, most).tolist() == [near, across] and distances(ways, near)[across] == 0.5
+    assert not cheapest_way(ways, near, closed, 1.0, NOT_KNOWN, 10**6)[0].size and np.isinf(distances(ways, near)[closed])
+    assert cheapest_way(ways, near, across, 1.0, NOT_KNOWN, 10**6)[0].tolist() == [near, across]
+    assert distances(ways, near)[across] == 0.5
 
 
 @pytest.mark.parametrize("seed", range(5))
