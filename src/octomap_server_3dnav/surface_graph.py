@@ -16,13 +16,13 @@ from octomap_server_3dnav.surface_columns import DX, DY, find_node, slope_behind
 
 UNFITTED, GENTLE, NEARLY_STEEP, STEEP = 0, 1, 2, 3
 _BLOCK = 4096  # columns whose sums stay in the cache
+_WORTH = 8  # a sheet is fitted as one where it covers such a part of the columns: most nodes of a small one are never asked for
 
 
 class Links(NamedTuple):
     """Neighbours of the surface nodes, (N, 4) int32 each: the `near` ones, and in `graph` those of them that can be stepped to.
 
-    `slope` (C,) uint8 tells of columns amid open ground whether their only surface is GENTLE, NEARLY_STEEP or STEEP; UNFITTED for the
-    others.
+    `slope` (N,) uint8 tells of nodes amid open ground whether they are GENTLE, NEARLY_STEEP or STEEP; UNFITTED of the others.
     """
 
     near: NDArray[np.int32]
@@ -226,21 +226,36 @@ def steepness(slope: Any, max_fitted_slope: Any, max_slope: Any) -> Any:
 
 
 @njit(cache=True)
-def _single_surfaces(start: Any, level: Any, graph: Any, ny: Any, spans: Any) -> Any:
-    """(C,) float32 height of the only surface of a column, and (C,) uint8 bits of the directions in which it can be left; else 0."""
-    height, edges = np.zeros(start.size - 1, np.float32), np.zeros(start.size - 1, np.uint8)
+def _worth_fitting(start: Any) -> Any:
+    """How many sheets have enough nodes: the lowest surfaces of all columns are the first, those above these the next."""
+    count = np.zeros(64, np.int64)
+    for c in range(start.size - 1):
+        for rank in range(min(start[c + 1] - start[c], count.size)):
+            count[rank] += 1
+    sheets = 0
+    while sheets < count.size and count[sheets] * _WORTH > start.size:
+        sheets += 1
+    return sheets
+
+
+@njit(cache=True)
+def _sheet(start: Any, level: Any, graph: Any, ny: Any, spans: Any, rank: Any, height: Any, edges: Any) -> None:
+    """Writes of the surface that is number `rank` from below in its column its height and, as bits, the directions in which it leads to one
+    of the same rank; 0 where there is none."""
+    height[:], edges[:] = 0, 0
     for ix in range(spans.shape[0]):
         for c in range(ix * ny + spans[ix, 0], ix * ny + spans[ix, 1]):
-            s = start[c]
-            if start[c + 1] - s == 1:
-                height[c] = level[s]
-                edges[c] = (graph[s, 0] >= 0) | (graph[s, 1] >= 0) << 1 | (graph[s, 2] >= 0) << 2 | (graph[s, 3] >= 0) << 3
-    return height, edges
+            s = start[c] + rank
+            if s >= start[c + 1]:
+                continue
+            height[c] = level[s]
+            for k in range(4):
+                edges[c] |= np.uint8(graph[s, k] == start[c + DX[k] * ny + DY[k]] + rank) << k
 
 
 @njit(cache=True)
 def _both_ways(edges: Any, ny: Any) -> Any:
-    """(C,) uint8 bits of the `edges` that lead back, hence between only surfaces, and as bits 4-7 the diagonals with both ways round."""
+    """(C,) uint8 bits of the `edges` that lead back, and as bits 4-7 the diagonals with both ways round."""
     n, low = edges.size - 2 * (ny + 1), ny + 1
     both, out = np.zeros_like(edges), np.zeros_like(edges)
     for k in range(4):
@@ -260,7 +275,7 @@ def _both_ways(edges: Any, ny: Any) -> Any:
 
 @njit(cache=True)
 def _open_ground(edges: Any, ny: Any, low: Any, n: Any, reach: Any) -> Any:
-    """(n,) uint8, from column `low` on: whether all rays of `slope_at` have their full length, over columns with one surface each."""
+    """(n,) uint8, from column `low` on: whether all rays of `slope_at` have their full length, over one sheet."""
     is_open = np.ones(n, np.uint8)
     lengths = _ray_lengths(reach)
     for k in range(4):
@@ -282,22 +297,17 @@ def _add_difference(total: Any, height: Any, first: Any, other: Any, factor: Any
 
 
 @njit(cache=True)
-def slopes_of_open_ground(
-    start: Any, level: Any, graph: Any, ny: Any, spans: Any, reach: Any, max_fitted_slope: Any, max_slope: Any
-) -> Any:
-    """`Links.slope` of the columns in `spans`: where no ray of `slope_at` ends early the sums over x and y are known, those over x * h
+def _fit_sheet(start: Any, rank: Any, height: Any, edges: Any, ny: Any, reach: Any, steepest: Any, slope: Any) -> None:
+    """Writes `Links.slope` of the nodes of a sheet: where no ray of `slope_at` ends early the sums over x and y are known, those over x * h
     and y * h the same stencil everywhere."""
-    slope = np.zeros(start.size - 1, np.uint8)
     straight, oblique = _ray_lengths(reach)
-    rim = max(straight, oblique) * (ny + 1)
-    if slope.size <= 2 * rim:
-        return slope
-    height, edges = _single_surfaces(start, level, graph, ny, spans)
-    edges = _both_ways(edges, ny)
+    rim, (max_fitted_slope, max_slope) = max(straight, oblique) * (ny + 1), steepest
     a = 0.5 + 2.0 * (np.arange(straight + 1) ** 2).sum() + 4.0 * (np.arange(oblique + 1) ** 2).sum()
-    for low in range(rim, slope.size - rim, _BLOCK):
-        n = min(_BLOCK, slope.size - rim - low)
+    for low in range(rim, height.size - rim, _BLOCK):
+        n = min(_BLOCK, height.size - rim - low)
         is_open = _open_ground(edges, ny, low, n, reach)
+        if not (is_open & 1).any():
+            continue
         along_x, along_y = np.zeros(n, np.float32), np.zeros(n, np.float32)
         for j in range(1, straight + 1):
             _add_difference(along_x, height, low + j * ny, low - j * ny, j)
@@ -312,7 +322,19 @@ def slopes_of_open_ground(
             if is_open[i] & 1:
                 p, q = float(along_x[i]), float(along_y[i])
                 gentle = abs(p) + abs(q) < 0.99 * max_fitted_slope * a
-                slope[low + i] = (
+                slope[start[low + i] + rank] = (
                     GENTLE if gentle else steepness(np.hypot((a * p) / (a * a), (a * q) / (a * a)), max_fitted_slope, max_slope)
                 )
+
+
+@njit(cache=True)
+def slopes_of_open_ground(
+    start: Any, level: Any, graph: Any, ny: Any, spans: Any, reach: Any, max_fitted_slope: Any, max_slope: Any
+) -> Any:
+    """`Links.slope`: sheet by sheet, of those with so many nodes that it pays."""
+    slope = np.zeros(level.size, np.uint8)
+    height, edges = np.empty(start.size - 1, np.float32), np.empty(start.size - 1, np.uint8)
+    for rank in range(_worth_fitting(start)):
+        _sheet(start, level, graph, ny, spans, rank, height, edges)
+        _fit_sheet(start, rank, height, _both_ways(edges, ny), ny, reach, (max_fitted_slope, max_slope), slope)
     return slope

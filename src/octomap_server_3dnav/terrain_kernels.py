@@ -131,7 +131,7 @@ def _is_near_steep(surfaces: Any, links: Any, s: Any, limits: Any) -> Any:
     for k in range(4):
         n = links.graph[s, k]
         if n >= 0:
-            kind = links.slope[surfaces.column[n]]
+            kind = links.slope[n]
             if kind == UNFITTED:
                 slope = slope_at(links.graph, surfaces.slope_level, n, limits.slope_reach)
                 kind = steepness(slope, limits.max_fitted_slope, limits.max_slope)
@@ -194,7 +194,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
                 break
         if label[s] == CLIFF:
             continue
-        kind = slope[c]
+        kind = slope[s]
         if kind == UNFITTED:
             kind = steepness(slope_at(graph, level, s, reach), nearly_steep, steep)
         is_steep = kind == STEEP or (kind == NEARLY_STEEP and _is_near_steep(surfaces, links, s, limits))
