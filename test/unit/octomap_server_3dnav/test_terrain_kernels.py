@@ -30,7 +30,7 @@ def bumpy_world(seed: int) -> tuple[Columns, Surfaces]:
     noise = rng.uniform(-0.08, 0.08, (70, 60))
     states = grid_of_heights(lambda x, y: 0.5 + 0.45 * np.sin(1.3 * x + seed) + noise[: x.shape[0], : y.shape[1]], 70, 60)
     states[rng.random(states.shape[:2]) < 0.02] = VoxelState.UNKNOWN
-    states[10:30, 15:35, -2] = VoxelState.OCCUPIED
+    states[10:60, 5:55, -2] = VoxelState.OCCUPIED
     runs = runs_of(states)
     spans = np.tile([MARGIN, MARGIN + runs.ny], (runs.nx + 2 * MARGIN, 1))
     spans[:MARGIN] = spans[MARGIN + runs.nx :] = MARGIN
