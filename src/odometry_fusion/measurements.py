@@ -50,11 +50,13 @@ def stand_still(state: State, interval: ImuInterval, config: OdometryConfig) -> 
 
 
 def roll_wheels(state: State, interval: ImuInterval, forward_mps: float, yaw_rate: float, config: OdometryConfig) -> State:
-    """Wheels give the forward velocity and roughly the yaw rate; sideways and up the robot hardly moves."""
+    """Wheels give the forward velocity and roughly the yaw rate; up the robot hardly moves, sideways it slides down a slope as it turns."""
     rate = interval.mean_rate - state.gyro_bias
     turning, tipping = abs(float(rate[2])), math.hypot(rate[0], rate[1])
     forward = forward_mps * (1.0 - config.forward_slip)
-    residual = np.array([forward - state.velocity[0], -state.velocity[1], -state.velocity[2], yaw_rate - rate[2]])
+    falls_to_left = -float(state.R_odom_base[2, 1]) / math.sin(config.slide_tilt_rad)
+    slide = config.turning_slide_m * turning * min(1.0, max(-1.0, falls_to_left))
+    residual = np.array([forward - state.velocity[0], slide - state.velocity[1], -state.velocity[2], yaw_rate - rate[2]])
     H = np.zeros((4, SIZE))
     H[0:3, VELOCITY] = np.eye(3)
     H[3, GYRO_BIAS_Z] = -1.0

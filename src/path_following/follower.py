@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from path_following.config import FollowerConfig
 from path_following.interface import FollowerObservation, FollowerOutput, FollowerState
@@ -13,7 +13,7 @@ from path_following.progress import ProgressWatch
 from path_following.pursuit import Steering, approached, lookahead_m, regulated_speed, steering_to, target_on
 from path_following.reference_path import Pose, Projection, ReferencePath, Stretch
 from path_following.straight_driving import StraightDrive, WayOut
-from path_following.surroundings import Surroundings, Unknown, arc_poses, footprint_lattice
+from path_following.surroundings import Slide, Surroundings, Unknown, arc_poses, footprint_lattice
 from rigid_geometry import angle_difference, yaw_of
 
 _STAND = Motion(0.0, 0.0)
@@ -85,18 +85,14 @@ class PathFollower:
         assert observation.T_map_base is not None and observation.costmap is not None
         T = observation.T_map_base
         pose = (float(T[0, 3]), float(T[1, 3]), yaw_of(T))
-        around = Surroundings(observation.costmap, *self._footprints, self._slide(T[:2, 2]))
+        slide = Slide((float(T[0, 2]), float(T[1, 2])), self._config.turn_slide_m_per_rad, math.sin(self._config.slide_tilt_rad))
+        around = Surroundings(observation.costmap, *self._footprints, slide)
         if not around.contains(pose):
             self._sit_out(dt)
             return self._output(_STAND, f"the costmap does not contain the robot at ({pose[0]:.2f}, {pose[1]:.2f})")
         self._speed = self._command.v if observation.twist is None else observation.twist[0]
         self._command = self._decide(self._path, pose, around, dt)
         return self._output(self._command, self._reason)
-
-    def _slide(self, normal_xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(2,) metres in map that a turn in place takes the robot for every radian: downhill, where the normal (2,) of its plane points."""
-        tilt = float(np.hypot(*normal_xy))
-        return normal_xy * (self._config.turn_slide_m_per_rad / max(tilt, math.sin(self._config.slide_tilt_rad)))
 
     def _elapsed(self, stamp: float) -> float:
         """Seconds since the last step; 0, and no time without progress, at the first one and where time jumped."""
@@ -220,7 +216,7 @@ class PathFollower:
         if self._room is not None and self._room.goes_on(around, pose):
             return self._ramped(self._room.motion, dt)  # to its end: half the way would leave hardly room enough
         angle, self._room = turn_by(error, self._turn_side), None
-        for drifting in (True, False):  # where there is no room to slide in a turn, room for the outline must do
+        for drifting in (True, False):  # where there is no room around the turn, room for the outline must do
             if around.is_free_turn(pose, angle, drifting=drifting):
                 self._be(FollowerState.TURNING_TO_PATH, f"{angle:.2f} rad to turn")
                 return self._turn(angle, dt)

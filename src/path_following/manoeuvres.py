@@ -52,13 +52,14 @@ class Arc:
 def make_room(config: FollowerConfig, around: Surroundings, pose: Pose, error: float, *, drifting: bool) -> Arc | None:
     """The shortest free arc, forward or backward, after which a heading error of now `error` can be turned away; None if none.
 
-    `drifting`: with room for what the robot may slide meanwhile.
+    `drifting`: with room around the turn for more than the robot slides.
     """
     for length in (0.1, 0.2, 0.3, 0.45):
         for curvature in (0.0, 1.5, -1.5):
             for sign in (1.0, -1.0):
                 poses = arc_poses(pose, sign, curvature, length)
-                end = (float(poses[-1, 0]), float(poses[-1, 1]), float(poses[-1, 2]))
+                x, y, yaw = around.slide.along(poses)[-1]
+                end = (float(x), float(y), float(yaw))
                 left = angle_difference(pose[2] + error, end[2])
                 if around.is_free(poses, Unknown.NOT_UNDER_THE_CENTRE) and around.is_free_turn(end, left, drifting=drifting):
                     return Arc(Motion(sign * config.back_off_speed_mps, sign * config.back_off_speed_mps * curvature), pose, length)

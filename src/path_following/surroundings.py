@@ -2,6 +2,7 @@
 
 import enum
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -44,6 +45,31 @@ def turn_poses(pose: Pose, angle: float) -> NDArray[np.float64]:
     return np.column_stack([np.full_like(turned, pose[0]), np.full_like(turned, pose[1]), pose[2] + turned])
 
 
+@dataclass(frozen=True)
+class Slide:
+    """How a skid steer slides on a slope: while it turns, to the side that is downhill, as far for every radian however it drives then.
+
+    `downhill_xy`: the horizontal part of the unit normal of the plane that it stands on, in map; `m_per_rad` where the ground falls to the
+    side by a sine of `full_at`, in proportion where by less.
+    """
+
+    downhill_xy: tuple[float, float]
+    m_per_rad: float
+    full_at: float
+
+    def along(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(K, 3) poses of a motion with what it slides from the first one on."""
+        middle = poses[:-1, 2] + 0.5 * np.diff(poses[:, 2])
+        left = np.stack([-np.sin(middle), np.cos(middle)], axis=1)
+        share = np.clip(left @ np.asarray(self.downhill_xy) / self.full_at, -1.0, 1.0)
+        slid = poses.copy()
+        slid[1:, :2] += np.cumsum((self.m_per_rad * np.abs(np.diff(poses[:, 2])) * share)[:, None] * left, axis=0)
+        return slid
+
+
+LEVEL = Slide((0.0, 0.0), 0.0, 1.0)
+
+
 class Surroundings:
     """The costmap around the robot, asked whether a motion keeps the footprint off lethal cells and the centre off inscribed ones."""
 
@@ -52,14 +78,11 @@ class Surroundings:
         costmap: CostGrid,
         footprint: NDArray[np.float64],
         turning_footprint: NDArray[np.float64],
-        slide: NDArray[np.float64] | tuple[float, float] = (0.0, 0.0),
+        slide: Slide = LEVEL,
     ) -> None:
-        """Both footprints (P, 2) are points of base_link; the second, for turns on the spot, is the larger by what the robot drifts.
-
-        `slide` (2,): metres in map that such a turn takes the robot for every radian.
-        """
+        """Both footprints (P, 2) are points of base_link; the second, for turns on the spot, is the larger by what the robot drifts."""
         self._cost, self._footprint, self._turning_footprint = costmap.cost, footprint, turning_footprint
-        self._slide = np.asarray(slide, dtype=np.float64)
+        self.slide = slide
         self._corner = np.array([costmap.origin_xy[0], costmap.origin_xy[1], costmap.resolution], dtype=np.float64)
 
     def contains(self, pose: Pose) -> bool:
@@ -69,23 +92,22 @@ class Surroundings:
         return bool(0 <= row < rows and 0 <= column < columns)
 
     def is_free(self, poses: NDArray[np.float64], unknown: Unknown) -> bool:
-        """True when the robot, standing at the first of (K, 3) poses, may go through all of them.
+        """True when the robot, standing at the first of (K, 3) poses, may go through all of them, and slide meanwhile.
 
         What it touches already it may leave, but not touch more of; a centre in an inscribed cell may leave, but not enter again.
         """
-        return bool(_is_free(self._cost, self._corner, self._footprint, poses, int(unknown)))
+        return bool(_is_free(self._cost, self._corner, self._footprint, self.slide.along(poses), int(unknown)))
 
     def is_clear(self, poses: NDArray[np.float64]) -> bool:
         """The same for (K, 3) poses where every centimetre counts: it may touch nothing more than now, not by a point of its outline."""
-        touched = [_touched(self._cost, self._corner, self._footprint, pose, False) for pose in poses]
+        touched = [_touched(self._cost, self._corner, self._footprint, pose, False) for pose in self.slide.along(poses)]
         return self.is_free(poses, Unknown.NOT_UNDER_THE_CENTRE) and max(touched) <= touched[0]
 
     def is_free_turn(self, pose: Pose, angle: float, *, drifting: bool) -> bool:
-        """True when the robot may turn on the spot by `angle` radians; `drifting`: also when its skidding wheels take it aside."""
+        """True when the robot may turn on the spot by `angle` radians; `drifting`: with room around it for more than it slides."""
         poses = turn_poses(pose, angle)
         if drifting:
-            poses[:, :2] += np.abs(poses[:, 2:] - pose[2]) * self._slide
-            return not any(_touched(self._cost, self._corner, self._turning_footprint, p, False) for p in poses)
+            return not any(_touched(self._cost, self._corner, self._turning_footprint, p, False) for p in self.slide.along(poses))
         return self.is_free(poses, Unknown.ALLOWED)
 
     def mean_cost(self, poses: NDArray[np.float64]) -> float:

@@ -1,5 +1,6 @@
 """Jacobians against numerical ones, and the algebra that the filter rests on."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -102,6 +103,17 @@ def test_slip_shortens_the_way_and_is_not_learnt_from_wheels():
     interval = ImuInterval(0.05, rates, np.full(1, 0.05), np.zeros(3), None, 0, 0.01)
     after = measurements.roll_wheels(level, interval, 0.5, 0.0, config)
     assert after.covariance[15, 15] == level.covariance[15, 15]
+
+
+@pytest.mark.parametrize("fall_rad, share", [(0.3, 1.0), (0.05, 0.5), (0.0, 0.0), (-0.05, -0.5), (-0.3, -1.0)])
+def test_robot_that_turns_slides_to_the_side_that_is_downhill(fall_rad, share):
+    config = OdometryConfig()
+    up = np.array([0.0, -math.sin(fall_rad), math.cos(fall_rad)])  # felt in base_link: its left side is low
+    state = measurements.level(0.0, 9.81 * up, 1.0, 0.0, False, config)
+    turning = ImuInterval(0.05, np.array([[0.0, 0.0, -0.5]]), np.full(1, 0.05), np.array([0.0, 0.0, -0.5]), None, 0, 0.01)
+    for _ in range(200):
+        state = measurements.roll_wheels(state, turning, 0.0, -0.5, config)
+    assert state.velocity[1] == pytest.approx(0.5 * config.turning_slide_m * share, rel=0.05, abs=1e-3)
 
 
 def test_orthonormal_mends_rounding():

@@ -88,7 +88,8 @@ class Drive:
 @dataclass(frozen=True)
 class Robot:
     """How the robot falls short of the command: share of speed and turn rate, drift to the left, dead band of a turn in place, how far it
-    slides along -y for every radian that it turns in place, as on a slope, how steeply that falls, and whether it notices."""
+    slides to its side for every radian that it turns on a slope that falls to that side, along -y, how steeply that falls, and whether it
+    notices."""
 
     speed_share: float = 0.97
     turn_share: float = 0.85
@@ -112,7 +113,7 @@ def drive(
     """Drive until the follower is over or the time is; `pose_error(t)` is added to the true pose that the follower is told."""
     robot = robot or Robot()
     x, y, yaw = start
-    poses, outputs, touched, twist, unfelt = [], [], False, (0.0, 0.0), 0.0
+    poses, outputs, touched, twist, unfelt = [], [], False, (0.0, 0.0), np.zeros(2)
     grid, seen = world.grid(), world.lethal.copy()
     for k in range(round(seconds / TICK_S)):
         t = 1.0 + k * TICK_S
@@ -120,7 +121,7 @@ def drive(
         if not np.array_equal(seen, world.lethal):
             grid, seen = world.grid(), world.lethal.copy()
         ex, ey, eyaw = pose_error(t)
-        tilted = transform_from_rpy([x + ex, y + ey + unfelt, 0.132], (robot.slope_rad, 0.0, 0.0))
+        tilted = transform_from_rpy([x + ex - unfelt[0], y + ey - unfelt[1], 0.132], (robot.slope_rad, 0.0, 0.0))
         T_map_base = tilted @ transform_from_rpy([0.0, 0.0, 0.0], (0.0, 0.0, yaw + eyaw))
         out = follower.step(FollowerObservation(t, T_map_base, grid, twist))
         poses.append((x, y, yaw))
@@ -131,8 +132,8 @@ def drive(
         twist = (out.v * robot.speed_share, w)
         x += (math.cos(yaw) * twist[0] - math.sin(yaw) * robot.sideways * twist[0]) * TICK_S
         y += (math.sin(yaw) * twist[0] + math.cos(yaw) * robot.sideways * twist[0]) * TICK_S
-        slid = robot.slide_m_per_rad * abs(w) * TICK_S if abs(out.v) < 0.02 else 0.0
-        y, unfelt = y - slid, unfelt + (0.0 if robot.feels_slide else slid)
+        slid = robot.slide_m_per_rad * abs(w) * TICK_S * -math.cos(yaw) * np.array([-math.sin(yaw), math.cos(yaw)])
+        x, y, unfelt = x + slid[0], y + slid[1], unfelt + (0.0 if robot.feels_slide else slid)
         yaw += w * TICK_S
         touched = touched or (k % 4 == 0 and world.touches(x, y, yaw))
     return Drive(np.array(poses), outputs, touched)

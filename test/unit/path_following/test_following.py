@@ -182,7 +182,7 @@ def test_turn_that_slides_down_a_slope_keeps_its_distance_from_a_wall():
 
 def test_turn_on_a_slope_keeps_room_below_for_what_the_robot_slides():
     world = World()
-    world.lethal[world.cells(-9, 9, -1.6, -0.74)] = True
+    world.lethal[world.cells(-9, 9, -1.6, -0.6)] = True
     touched = []
     for slide in (0.0, 0.2):
         turned = follower(line((0, 0), (-0.3, 0.5), (-4, 0.5)), turn_slide_m_per_rad=slide)
@@ -190,6 +190,15 @@ def test_turn_on_a_slope_keeps_room_below_for_what_the_robot_slides():
         assert run.last.state.value == "reached"
         touched.append(run.touched)
     assert touched == [True, False]
+
+
+@pytest.mark.parametrize("seen_m, touched", [(0.0, True), (0.2, False)], ids=["not known", "known"])
+def test_bend_on_a_slope_keeps_room_below_for_what_the_robot_slides(seen_m, touched):
+    world = World()
+    world.lethal[world.cells(-9, 9, -1.6, -0.48)] = True
+    driven = follower(line((0, 0), (3, 2.6)), turn_slide_m_per_rad=seen_m)
+    run = drive(driven, world, robot=Robot(slide_m_per_rad=0.2, slope_rad=0.2, feels_slide=False))
+    assert "turning_to_path" not in run.states() and run.touched == touched
 
 
 def test_room_for_a_turn_is_made_in_one_go():
