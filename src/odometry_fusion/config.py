@@ -23,9 +23,8 @@ class OdometryConfig:
     vertical_sigma_mps: float = parameter(0.015, "m/s", "how far the velocity along the body's z strays from zero", low=1e-4)
     turning_sigma_m: float = parameter(0.04, "m", "added to these sigmas for every rad/s of turning: skid steering slips", low=0.0)
     turning_slide_m: float = parameter(
-        0.17, "m/rad", "how far the robot slides aside, downhill, for every radian that it turns on a slope", low=0.0, high=1.0
+        0.15, "m/rad", "how far the robot slides aside while it turns where the ground falls to that side by one in ten", low=0.0, high=1.0
     )
-    slide_tilt_rad: float = parameter(0.1, "rad", "tilt to that side at which it slides so far; in proportion below", low=0.01, high=0.8)
     turning_slip_walk: float = parameter(
         0.15, "m/rad*sqrt(s)", "skidding of seconds: walk of the position, forward and sideways, for every rad/s of turning", low=0.0
     )

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from odometry_fusion.config import OdometryConfig
 from odometry_fusion.error_state import ACCEL_BIAS, ATTITUDE, GYRO_BIAS, SIZE, SLIP, VELOCITY, State, skew, update
 from odometry_fusion.interval import ImuInterval
+from rigid_geometry import slide_per_rad
 
 FloatArray = NDArray[np.float64]
 GYRO_BIAS_Z = 11
@@ -54,8 +55,7 @@ def roll_wheels(state: State, interval: ImuInterval, forward_mps: float, yaw_rat
     rate = interval.mean_rate - state.gyro_bias
     turning, tipping = abs(float(rate[2])), math.hypot(rate[0], rate[1])
     forward = forward_mps * (1.0 - config.forward_slip)
-    falls_to_left = -float(state.R_odom_base[2, 1]) / math.sin(config.slide_tilt_rad)
-    slide = config.turning_slide_m * turning * min(1.0, max(-1.0, falls_to_left))
+    slide = turning * float(slide_per_rad(-state.R_odom_base[2, 1], config.turning_slide_m))
     residual = np.array([forward - state.velocity[0], slide - state.velocity[1], -state.velocity[2], yaw_rate - rate[2]])
     H = np.zeros((4, SIZE))
     H[0:3, VELOCITY] = np.eye(3)

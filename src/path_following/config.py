@@ -35,14 +35,13 @@ class FollowerConfig:
         low=0.0,
         high=0.5,
     )
-    turn_slide_m_per_rad: float = parameter(
-        0.22,
+    turn_slide_m: float = parameter(
+        0.18,
         "m/rad",
-        "how far the robot slides aside, downhill, for every radian of any turn on a slope: wheels that skid do not hold",
+        "room wanted for what the robot slides aside in any turn where the ground falls to that side by one in ten: wheels skid",
         low=0.0,
         high=1.0,
     )
-    slide_tilt_rad: float = parameter(0.12, "rad", "tilt to that side at which it slides so far; in proportion below", low=0.01, high=0.8)
     check_ahead_m: float = parameter(0.6, "m", "so far ahead the footprint must be free along the arc", low=0.1, high=3.0)
     max_detour_m: float = parameter(0.4, "m", "an arc round an obstacle may end this far beside the path", low=0.0, high=3.0)
     detour_speed_mps: float = parameter(0.2, "m/s", "speed of such an arc, and of making room for a turn", low=0.02, high=1.0)

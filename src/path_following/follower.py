@@ -85,7 +85,7 @@ class PathFollower:
         assert observation.T_map_base is not None and observation.costmap is not None
         T = observation.T_map_base
         pose = (float(T[0, 3]), float(T[1, 3]), yaw_of(T))
-        slide = Slide((float(T[0, 2]), float(T[1, 2])), self._config.turn_slide_m_per_rad, math.sin(self._config.slide_tilt_rad))
+        slide = Slide((float(T[0, 2]), float(T[1, 2])), self._config.turn_slide_m)
         around = Surroundings(observation.costmap, *self._footprints, slide)
         if not around.contains(pose):
             self._sit_out(dt)

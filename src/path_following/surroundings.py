@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from path_following.interface import CostGrid
 from path_following.reference_path import Pose
+from rigid_geometry import slide_per_rad
 
 _INSCRIBED, _LETHAL, _UNKNOWN = 253, 254, 255
 _STEP_M, _STEP_RAD = 0.05, 0.1
@@ -47,27 +48,25 @@ def turn_poses(pose: Pose, angle: float) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Slide:
-    """How a skid steer slides on a slope: while it turns, to the side that is downhill, as far for every radian however it drives then.
+    """What a skid steer slides on a slope while it turns (`rigid_geometry.slide_per_rad`).
 
-    `downhill_xy`: the horizontal part of the unit normal of the plane that it stands on, in map; `m_per_rad` where the ground falls to the
-    side by a sine of `full_at`, in proportion where by less.
+    `downhill_xy`: the horizontal part of the unit normal of the plane that it stands on, in map; `at_one_in_ten_m` as there.
     """
 
     downhill_xy: tuple[float, float]
-    m_per_rad: float
-    full_at: float
+    at_one_in_ten_m: float
 
     def along(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """(K, 3) poses of a motion with what it slides from the first one on."""
         middle = poses[:-1, 2] + 0.5 * np.diff(poses[:, 2])
         left = np.stack([-np.sin(middle), np.cos(middle)], axis=1)
-        share = np.clip(left @ np.asarray(self.downhill_xy) / self.full_at, -1.0, 1.0)
+        aside = slide_per_rad(left @ np.asarray(self.downhill_xy), self.at_one_in_ten_m) * np.abs(np.diff(poses[:, 2]))
         slid = poses.copy()
-        slid[1:, :2] += np.cumsum((self.m_per_rad * np.abs(np.diff(poses[:, 2])) * share)[:, None] * left, axis=0)
+        slid[1:, :2] += np.cumsum(aside[:, None] * left, axis=0)
         return slid
 
 
-LEVEL = Slide((0.0, 0.0), 0.0, 1.0)
+LEVEL = Slide((0.0, 0.0), 0.0)
 
 
 class Surroundings:

@@ -6,6 +6,7 @@ fixed-axis x, y, z, and quaternions are x, y, z, w (REP 103).
 """
 
 from rigid_geometry.pose_history import PoseHistory
+from rigid_geometry.skid_steering import slide_per_rad
 from rigid_geometry.stamped_buffer import STAMP_TOLERANCE_S, Arrival, StampedBuffer
 from rigid_geometry.transforms import (
     angle_difference,
@@ -43,6 +44,7 @@ __all__ = [
     "rotation_from_quat",
     "rotation_from_rpy",
     "rpy_from_rotation",
+    "slide_per_rad",
     "tilt_angle",
     "transform_from_quat",
     "transform_from_rpy",
