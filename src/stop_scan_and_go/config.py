@@ -16,7 +16,7 @@ class StopScanAndGoConfig:
         2.0,
         "rad",
         "sum of turns in place on a slope since the last sweep after which the next comes before it drives on: in these a skid steer "
-        "slides downhill, by up to a quarter of a metre for every radian, and its odometry does not feel it",
+        "slides downhill, by up to a quarter of a metre for every radian, and its odometry knows that roughly",
         low=0.1,
         high=100.0,
     )
