@@ -198,15 +198,17 @@ def _nodes_between(terrain: Terrain, cost: NDArray[np.float32], source: int, goa
 
     What is left to the source is known over the ground where that was asked for before, and else as long as it takes as the crow flies.
     """
-    is_plain, most = cost is terrain.cost, terrain.label.size + 1
+    ways, most = _ways(terrain, cost, config.climb_weight, config), terrain.label.size + 1
+    if not math.isfinite(cost[source]):  # in a passage, from where only links lead on
+        chain, _ = cheapest_way(ways, source, goal, 1.0, _NOT_KNOWN, most)
+        return chain if chain.size else None
+    is_plain, back = cost is terrain.cost, ways._replace(links=np.ascontiguousarray(ways.links[:, ::-1]))
     left = _distances.known(terrain, source, config) if is_plain else None
     apart = np.ptp(terrain.centers(np.array([source, goal])), axis=0).max() if left is None else left[goal] * terrain.resolution
-    weight, ways = config.far_weight if apart > config.far_m else 1.0, _ways(terrain, cost, config.climb_weight, config)
-    if not math.isfinite(cost[source]):  # in a passage, from where only links lead on
-        chain, _ = cheapest_way(ways, source, goal, weight, _NOT_KNOWN, most)
-        return chain if chain.size else None
-    back = ways._replace(links=np.ascontiguousarray(ways.links[:, ::-1]))
-    chain, is_far_round = cheapest_way(back, goal, source, weight, _NOT_KNOWN if left is None else left, _NEAR_NODES if is_plain else most)
+    if not math.isfinite(apart):
+        return None
+    near, weight = _NEAR_NODES if is_plain else most, config.far_weight if apart > config.far_m else 1.0
+    chain, is_far_round = cheapest_way(back, goal, source, weight, _NOT_KNOWN if left is None else left, near)
     if is_far_round:
         chain, _ = cheapest_way(back, goal, source, config.far_weight, _distances.of(terrain, source, config), most)
     return np.ascontiguousarray(chain[::-1]) if chain.size else None
