@@ -16,6 +16,7 @@ from octomap_server_3dnav.lean_kernels import lean_njit
 DX = np.array([1, 0, -1, 0], dtype=np.int64)
 DY = np.array([0, 1, 0, -1], dtype=np.int64)
 NO_VOXEL = 32767
+_STRIP = 3  # voxels from the end of one strip of a wall to the beginning of the next
 _SLOPED = np.tan(np.deg2rad(10.0))  # what is less steep is level: a slope that is none leads farther astray than it tells
 
 
@@ -190,7 +191,8 @@ def _tops(columns: Any, clearance: Any, step: Any) -> Any:
 
     Not of those with something unknown directly above that are a wall, higher than a step, or an underside, with air below: their tops
     were not seen. Air may begin one voxel below, for the beams that hit an underside flatly leave its layer unknown. Above there is no such
-    tolerance: a thin plate's unknown top would be taken for its underside, a few voxels too low.
+    tolerance: a thin plate's unknown top would be taken for its underside, a few voxels too low. Of a wall a voxel or two between the
+    laser's lines may be unknown.
     """
     runs, z_lo, z_hi, occupied = columns.start, columns.z_lo, columns.z_hi, columns.occupied  # named once: see terrain_kernels
     start = np.zeros(runs.size, np.int32)
@@ -199,15 +201,18 @@ def _tops(columns: Any, clearance: Any, step: Any) -> Any:
     for c in range(runs.size - 1):
         first, last = np.int64(runs[c]), np.int64(runs[c + 1]) - 1
         below = -1  # the run that ends at the last top, until it is known how much room is above
+        foot = 0  # of what stands, hit in strips perhaps
         for r in range(first, last + 1):
             if not occupied[r]:
                 continue
             if below >= 0 and z_lo[r] - z_hi[below] <= clearance:
                 n -= 1
+            if not (r > first and occupied[r - 1] and z_lo[r] - z_hi[r - 1] <= _STRIP):
+                foot = z_lo[r]
             is_open = r == last or z_lo[r + 1] > z_hi[r] + 1
             hangs = r > first and not occupied[r - 1] and z_hi[r - 1] >= z_lo[r] - 2
             below = -1
-            if not (is_open and (hangs or z_hi[r] - z_lo[r] >= step)):
+            if not (is_open and (hangs or z_hi[r] - foot >= step)):
                 column[n], z[n], below = c, z_hi[r], r
                 n += 1
         start[c + 1] = n

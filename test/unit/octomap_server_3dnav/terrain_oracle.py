@@ -119,7 +119,10 @@ class Oracle:
                 continue
             top_unseen = i + 1 == len(runs) or runs[i + 1].low > run.high + 1
             air_below = i > 0 and not runs[i - 1].occupied and runs[i - 1].high >= run.low - 2
-            is_wall = run.high - run.low >= self.step
+            strips = i
+            while strips and runs[strips - 1].occupied and runs[strips].low - runs[strips - 1].high <= 3:
+                strips -= 1
+            is_wall = run.high - runs[strips].low >= self.step
             if not (top_unseen and (air_below or is_wall)):
                 found.append(run.high)
         return found

@@ -133,3 +133,15 @@ def test_which_of_two_bridges_over_a_hole_stays_does_not_depend_on_their_order()
     elsewhere = np.array([7.0, 40.0, 3.0, 8.0, 9.0, 0.5, 0.0])
     for bridges in itertools.permutations([narrow, wide, low, steep, elsewhere]):
         np.testing.assert_array_equal(_one_per_hole(np.array(bridges), step=2), [narrow, elsewhere])
+
+
+@pytest.mark.parametrize(
+    "strips, tops",
+    [([(7, 8)], [8]), ([(0, 5), (7, 8)], []), ([(0, 3), (5, 5), (7, 8)], []), ([(0, 5), (8, 8)], []), ([(0, 4), (8, 8)], [8])],
+    ids=["floor", "wall", "three strips", "two voxels between", "too far apart"],
+)
+def test_wall_that_was_hit_in_strips_has_no_top_where_none_was_seen(strips, tops) -> None:
+    z_lo, z_hi = np.array([*strips, (11, 40)], dtype=np.int16).T.copy()  # free above, but not right above
+    occupied = np.arange(len(z_lo)) < len(strips)
+    found = tops_of(Columns(1, 1, np.array([0, len(z_lo)], dtype=np.int32), z_lo, z_hi, occupied), CLEARANCE, STEP)
+    assert found.z.tolist() == tops
