@@ -51,11 +51,15 @@ def stand_still(state: State, interval: ImuInterval, config: OdometryConfig) -> 
 
 
 def roll_wheels(state: State, interval: ImuInterval, forward_mps: float, yaw_rate: float, config: OdometryConfig) -> State:
-    """Wheels give the forward velocity and roughly the yaw rate; up the robot hardly moves, sideways it slides down a slope as it turns."""
+    """Wheels give the forward velocity and roughly the yaw rate; up the robot hardly moves, sideways it slides as it turns.
+
+    It slides down a slope, and in a bend outwards, where what it takes to hold it on its track is as much as on a slope of v w / g.
+    """
     rate = interval.mean_rate - state.gyro_bias
     turning, tipping = abs(float(rate[2])), math.hypot(rate[0], rate[1])
     forward = forward_mps * (1.0 - config.forward_slip)
-    slide = turning * float(slide_per_rad(-state.R_odom_base[2, 1], config.turning_slide_m))
+    fall = -state.R_odom_base[2, 1] - forward * float(rate[2]) / config.gravity_mps2
+    slide = turning * float(slide_per_rad(fall, config.turning_slide_m))
     residual = np.array([forward - state.velocity[0], slide - state.velocity[1], -state.velocity[2], yaw_rate - rate[2]])
     H = np.zeros((4, SIZE))
     H[0:3, VELOCITY] = np.eye(3)

@@ -116,6 +116,17 @@ def test_robot_that_turns_slides_to_the_side_that_is_downhill(fall, share):
     assert state.velocity[1] == pytest.approx(0.5 * config.turning_slide_m * share, rel=0.05, abs=1e-3)
 
 
+def test_robot_in_a_bend_slides_outwards_as_on_a_slope():
+    config = OdometryConfig()
+    forward, rate = 0.5, 0.49
+    fall = forward * rate / config.gravity_mps2  # one in forty
+    state = measurements.level(0.0, np.array([0.0, 0.0, 9.81]), 1.0, 0.0, False, config)
+    left_bend = ImuInterval(0.05, np.array([[0.0, 0.0, rate]]), np.full(1, 0.05), np.array([0.0, 0.0, rate]), None, 0, 0.01)
+    for _ in range(200):
+        state = measurements.roll_wheels(state, left_bend, forward, rate, config)
+    assert state.velocity[1] == pytest.approx(-rate * config.turning_slide_m * math.sqrt(fall / 0.1), rel=0.05)
+
+
 def test_orthonormal_mends_rounding():
     R = exp_rotation(np.array([0.3, 0.2, -1.0])) + RNG.normal(size=(3, 3)) * 1e-7
     fixed = orthonormal(R)
