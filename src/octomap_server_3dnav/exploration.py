@@ -123,10 +123,12 @@ class ExplorationPlanner:
             scope = "global" if radius is None else "local"
             if terrain.departure is None and radius is None:
                 return self._decision(DecisionKind.TRAPPED, self._why_trapped(terrain), terrain, scope, 0)
-            decision = self._goal_in(terrain, T_map_base, scope)
+            frontiers = self._left_in(terrain, T_map_base)
+            decision = self._goal_at([f for f in frontiers if not f.last], terrain, T_map_base, scope)
             if decision is not None:
                 return decision
-        return self._decision(DecisionKind.EXPLORED, self._why_explored(), terrain, scope, 0)
+        last = self._goal_at([f for f in frontiers if f.last], terrain, T_map_base, scope)
+        return last or self._decision(DecisionKind.EXPLORED, self._why_explored(), terrain, scope, 0)
 
     def still_valid(
         self,
@@ -159,10 +161,14 @@ class ExplorationPlanner:
             return False
         return True
 
-    def _goal_in(self, terrain: Terrain, T_map_base: Transform, scope: str) -> Decision | None:
+    def _left_in(self, terrain: Terrain, T_map_base: Transform) -> list[Frontier]:
+        """The frontiers that are not set aside, now that the robot has looked once more."""
         frontiers = find_frontiers(terrain, T_map_base, self.frontier_config, self.planner_config)
         self._count_looks(frontiers, T_map_base)
-        left = [f for f in frontiers if not self._is_aside(f.xyz)]
+        return [f for f in frontiers if not self._is_aside(f.xyz)]
+
+    def _goal_at(self, left: list[Frontier], terrain: Terrain, T_map_base: Transform, scope: str) -> Decision | None:
+        """The first of them to which a path leads, as a goal."""
         for count, frontier in enumerate(left):
             path = plan_path(terrain, frontier.node, self.planner_config)
             place = self._known_place(frontier.xyz)

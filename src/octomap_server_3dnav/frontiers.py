@@ -26,6 +26,9 @@ class FrontierConfig:
 
     min_voxels: int = parameter(6, "voxels", "smaller clusters are ignored", low=1, high=1000)
     min_inflated_voxels: int = parameter(15, "voxels", "the same for clusters beside inflated ground only", low=1, high=1000)
+    least_last_gain_m2: float = parameter(
+        5.0, "m2", "smaller ones of these, down to min_voxels, are looked at last, if a look may show this much ground", low=0.0, high=100.0
+    )
     approach_m: float = parameter(1.0, "m", "farthest traversable ground from which such a cluster is looked at", low=0.0, high=5.0)
     target_radius_m: float = parameter(1.0, "m", "extent of one target: larger clusters are split", low=0.1, high=10.0)
     angle_weight_m_per_rad: float = parameter(0.5, "m/rad", "cost of turning to a frontier", low=0.0, high=20.0)
@@ -44,8 +47,9 @@ class FrontierConfig:
 class Frontier:
     """A place worth a look: xyz of its middle voxel in map, the traversable node nearest to it, its voxels (node indices).
 
-    `distance_m` over the ground, and its `cost`; `inflated`: it lies beside inflated ground only; `potential_cliff`: most of its voxels
-    are; gain_m2: ground that a look may show.
+    `distance_m` over the ground, and its `cost`; `inflated`: it lies beside inflated ground only; `last`: and is so small that it may be
+    a side of what stands there, and is looked at when nothing else is left; `potential_cliff`: most of its voxels are; gain_m2: ground
+    that a look may show.
     """
 
     xyz: tuple[float, float, float]
@@ -54,6 +58,7 @@ class Frontier:
     distance_m: float
     cost: float
     inflated: bool
+    last: bool
     potential_cliff: bool
     gain_m2: float
 
@@ -112,7 +117,8 @@ def find_frontiers(terrain: Terrain, T_map_base: Transform, config: FrontierConf
     """The frontiers that traversable ground leads to, cheapest first: distance + angle * weight (thesis 6.2.2) - gain * weight.
 
     A cluster counts when one of its voxels lies beside ground that the second flood reached; one that lies wholly beside inflated ground
-    must be larger, and traversable ground must come near it. Clusters larger than one sweep can look at are split into several targets.
+    must be larger or have much to show, and traversable ground must come near it. Clusters larger than one sweep can look at are split
+    into several targets.
     """
     frontier = terrain.frontiers()
     if not frontier.size or terrain.departure is None:
@@ -124,7 +130,7 @@ def find_frontiers(terrain: Terrain, T_map_base: Transform, config: FrontierConf
     straight = np.linalg.norm(xyz - np.asarray(terrain.robot_xyz, dtype=np.float32), axis=1)
     length = np.where(node >= 0, distance[node] + gap if config.frontier_distance == "path" else straight, np.inf)
     cost = _costs(terrain, frontier, length, T_map_base, config.angle_weight_m_per_rad)
-    groups, inflated = _groups(terrain, frontier, cost, config)
+    groups, inflated, small = _groups(terrain, frontier, cost, config)
     middle = np.array([_middle(xyz, members) for members in groups], dtype=np.int64)
     gain = unknown_area_m2(terrain, frontier[middle], config.gain_radius_m)
     least = [cost[members].min() for members in groups] - config.gain_weight_m_per_m2 * gain
@@ -136,30 +142,33 @@ def find_frontiers(terrain: Terrain, T_map_base: Transform, config: FrontierConf
             distance_m=float(length[m]),
             cost=float(least[i]),
             inflated=inflated[i],
+            last=small[i],
             potential_cliff=_are_edges(terrain, frontier[members]),
             gain_m2=float(gain[i]),
         )
         for i, (m, members) in enumerate(zip(middle.tolist(), groups, strict=True))
+        if not small[i] or gain[i] >= config.least_last_gain_m2
     ]
     return sorted(found, key=lambda f: (round(f.cost, 6), f.xyz))
 
 
 def _groups(
     terrain: Terrain, frontier: NDArray[np.int64], cost: NDArray[np.float64], config: FrontierConfig
-) -> tuple[list[NDArray[np.int64]], list[bool]]:
-    """The voxels (indices into `frontier`) of every target, and whether it lies beside inflated ground only."""
+) -> tuple[list[NDArray[np.int64]], list[bool], list[bool]]:
+    """The voxels (indices into `frontier`) of every target, whether it lies beside inflated ground only, and is small for that."""
     xyz, cluster = terrain.centers(frontier), cluster_voxels(np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[frontier])
-    groups, inflated = [], []
+    groups, inflated, small = [], [], []
     for number in range(int(cluster.max()) + 1):
         members = np.flatnonzero(cluster == number)
         is_inflated = not terrain.reached[frontier[members]].any()
         usable = members[np.isfinite(cost[members])]
-        if members.size < (config.min_inflated_voxels if is_inflated else config.min_voxels) or not usable.size:
+        if members.size < config.min_voxels or not usable.size:
             continue
         parts = _split(xyz[usable], cost[usable], config.target_radius_m)
         groups += [usable[part] for part in parts]
         inflated += [is_inflated] * len(parts)
-    return groups, inflated
+        small += [is_inflated and members.size < config.min_inflated_voxels] * len(parts)
+    return groups, inflated, small
 
 
 def _middle(xyz: NDArray[np.float32], members: NDArray[np.int64]) -> int:

@@ -41,6 +41,21 @@ def test_goal_lies_before_the_frontier_and_faces_it():
     assert decision.path[-1] == pytest.approx(decision.goal[:3])
 
 
+def test_small_opening_beside_inflated_ground_only_is_looked_at_when_nothing_else_is_left():
+    states = room()
+    states[-1, 36:44] = UNKNOWN
+    states[84:89, :36, BELOW:] = states[84:89, 44:, BELOW:] = OCCUPIED
+    planner, at = ExplorationPlanner(), pose(5.0, 3.2)
+    last = planner.decide(runs_of(states), at)
+    assert last.kind is GOAL and last.frontier[0] > 7.0
+    states[0, 58:78] = UNKNOWN  # far behind the robot, beyond the local map
+    assert ExplorationPlanner().decide(runs_of(states), at).frontier[0] < 0.5
+    for _ in range(ExplorationConfig().max_failures):
+        planner.report_failure(last.frontier, "blocked")
+    states[0, 58:78] = OCCUPIED
+    assert planner.decide(runs_of(states), at).kind is EXPLORED
+
+
 def test_path_keeps_clear_of_floor_that_was_not_seen():
     states = opening(room(), 40, 50)
     states[40:55, 30:62] = UNKNOWN  # a pit, for all that is known, on the straight way from the robot to the opening
