@@ -26,7 +26,7 @@ def cluster_client(scheduler: str | None, jobs: int) -> Iterator[Client]:
     """A client of the scheduler at an address, or of a local cluster with `jobs` workers. CampaignProblem when nobody answers there."""
     dask.config.set({"distributed.scheduler.allowed-failures": _ATTEMPTS - 1, "distributed.worker.daemon": False})
     if scheduler is None:
-        with LocalCluster(n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50) as local:
+        with LocalCluster(n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0", silence_logs=50) as local:
             with Client(local) as client:
                 yield client
         return
