@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.approach import Approach
 from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.exploration_config import ExplorationConfig
-from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, find_frontiers
-from octomap_server_3dnav.planner import Path, PlannerConfig, plan_path
+from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
+from octomap_server_3dnav.lookouts import WayOut, find_lookouts, leads_out
+from octomap_server_3dnav.passages import Passage
+from octomap_server_3dnav.planner import Path, PlannerConfig, plan_into, plan_path
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
-from rigid_geometry import as_transform
+from rigid_geometry import as_transform, yaw_of
 from rigid_geometry.transforms import Transform
 
 TerrainWithin = Callable[[float | None], Terrain]
@@ -97,6 +99,7 @@ class ExplorationPlanner:
             raise ValueError("\n".join(problems))
         self._places: list[_Place] = []
         self._approach = Approach(self.config, self.planner_config.trim_m)
+        self._way_out = WayOut()
 
     def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
         """Frontiers given up so far, each with the reason."""
@@ -120,15 +123,21 @@ class ExplorationPlanner:
                 terrain = classify(terrain_within, T_map_base, self.terrain_config, radius)
             else:
                 terrain = terrain_within(radius)
-            scope = "global" if radius is None else "local"
+            scope, terrain = "global" if radius is None else "local", self._way_out.added_to(terrain)
+            if radius is not None and self._way_out.is_missing(terrain):
+                continue
             if terrain.departure is None and radius is None:
                 return self._decision(DecisionKind.TRAPPED, self._why_trapped(terrain), terrain, scope, 0)
             frontiers = self._left_in(terrain, T_map_base)
             decision = self._goal_at([f for f in frontiers if not f.last], terrain, T_map_base, scope)
             if decision is not None:
                 return decision
-        last = self._goal_at([f for f in frontiers if f.last], terrain, T_map_base, scope)
-        return last or self._decision(DecisionKind.EXPLORED, self._why_explored(), terrain, scope, 0)
+        return (
+            self._goal_at([f for f in frontiers if f.last], terrain, T_map_base, scope)
+            or self._lookout_in(terrain, T_map_base, scope)
+            or self._out_of(terrain, T_map_base, scope)
+            or self._decision(DecisionKind.EXPLORED, self._why_explored(), terrain, scope, 0)
+        )
 
     def still_valid(
         self,
@@ -191,6 +200,50 @@ class ExplorationPlanner:
         goal = self._approach.goal_of(trimmed, path, terrain, T_map_base, frontier)
         return replace(decision, path=trimmed.points, goal=goal, frontier=frontier.xyz, full_path=path.points, straight=trimmed.straight)
 
+    def _lookout_in(self, terrain: Terrain, T_map_base: Transform, scope: str) -> Decision | None:
+        """To where something is to be seen from a place without room to turn, and nearer if that did not show it."""
+        if not self.config.lookouts:
+            return None
+        for lookout in find_lookouts(terrain, self.frontier_config, self.terrain_config):
+            place = self._place(lookout.xyz)
+            place.looks += leads_out(terrain) and self._is_at(lookout.way_in(self._trim_at(place)), T_map_base)
+            way = lookout.way_in(self._trim_at(place))
+            if way is None or terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE or self._why_aside(place):
+                continue
+            path = plan_into(terrain, way, self.planner_config)
+            if path is None:
+                place.failures.append("no path to a place from where to look")
+                continue
+            self._count_progress(place, path.length_m)
+            part, yaw, is_whole = self._approach.towards(path, T_map_base, facing_yaw(*way.line[[0, -1]]))
+            if is_whole:
+                self._way_out.enter(way)
+            reason = f"a look at {lookout.gain_m2:.0f} m2 from where there is no room to turn"
+            return _with_path(self._decision(DecisionKind.GOAL, reason, terrain, scope, 1), part, path, yaw, lookout.xyz)
+        return None
+
+    def _trim_at(self, place: _Place) -> float:
+        """How far before the end of the way a lookout is: nearer at every look."""
+        return max(self.config.min_trim_m, self.config.edge_trim_m * self.config.closer_factor**place.looks)
+
+    def _is_at(self, way: Passage | None, T_map_base: Transform) -> bool:
+        """Whether the robot stands at the end of a way."""
+        return way is not None and math.dist(way.line[-1, :2], T_map_base[:2, 3]) <= self.config.entry_m
+
+    def _out_of(self, terrain: Terrain, T_map_base: Transform, scope: str) -> Decision | None:
+        """Out of where the robot cannot turn, when there is nothing more to see: there it is not left."""
+        ways = [p for p in terrain.passages if p.nodes[0] == terrain.start] if leads_out(terrain) else []
+        path = plan_path(terrain, ways[-1].nodes[1], self.planner_config) if ways else None
+        if path is None:
+            return None
+        x, y, z = (float(v) for v in path.points[-1])
+        place = self._place((x, y, z))
+        if self._why_aside(place):
+            return None
+        self._count_progress(place, path.length_m)
+        decision = self._decision(DecisionKind.GOAL, "out of a place without room to turn", terrain, scope, 0)
+        return _with_path(decision, path, path, yaw_of(T_map_base), place.xyz)
+
     def _decision(self, kind: DecisionKind, reason: str, terrain: Terrain, scope: str, left: int) -> Decision:
         return Decision(kind, reason, terrain, scope, left, len(self.set_aside()))
 
@@ -242,6 +295,13 @@ class ExplorationPlanner:
         return "all ground around the robot is too near to obstacles or cliffs"
 
 
+def _with_path(decision: Decision, part: Path, path: Path, yaw: float, frontier_xyz: tuple[float, float, float]) -> Decision:
+    """A goal at the end of the first `part` of a path."""
+    x, y, z = (float(v) for v in part.points[-1])
+    goal = (x, y, z, yaw)
+    return replace(decision, path=part.points, goal=goal, frontier=frontier_xyz, full_path=path.points, straight=part.straight)
+
+
 def compile_kernels() -> None:
     """Compiles every kernel of the terrain analysis and the planner for the types that `decide` passes, by deciding in a small world."""
     states = np.zeros((64, 64, 24), dtype=np.uint8)
@@ -257,3 +317,6 @@ def compile_kernels() -> None:
     runs, heights = ColumnRuns.from_dense(states), SurfaceHeights(0.08)
     heights.add(HitHeights.of((np.argwhere(states == VoxelState.OCCUPIED) + 0.5) * 0.08, 0.08))
     ExplorationPlanner().decide(lambda radius_m: classify(runs, T_map_base, TerrainConfig(), radius_m, heights), T_map_base)
+    states[32:, :27, 4:], states[32:, 38:, 4:], states[52:, 27:38] = VoxelState.OCCUPIED, VoxelState.OCCUPIED, VoxelState.UNKNOWN
+    dead_end = classify(ColumnRuns.from_dense(states), T_map_base, TerrainConfig(), None)
+    find_lookouts(dead_end, FrontierConfig(least_last_gain_m2=0.0), TerrainConfig())

@@ -37,6 +37,9 @@ class ExplorationConfig:
         0.25, "m", "a robot so near to where a passage begins drives in; from farther it stops there", low=0.0, high=2.0
     )
     entry_rad: float = parameter(0.35, "rad", "and when it faces along it within this angle", low=0.0, high=3.2)
+    lookouts: bool = parameter(
+        True, "-", "at the end look, too, from where the robot can drive in straight but not turn: up a narrow ramp, into a dead end"
+    )
     closer_factor: float = parameter(0.6, "-", "the path is trimmed to this share at every further look", low=0.1, high=1.0)
 
     turn_slope_rad: float = parameter(

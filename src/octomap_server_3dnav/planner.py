@@ -315,6 +315,17 @@ def plan_path(terrain: Terrain, goal_node: int, config: PlannerConfig, start_nod
     return _joined(parts, config.waypoint_spacing_m)
 
 
+def plan_into(terrain: Terrain, way: Passage, config: PlannerConfig) -> Path | None:
+    """The cheapest path to the first node of a way that need not be one of the terrain's passages, and straight along it to its end."""
+    path = plan_path(terrain, way.nodes[0], config)
+    if path is None:
+        return None
+    line = _resample(way.line, config.waypoint_spacing_m)
+    straight = np.zeros(len(path.points), dtype=bool) if path.straight is None else path.straight
+    inside = np.arange(len(line)) < len(line) - 1
+    return Path(np.concatenate([path.points, line]), np.concatenate([straight, inside]))
+
+
 def _parts(
     terrain: Terrain, cost: NDArray[np.float32], chain: NDArray[np.int64], config: PlannerConfig
 ) -> list[tuple[NDArray[np.float64], bool]]:

@@ -1,0 +1,184 @@
+"""Lookouts: places without room to turn from which something is to be seen, straight ways to them, and out of them again backwards.
+
+Beside `passages`, for `exploration` when nothing else is left: a ramp whose head is too high to be seen from below, a dead end. A passage
+leads on to room to turn; a lookout ends before floor that was not seen, and from there the robot sees whether it is a passage.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from octomap_server_3dnav.barriers import middles, passage_radii
+from octomap_server_3dnav.frontier_gain import unknown_area_m2
+from octomap_server_3dnav.frontiers import FrontierConfig
+from octomap_server_3dnav.passages import Passage
+from octomap_server_3dnav.straight_lines import DIRECTIONS, Demand, Ground, KeptOff, is_covered, points_of, room_beside, score_of, walk
+from octomap_server_3dnav.surface_columns import find_node
+from octomap_server_3dnav.terrain import Terrain, TerrainClass
+from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
+from octomap_server_3dnav.voxel_clusters import cluster_voxels
+
+_STARTS = 16  # nodes at the end of the ground from which ways back are tried
+_LAST_M = 0.8  # how far from the floor that was not seen the ground may end
+_FACING = 0.7  # cosine of the angle between a way and what it leads to
+
+
+@dataclass(frozen=True, eq=False)
+class Lookout:
+    """A place of unknown floor, its middle `xyz` in map and the ground in m2 that a look at it may show; and the straight way from where
+    there is room to turn to where the ground before it ends: its `nodes`, and its `line` (K, 3) in map in metres."""
+
+    xyz: tuple[float, float, float]
+    gain_m2: float
+    nodes: NDArray[np.int32]
+    line: NDArray[np.float64]
+
+    def way_in(self, trim_m: float) -> Passage | None:
+        """The way up to `trim_m` before its end; None where nothing is left."""
+        left = np.hypot(*(self.line[-1, :2] - self.line[:, :2]).T)
+        last = int(np.count_nonzero(left >= trim_m)) - 1
+        return Passage((int(self.nodes[0]), int(self.nodes[last])), self.line[: last + 1]) if last > 0 else None
+
+
+class WayOut:
+    """Remembers how the robot went to a lookout, where it cannot turn, and knows its way out for as long as it is there."""
+
+    def __init__(self) -> None:
+        self._line: NDArray[np.float64] | None = None
+
+    def enter(self, way: Passage) -> None:
+        """The robot is sent along a way to a lookout now."""
+        self._line = way.line
+
+    def is_missing(self, terrain: Terrain) -> bool:
+        """Whether the robot went in, and no way out begins where it stands in this terrain."""
+        return self._line is not None and not leads_out(terrain)
+
+    def added_to(self, terrain: Terrain) -> Terrain:
+        """The terrain with the way back, if the robot stands on it and the terrain knows no other."""
+        if self._line is None or terrain.start is None or terrain.label[terrain.start] == TerrainClass.TRAVERSABLE:
+            self._line = None if terrain.start is not None else self._line
+            return terrain
+        entry = terrain.surface_near(self._line[0])
+        if entry is None or terrain.label[entry] != TerrainClass.TRAVERSABLE or not terrain.reached[entry] or leads_out(terrain):
+            return terrain
+        x, y, _ = terrain.robot_xyz
+        rest = Passage((entry, entry), self._line[::-1]).rest_from((x, y), terrain.start)
+        return terrain if rest is None else replace(terrain, passages=(*terrain.passages, rest))
+
+
+def leads_out(terrain: Terrain) -> bool:
+    """Whether the robot stands where it cannot turn and a passage leads out of there."""
+    is_narrow = terrain.start is not None and terrain.label[terrain.start] != TerrainClass.TRAVERSABLE
+    return is_narrow and any(passage.nodes[0] == terrain.start for passage in terrain.passages)
+
+
+@njit(cache=True)
+def _way_from(g: Any, b: Any, demand: Any, s: Any, dx: Any, dy: Any, out: Any) -> Any:
+    """The line from a run-up in direction dx, dy to about node s, moved aside to where as much room is on its left as on its right: how
+    many nodes of `out` it is, the last one first, then x, y of the last one, and the lesser room; 0 nodes where there is none."""
+    x, y, node = g.column[s] // g.ny + 0.5, g.column[s] % g.ny + 0.5, np.int64(s)
+    count, room = walk(g, demand, node, x, y, -dx, -dy, out), 0.0
+    for moved in range(2):
+        if count == 0:
+            return 0, x, y, 0.0
+        left, right = room_beside(b, demand, x, y, dx, dy, g.z[out[:count][::-1]], 1 - count)
+        room = min(left, right)
+        if moved:
+            break
+        x, y = x - (left - right) / 2 * dy, y + (left - right) / 2 * dx
+        node = find_node(g.start, g.z, int(np.floor(x)) * g.ny + int(np.floor(y)), np.int64(g.z[s]), demand.rise)
+        if left + right < 0 or node < 0 or not g.passable[node]:
+            return 0, x, y, 0.0
+        count = walk(g, demand, node, x, y, -dx, -dy, out)
+    return count, x, y, room
+
+
+@njit(cache=True)
+def _best_way(g: Any, b: Any, demand: Any, starts: Any, towards: Any, facing: Any, directions: Any, longest: Any) -> Any:
+    """The line with the most room that leads to any of the nodes `starts` and as near as it gets to x, y of `towards`: its nodes, x, y of
+    the last, dx, dy; no nodes where the robot fits along none."""
+    out = np.empty(longest, np.int32)
+    best, best_at, best_score = out[:0].copy(), (0.0, 0.0, 1.0, 0.0), -np.inf
+    for s in starts:
+        ax, ay = towards[0] - g.column[s] // g.ny - 0.5, towards[1] - g.column[s] % g.ny - 0.5
+        for k in range(2 * directions):
+            dx, dy = np.cos(np.pi * k / directions), np.sin(np.pi * k / directions)
+            if ax * dx + ay * dy < facing * np.hypot(ax, ay):
+                continue
+            count, x, y, room = _way_from(g, b, demand, s, dx, dy, out)
+            if count == 0 or room < 0.0:
+                continue
+            line = out[:count][::-1]
+            score = score_of(room, np.hypot(towards[0] - x, towards[1] - y))
+            if score > best_score and is_covered(g, demand, x, y, dx, dy, line, 1 - count):
+                best, best_at, best_score = line.copy(), (x, y, dx, dy), score
+    return best, best_at
+
+
+def _ground_of(terrain: Terrain) -> Ground:
+    """The surface of a terrain; all its reached traversable ground is one piece."""
+    count, (nx, ny) = terrain.surface_count, terrain.window_size
+    label, start = terrain.label[:count], terrain.column_start.astype(np.int32)
+    column = np.repeat(np.arange(nx * ny, dtype=np.int32), np.diff(start))
+    is_open = label == TerrainClass.TRAVERSABLE
+    ground = is_open | (label == TerrainClass.INFLATION)
+    piece = np.where(is_open & terrain.reached[:count], 0, -1).astype(np.int32)
+    return Ground(ny, start, column, terrain.z[:count], terrain.neighbours[:count], ground, is_open | terrain.narrow[:count], piece)
+
+
+def _kept_off(terrain: Terrain, config: TerrainConfig, limits: Limits) -> KeptOff:
+    """What ways to lookouts keep off, as passages do; voxels that stand beside the ground as obstacles."""
+    radii, (kx, ky), ny = passage_radii(config, limits), terrain.window_key, terrain.window_size[1]
+
+    def places(nodes: NDArray[np.int64]) -> NDArray[np.float64]:
+        column = (terrain.ix[nodes].astype(np.int64) - kx) * ny + terrain.iy[nodes] - ky
+        return middles(column, terrain.z[nodes], ny)
+
+    obstacles = terrain.nodes_of(TerrainClass.OBSTACLE)
+    stand, steep = obstacles[obstacles >= terrain.surface_count], obstacles[obstacles < terrain.surface_count]
+    kinds = (stand, radii.obstacles), (steep, radii.steep), (terrain.nodes_of(TerrainClass.CLIFF), radii.cliffs)
+    return KeptOff.of([(places(nodes), radius) for nodes, radius in (*kinds, (terrain.frontiers(), radii.cliffs))])
+
+
+def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -> list[Lookout]:
+    """The lookouts at unknown floor of which a look may show `of.least_last_gain_m2`, the one that may show most first."""
+    unknown = terrain.frontiers()
+    if not unknown.size or terrain.departure is None or not terrain.narrow.any():
+        return []
+    limits = Limits.of(config, terrain.resolution, is_measured=True)
+    ground, kept_off, demand = _ground_of(terrain), _kept_off(terrain, config, limits), Demand.of(config, limits)
+    xyz = terrain.centers(unknown).astype(np.float64)
+    cluster = cluster_voxels(np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[unknown])
+    ends = np.flatnonzero(ground.passable & (ground.piece < 0))
+    found = []
+    for number in range(int(cluster.max()) + 1):
+        members = np.flatnonzero(cluster == number)
+        middle = members[np.argmin(np.linalg.norm(xyz[members] - xyz[members].mean(axis=0), axis=1))]
+        gain = float(unknown_area_m2(terrain, unknown[middle : middle + 1], of.gain_radius_m)[0])
+        if members.size < of.min_voxels or terrain.reached[unknown[members]].any() or gain < of.least_last_gain_m2:
+            continue
+        line, points = _line_to(terrain, ground, kept_off, demand, ends, xyz[members])
+        if line.size:
+            found.append(Lookout(tuple(xyz[middle].tolist()), gain, line, points))
+    return sorted(found, key=lambda lookout: (-round(lookout.gain_m2, 6), lookout.xyz))
+
+
+def _line_to(
+    terrain: Terrain, ground: Ground, kept_off: KeptOff, demand: Demand, ends: NDArray[np.int64], unknown: NDArray[np.float64]
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Nodes and points of the way to one of the nodes `ends` before unknown floor (M, 3); none where there is no such way."""
+    off = terrain.centers(ends)[:, None].astype(np.float64) - unknown
+    away = np.where(np.abs(off[..., 2]) > _LAST_M, np.inf, np.hypot(off[..., 0], off[..., 1])).min(axis=1, initial=np.inf)
+    near = np.flatnonzero(away <= _LAST_M)
+    if not near.size:
+        return np.empty(0, dtype=np.int32), np.empty((0, 3))
+    starts = ends[near[np.argsort(away[near], kind="stable")][np.unique(np.linspace(0, near.size - 1, _STARTS).astype(np.int64))]]
+    towards = unknown.mean(axis=0)[:2] / terrain.resolution - terrain.window_key
+    reach = demand.longest_line + float(np.ptp(unknown[:, :2])) / terrain.resolution
+    around = kept_off.around(float(towards[0]), float(towards[1]), reach)
+    line, (x, y, dx, dy) = _best_way(ground, around, demand, starts, towards, _FACING, DIRECTIONS, demand.longest_line)
+    return line, points_of(ground, line, (x, y), (dx, dy), line.size - 1, terrain.window_key, terrain.resolution)
