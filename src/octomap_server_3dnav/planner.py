@@ -334,7 +334,9 @@ def _parts(
     lines = [(i, ways[key]) for i in range(len(chain) - 1) if (key := (int(chain[i]), int(chain[i + 1]))) in ways]
     parts, begin = [], 0
     for i, line in lines:
-        parts += [(_smooth(terrain, cost, chain[begin : i + 1], config), False), (line, True)]
+        if i > 0 or math.isfinite(cost[chain[0]]):  # else the robot stands in a passage, which begins at its side
+            parts.append((_smooth(terrain, cost, chain[begin : i + 1], config), False))
+        parts.append((line, True))
         begin = i + 1
     return [*parts, (_smooth(terrain, cost, chain[begin:], config), False)]
 

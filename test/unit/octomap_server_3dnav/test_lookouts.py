@@ -4,11 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, grid_of_heights
+from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, terrain_of
 from virtual_explorer import explore
 
 from octomap_server_3dnav.exploration import DecisionKind, ExplorationPlanner
 from octomap_server_3dnav.exploration_config import ExplorationConfig
+from octomap_server_3dnav.frontiers import FrontierConfig
+from octomap_server_3dnav.lookouts import WayOut, find_lookouts, leads_out
+from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig
 
 BLOCK_M, SLOPE = 1.2, math.tan(math.radians(15.0))
 FOOT_X, HEAD_X = 2.4, 2.4 + BLOCK_M / SLOPE
@@ -31,12 +34,69 @@ def ramp_to_a_block(block_end_x, block_y):
     return states
 
 
+def dead_end(width=11, last_x=60):
+    """A room, and a corridor into its east wall that goes on unseen from column `last_x` on."""
+    states = grid_of_heights(lambda x, y: 0.04 + 0 * x * y, 70, 66)
+    first = 32 - width // 2
+    states[34:, :first, BELOW:] = states[34:, first + width :, BELOW:] = OCCUPIED
+    states[last_x:, first : first + width] = UNKNOWN
+    for edge in (np.s_[0], np.s_[-1]):
+        states[edge, :, BELOW:] = states[:, edge, BELOW:] = OCCUPIED
+    return states
+
+
+def lookouts_in(states, least_m2=0.5):
+    return find_lookouts(terrain_of(states, pose(1.2, 2.6)), FrontierConfig(least_last_gain_m2=least_m2), TerrainConfig())
+
+
 @pytest.mark.parametrize("lookouts", [True, False])
-def test_block_at_the_head_of_a_narrow_ramp_is_looked_at_from_the_ramp_and_driven_onto(lookouts):
+def test_block_at_the_head_of_a_narrow_ramp_is_looked_at_from_the_ramp(lookouts):
     world = ramp_to_a_block(HEAD_X + 2.1, (1.9, 4.0))
     journey = explore(world, 1.2, 2.9, 0.0, ExplorationPlanner(ExplorationConfig(lookouts=lookouts)))
-    highest = max(T[2, 3] for T in journey.poses)
-    assert journey.decisions[-1].kind is DecisionKind.EXPLORED
-    top = journey.known[int((HEAD_X + 1.0) / RESOLUTION), int(2.95 / RESOLUTION)]
+    highest, last = max(T[2, 3] for T in journey.poses), journey.poses[-1]
+    top = journey.known[int(HEAD_X / RESOLUTION) + 4 : int((HEAD_X + 1.8) / RESOLUTION), 30:44, BELOW + int(BLOCK_M / RESOLUTION)]
+    assert journey.decisions[-1].kind is DecisionKind.EXPLORED and last[2, 3] < 0.3
     assert bool(highest > 0.5) is lookouts
-    assert bool((top == OCCUPIED).any()) is lookouts
+    assert bool((top == OCCUPIED).mean() > 0.5) is lookouts
+
+
+def test_robot_drives_straight_in_and_straight_out_again():
+    journey = explore(ramp_to_a_block(HEAD_X + 2.1, (1.9, 4.0)), 1.2, 2.9, 0.0, ExplorationPlanner())
+    on_ramp = [i for i, T in enumerate(journey.poses) if FOOT_X + 0.5 < T[0, 3] < HEAD_X and RAMP_Y[0] < T[1, 3] < RAMP_Y[1]]
+    way_in, way_out = journey.decisions[on_ramp[0] - 1], journey.decisions[on_ramp[-1]]
+    for decision in (way_in, way_out):
+        high = decision.path[:, 2] > 0.2
+        assert high.any() and decision.straight[:-1][high[:-1]].all()
+        assert np.abs(decision.path[high, 1] - np.mean(RAMP_Y)).max() < 0.1
+    assert way_out.goal[0] < FOOT_X and "out of" in way_out.reason
+
+
+def test_lookout_is_the_middle_of_the_corridor_up_to_what_was_not_seen():
+    (found,) = lookouts_in(dead_end())
+    x, y, _ = found.line.T
+    assert found.xyz[0] == pytest.approx(60.5 * RESOLUTION) and found.gain_m2 > 0.5
+    assert np.abs(y - 32.5 * RESOLUTION).max() < 0.06 and x[-1] == pytest.approx(59.5 * RESOLUTION, abs=0.1)
+    assert x[0] < 34 * RESOLUTION - TerrainConfig().inflation_radius_m
+    way = found.way_in(1.0)
+    assert way.line[-1, 0] == pytest.approx(x[-1] - 1.0, abs=0.09) and way.nodes == (found.nodes[0], found.nodes[len(way.line) - 1])
+    assert found.way_in(10.0) is None
+
+
+@pytest.mark.parametrize("states, least_m2", [(dead_end(width=8), 0.5), (dead_end(), 50.0), (dead_end(last_x=70), 0.5)])
+def test_no_lookout_where_the_robot_does_not_fit_or_little_is_to_be_seen(states, least_m2):
+    assert lookouts_in(states, least_m2) == []
+
+
+def test_way_out_is_the_way_in_until_the_robot_can_turn():
+    states, way_out = dead_end(), WayOut()
+    way = lookouts_in(states)[0].way_in(1.0)
+    inside, outside = terrain_of(states, pose(way.line[-1, 0], way.line[-1, 1])), terrain_of(states, pose(1.2, 2.6))
+    assert way_out.added_to(inside) is inside and not way_out.is_missing(inside)
+    way_out.enter(way)
+    assert way_out.is_missing(inside)
+    found = way_out.added_to(inside)
+    assert leads_out(found) and not way_out.is_missing(found)
+    (passage,) = found.passages
+    assert passage.nodes[0] == inside.start and inside.label[passage.nodes[1]] == TerrainClass.TRAVERSABLE
+    assert np.allclose(passage.line[-1], way.line[0])
+    assert way_out.added_to(outside) is outside and way_out.added_to(inside) is inside  # forgotten
