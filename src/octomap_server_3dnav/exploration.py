@@ -22,7 +22,7 @@ from octomap_server_3dnav.passages import Passage
 from octomap_server_3dnav.planner import Path, PlannerConfig, plan_into, plan_path
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
-from rigid_geometry import as_transform, yaw_of
+from rigid_geometry import as_transform
 from rigid_geometry.transforms import Transform
 
 TerrainWithin = Callable[[float | None], Terrain]
@@ -242,7 +242,7 @@ class ExplorationPlanner:
             return None
         self._count_progress(place, path.length_m)
         decision = self._decision(DecisionKind.GOAL, "out of a place without room to turn", terrain, scope, 0)
-        return _with_path(decision, path, path, yaw_of(T_map_base), place.xyz)
+        return _with_path(decision, path, path, facing_yaw(*ways[-1].line[[0, -1]]), place.xyz)
 
     def _decision(self, kind: DecisionKind, reason: str, terrain: Terrain, scope: str, left: int) -> Decision:
         return Decision(kind, reason, terrain, scope, left, len(self.set_aside()))
