@@ -80,7 +80,8 @@ class Approach:
         for first in path.entries():
             if first >= len(trimmed.points):
                 break
-            if not self._is_at_entry(T_map_base, path.points[first : first + 2]):
+            is_inside = first == 0  # so paths begin whose robot stands in a passage
+            if not is_inside and not self._is_at_entry(T_map_base, path.points[first : first + 2]):
                 return path.up_to(first + 1), is_in_line
             is_in_line = True
         return trimmed, is_in_line

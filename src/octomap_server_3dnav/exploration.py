@@ -111,6 +111,10 @@ class ExplorationPlanner:
             raise ValueError(f"a frontier is three finite numbers, not {frontier_xyz!r}")
         self._place(frontier_xyz).failures.append(reason)
 
+    def with_way_out(self, terrain: Terrain) -> Terrain:
+        """The terrain around the robot with the way by which it went to a lookout, while it stands there and nothing else leads out."""
+        return self._way_out.added_to(terrain)
+
     def decide(self, terrain_within: TerrainWithin | ColumnRuns, T_map_base: Transform) -> Decision:
         """The next goal, or why there is none, for the robot at `T_map_base` after a sweep.
 
@@ -123,7 +127,7 @@ class ExplorationPlanner:
                 terrain = classify(terrain_within, T_map_base, self.terrain_config, radius)
             else:
                 terrain = terrain_within(radius)
-            scope, terrain = "global" if radius is None else "local", self._way_out.added_to(terrain)
+            scope, terrain = "global" if radius is None else "local", self.with_way_out(terrain)
             if radius is not None and self._way_out.is_missing(terrain):
                 continue
             if terrain.departure is None and radius is None:

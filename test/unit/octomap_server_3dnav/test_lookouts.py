@@ -7,10 +7,12 @@ import pytest
 from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, terrain_of
 from virtual_explorer import explore
 
+from octomap_server_3dnav.approach import Approach
 from octomap_server_3dnav.exploration import DecisionKind, ExplorationPlanner
 from octomap_server_3dnav.exploration_config import ExplorationConfig
 from octomap_server_3dnav.frontiers import FrontierConfig
 from octomap_server_3dnav.lookouts import WayOut, find_lookouts, leads_out
+from octomap_server_3dnav.planner import PlannerConfig, plan_path
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig
 
 BLOCK_M, SLOPE = 1.2, math.tan(math.radians(15.0))
@@ -100,3 +102,15 @@ def test_way_out_is_the_way_in_until_the_robot_can_turn():
     assert passage.nodes[0] == inside.start and inside.label[passage.nodes[1]] == TerrainClass.TRAVERSABLE
     assert np.allclose(passage.line[-1], way.line[0])
     assert way_out.added_to(outside) is outside and way_out.added_to(inside) is inside  # forgotten
+
+
+def test_path_out_is_driven_at_once_whichever_way_the_robot_faces():
+    states, way_out = dead_end(), WayOut()
+    way = lookouts_in(states)[0].way_in(1.0)
+    way_out.enter(way)
+    T_map_base = pose(way.line[-1, 0], way.line[-1, 1])  # nose first
+    terrain = way_out.added_to(terrain_of(states, T_map_base))
+    path = plan_path(terrain, terrain.surface_near((1.2, 2.6, 0.04)), PlannerConfig())
+    part, yaw, is_whole = Approach(ExplorationConfig(), PlannerConfig().trim_m).towards(path, T_map_base, 1.0)
+    assert is_whole and yaw == 1.0 and len(part.points) == len(path.points)
+    assert path.straight[0] and math.dist(path.points[0, :2], T_map_base[:2, 3]) < 0.1
