@@ -18,7 +18,6 @@ from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.exploration_config import ExplorationConfig
 from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
 from octomap_server_3dnav.lookouts import WayOut, find_lookouts, leads_out
-from octomap_server_3dnav.passages import Passage
 from octomap_server_3dnav.planner import Path, PlannerConfig, plan_into, plan_path
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
@@ -210,7 +209,7 @@ class ExplorationPlanner:
             return None
         for lookout in find_lookouts(terrain, self.frontier_config, self.terrain_config):
             place = self._place(lookout.xyz)
-            place.looks += leads_out(terrain) and self._is_at(lookout.way_in(self._trim_at(place)), T_map_base)
+            place.looks += lookout.is_seen_from(terrain, self._trim_at(place))
             way = lookout.way_in(self._trim_at(place))
             if way is None or terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE or self._why_aside(place):
                 continue
@@ -229,10 +228,6 @@ class ExplorationPlanner:
     def _trim_at(self, place: _Place) -> float:
         """How far before the end of the way a lookout is: nearer at every look."""
         return max(self.config.min_trim_m, self.config.edge_trim_m * self.config.closer_factor**place.looks)
-
-    def _is_at(self, way: Passage | None, T_map_base: Transform) -> bool:
-        """Whether the robot stands at the end of a way."""
-        return way is not None and math.dist(way.line[-1, :2], T_map_base[:2, 3]) <= self.config.entry_m
 
     def _out_of(self, terrain: Terrain, T_map_base: Transform, scope: str) -> Decision | None:
         """Out of where the robot cannot turn, when there is nothing more to see: there it is not left."""

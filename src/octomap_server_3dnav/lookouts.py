@@ -4,6 +4,7 @@ Beside `passages`, for `exploration` when nothing else is left: a ramp whose hea
 leads on to room to turn; a lookout ends before floor that was not seen, and from there the robot sees whether it is a passage.
 """
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +24,7 @@ from octomap_server_3dnav.voxel_clusters import cluster_voxels
 
 _STARTS = 16  # nodes at the end of the ground from which ways back are tried
 _LAST_M = 0.8  # how far from the floor that was not seen the ground may end
+_ASIDE_M = 0.2  # a robot so near to a way stands in it
 _FACING = 0.7  # cosine of the angle between a way and what it leads to
 
 
@@ -41,6 +43,12 @@ class Lookout:
         left = np.hypot(*(self.line[-1, :2] - self.line[:, :2]).T)
         last = int(np.count_nonzero(left >= trim_m)) - 1
         return Passage((int(self.nodes[0]), int(self.nodes[last])), self.line[: last + 1]) if last > 0 else None
+
+    def is_seen_from(self, terrain: Terrain, trim_m: float) -> bool:
+        """Whether the robot stands as near to the end of the way, in it, as where it would be sent to."""
+        x, y, _ = terrain.robot_xyz
+        is_inside = leads_out(terrain) and np.hypot(self.line[:, 0] - x, self.line[:, 1] - y).min() <= _ASIDE_M
+        return bool(is_inside and math.dist(self.line[-1, :2], (x, y)) <= trim_m + _ASIDE_M)
 
 
 class WayOut:

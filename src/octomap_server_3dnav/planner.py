@@ -316,14 +316,17 @@ def plan_path(terrain: Terrain, goal_node: int, config: PlannerConfig, start_nod
 
 
 def plan_into(terrain: Terrain, way: Passage, config: PlannerConfig) -> Path | None:
-    """The cheapest path to the first node of a way that need not be one of the terrain's passages, and straight along it to its end."""
-    path = plan_path(terrain, way.nodes[0], config)
+    """The cheapest path to the first node of a way that need not be one of the terrain's passages, and straight along it to its end; for a
+    robot that stands in it already what is left of it."""
+    start = terrain.start
+    is_inside = start is not None and not math.isfinite(terrain.cost[start])
+    rest = way.rest_from(terrain.robot_xyz[:2], start) if start is not None and is_inside else None
+    path = Path(np.empty((0, 3))) if rest is not None else plan_path(terrain, way.nodes[0], config)
     if path is None:
         return None
-    line = _resample(way.line, config.waypoint_spacing_m)
+    line = _resample((rest or way).line, config.waypoint_spacing_m)
     straight = np.zeros(len(path.points), dtype=bool) if path.straight is None else path.straight
-    inside = np.arange(len(line)) < len(line) - 1
-    return Path(np.concatenate([path.points, line]), np.concatenate([straight, inside]))
+    return Path(np.concatenate([path.points, line]), np.concatenate([straight, np.arange(len(line)) < len(line) - 1]))
 
 
 def _parts(

@@ -12,7 +12,7 @@ from octomap_server_3dnav.exploration import DecisionKind, ExplorationPlanner
 from octomap_server_3dnav.exploration_config import ExplorationConfig
 from octomap_server_3dnav.frontiers import FrontierConfig
 from octomap_server_3dnav.lookouts import WayOut, find_lookouts, leads_out
-from octomap_server_3dnav.planner import PlannerConfig, plan_path
+from octomap_server_3dnav.planner import PlannerConfig, plan_into, plan_path
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig
 
 BLOCK_M, SLOPE = 1.2, math.tan(math.radians(15.0))
@@ -114,3 +114,19 @@ def test_path_out_is_driven_at_once_whichever_way_the_robot_faces():
     part, yaw, is_whole = Approach(ExplorationConfig(), PlannerConfig().trim_m).towards(path, T_map_base, 1.0)
     assert is_whole and yaw == 1.0 and len(part.points) == len(path.points)
     assert path.straight[0] and math.dist(path.points[0, :2], T_map_base[:2, 3]) < 0.1
+
+
+def test_robot_inside_goes_on_from_where_it_stands():
+    (lookout,) = lookouts_in(dead_end())
+    x, y, _ = lookout.line[np.argmin(np.abs(lookout.line[:, 0] - 3.5))]
+    inside, outside = terrain_of(dead_end(), pose(x, y)), terrain_of(dead_end(), pose(1.2, 2.6))
+    way = lookout.way_in(0.5)
+    on, whole = plan_into(inside, way, PlannerConfig()), plan_into(outside, way, PlannerConfig())
+    assert on.length_m == pytest.approx(way.line[-1, 0] - x, abs=0.05) and on.straight[:-1].all()
+    assert whole.length_m > 2.0 and np.allclose(on.points[-1], whole.points[-1])
+    assert not lookout.is_seen_from(outside, 5.0) and not lookout.is_seen_from(inside, 5.0)  # no way out is known of
+    way_out = WayOut()
+    way_out.enter(way)
+    inside = way_out.added_to(inside)
+    left = lookout.line[-1, 0] - x
+    assert lookout.is_seen_from(inside, left) and not lookout.is_seen_from(inside, left - 0.4)
