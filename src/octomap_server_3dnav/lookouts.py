@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from octomap_server_3dnav.barriers import middles, passage_radii
 from octomap_server_3dnav.frontier_gain import unknown_area_m2
@@ -162,6 +163,7 @@ def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -
     xyz = terrain.centers(unknown).astype(np.float64)
     cluster = cluster_voxels(np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[unknown])
     ends = np.flatnonzero(ground.passable & (ground.piece < 0))
+    tree = cKDTree(terrain.centers(ends))
     found = []
     for number in range(int(cluster.max()) + 1):
         members = np.flatnonzero(cluster == number)
@@ -169,7 +171,8 @@ def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -
         gain = float(unknown_area_m2(terrain, unknown[middle : middle + 1], of.gain_radius_m)[0])
         if members.size < of.min_voxels or terrain.reached[unknown[members]].any() or gain < of.least_last_gain_m2:
             continue
-        line, points = _line_to(terrain, ground, kept_off, demand, ends, xyz[members])
+        near = np.unique(np.concatenate(tree.query_ball_point(xyz[members], 1.5 * _LAST_M)).astype(np.int64))
+        line, points = _line_to(terrain, ground, kept_off, demand, ends[near], xyz[members])
         if line.size:
             found.append(Lookout(tuple(xyz[middle].tolist()), gain, line, points))
     return sorted(found, key=lambda lookout: (-round(lookout.gain_m2, 6), lookout.xyz))
