@@ -167,9 +167,11 @@ def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -
     found = []
     for number in range(int(cluster.max()) + 1):
         members = np.flatnonzero(cluster == number)
+        if members.size < of.min_voxels or terrain.reached[unknown[members]].any():
+            continue
         middle = members[np.argmin(np.linalg.norm(xyz[members] - xyz[members].mean(axis=0), axis=1))]
         gain = float(unknown_area_m2(terrain, unknown[middle : middle + 1], of.gain_radius_m)[0])
-        if members.size < of.min_voxels or terrain.reached[unknown[members]].any() or gain < of.least_last_gain_m2:
+        if gain < of.least_last_gain_m2:
             continue
         near = np.unique(np.concatenate(tree.query_ball_point(xyz[members], 1.5 * _LAST_M)).astype(np.int64))
         line, points = _line_to(terrain, ground, kept_off, demand, ends[near], xyz[members])
