@@ -17,8 +17,8 @@ from octomap_server_3dnav.approach import Approach
 from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.exploration_config import ExplorationConfig
 from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
-from octomap_server_3dnav.lookouts import WayOut, find_lookouts, leads_out
-from octomap_server_3dnav.planner import Path, PlannerConfig, plan_into, plan_path
+from octomap_server_3dnav.lookouts import WayOut, find_lookouts, is_in_passage
+from octomap_server_3dnav.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
 from rigid_geometry import as_transform
@@ -126,19 +126,21 @@ class ExplorationPlanner:
                 terrain = classify(terrain_within, T_map_base, self.terrain_config, radius)
             else:
                 terrain = terrain_within(radius)
-            scope, terrain = "global" if radius is None else "local", self.with_way_out(terrain)
-            if radius is not None and self._way_out.is_missing(terrain):
-                continue
+            scope, line_out = "global" if radius is None else "local", self._way_out.from_inside(terrain)
+            is_inside = line_out is not None and not is_in_passage(terrain)
+            if is_inside:
+                break  # nothing but straight on or straight out
             if terrain.departure is None and radius is None:
                 return self._decision(DecisionKind.TRAPPED, self._why_trapped(terrain), terrain, scope, 0)
             frontiers = self._left_in(terrain, T_map_base)
             decision = self._goal_at([f for f in frontiers if not f.last], terrain, T_map_base, scope)
             if decision is not None:
                 return decision
+        last = [] if is_inside else [f for f in frontiers if f.last]
         return (
-            self._goal_at([f for f in frontiers if f.last], terrain, T_map_base, scope)
-            or self._lookout_in(terrain, T_map_base, scope)
-            or self._out_of(terrain, T_map_base, scope)
+            self._goal_at(last, terrain, T_map_base, scope)
+            or self._lookout_in(terrain, T_map_base, scope, is_inside)
+            or self._out_by(line_out, terrain, scope)
             or self._decision(DecisionKind.EXPLORED, self._why_explored(), terrain, scope, 0)
         )
 
@@ -203,8 +205,11 @@ class ExplorationPlanner:
         goal = self._approach.goal_of(trimmed, path, terrain, T_map_base, frontier)
         return replace(decision, path=trimmed.points, goal=goal, frontier=frontier.xyz, full_path=path.points, straight=trimmed.straight)
 
-    def _lookout_in(self, terrain: Terrain, T_map_base: Transform, scope: str) -> Decision | None:
-        """To where something is to be seen from a place without room to turn, and nearer if that did not show it."""
+    def _lookout_in(self, terrain: Terrain, T_map_base: Transform, scope: str, is_inside: bool) -> Decision | None:
+        """To where something is to be seen from a place without room to turn, and nearer if that did not show it.
+
+        A robot that is in one already only goes straight on.
+        """
         if not self.config.lookouts:
             return None
         for lookout in find_lookouts(terrain, self.frontier_config, self.terrain_config):
@@ -214,7 +219,7 @@ class ExplorationPlanner:
             if way is None or terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE or self._why_aside(place):
                 continue
             path = plan_into(terrain, way, self.planner_config)
-            if path is None:
+            if path is None or (is_inside and 0 not in path.entries()):
                 place.failures.append("no path to a place from where to look")
                 continue
             self._count_progress(place, path.length_m)
@@ -229,19 +234,18 @@ class ExplorationPlanner:
         """How far before the end of the way a lookout is: nearer at every look."""
         return max(self.config.min_trim_m, self.config.edge_trim_m * self.config.closer_factor**place.looks)
 
-    def _out_of(self, terrain: Terrain, T_map_base: Transform, scope: str) -> Decision | None:
-        """Out of where the robot cannot turn, when there is nothing more to see: there it is not left."""
-        ways = [p for p in terrain.passages if p.nodes[0] == terrain.start] if leads_out(terrain) else []
-        path = plan_path(terrain, ways[-1].nodes[1], self.planner_config) if ways else None
-        if path is None:
+    def _out_by(self, line: NDArray[np.float64] | None, terrain: Terrain, scope: str) -> Decision | None:
+        """Out of where the robot cannot turn, along the line by which it came in: there it is not left, whatever it sees."""
+        if line is None:
             return None
-        x, y, z = (float(v) for v in path.points[-1])
+        x, y, z = (float(v) for v in line[-1])
         place = self._place((x, y, z))
         if self._why_aside(place):
             return None
+        path = straight_path(line, self.planner_config)
         self._count_progress(place, path.length_m)
         decision = self._decision(DecisionKind.GOAL, "out of a place without room to turn", terrain, scope, 0)
-        return _with_path(decision, path, path, facing_yaw(*ways[-1].line[[0, -1]]), place.xyz)
+        return _with_path(decision, path, path, facing_yaw(*line[[0, -1]]), place.xyz)
 
     def _decision(self, kind: DecisionKind, reason: str, terrain: Terrain, scope: str, left: int) -> Decision:
         return Decision(kind, reason, terrain, scope, left, len(self.set_aside()))

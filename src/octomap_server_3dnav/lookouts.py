@@ -48,41 +48,48 @@ class Lookout:
     def is_seen_from(self, terrain: Terrain, trim_m: float) -> bool:
         """Whether the robot stands as near to the end of the way, in it, as where it would be sent to."""
         x, y, _ = terrain.robot_xyz
-        is_inside = leads_out(terrain) and np.hypot(self.line[:, 0] - x, self.line[:, 1] - y).min() <= _ASIDE_M
-        return bool(is_inside and math.dist(self.line[-1, :2], (x, y)) <= trim_m + _ASIDE_M)
+        is_in_line = np.hypot(self.line[:, 0] - x, self.line[:, 1] - y).min() <= _ASIDE_M
+        return bool(is_inside(terrain) and is_in_line and math.dist(self.line[-1, :2], (x, y)) <= trim_m + _ASIDE_M)
 
 
 class WayOut:
     """Remembers how the robot went to a lookout, where it cannot turn, and knows its way out for as long as it is there."""
 
     def __init__(self) -> None:
-        self._line: NDArray[np.float64] | None = None
+        self._way_in: Passage | None = None
 
     def enter(self, way: Passage) -> None:
         """The robot is sent along a way to a lookout now."""
-        self._line = way.line
+        self._way_in = way
 
-    def is_missing(self, terrain: Terrain) -> bool:
-        """Whether the robot went in, and no way out begins where it stands in this terrain."""
-        return self._line is not None and not leads_out(terrain)
+    def from_inside(self, terrain: Terrain) -> NDArray[np.float64] | None:
+        """(K, 3) the line out, from where the robot stands; None where it can turn, and is not inside any more."""
+        if self._way_in is None or terrain.start is None:
+            return None
+        if not is_inside(terrain):
+            self._way_in = None
+            return None
+        rest = self._way_in.turned().rest_from(terrain.robot_xyz[:2], terrain.start)
+        return None if rest is None else rest.line
 
     def added_to(self, terrain: Terrain) -> Terrain:
-        """The terrain with the way back, if the robot stands on it and the terrain knows no other."""
-        if self._line is None or terrain.start is None or terrain.label[terrain.start] == TerrainClass.TRAVERSABLE:
-            self._line = None if terrain.start is not None else self._line
+        """The terrain with the way out as a passage, where it leads to ground that counts as reached."""
+        line = self.from_inside(terrain) if not is_in_passage(terrain) else None
+        entry = None if line is None else terrain.surface_near(line[-1])
+        if line is None or entry is None or terrain.label[entry] != TerrainClass.TRAVERSABLE or not terrain.reached[entry]:
             return terrain
-        entry = terrain.surface_near(self._line[0])
-        if entry is None or terrain.label[entry] != TerrainClass.TRAVERSABLE or not terrain.reached[entry] or leads_out(terrain):
-            return terrain
-        x, y, _ = terrain.robot_xyz
-        rest = Passage((entry, entry), self._line[::-1]).rest_from((x, y), terrain.start)
-        return terrain if rest is None else replace(terrain, passages=(*terrain.passages, rest))
+        assert terrain.start is not None
+        return replace(terrain, passages=(*terrain.passages, Passage((terrain.start, entry), line)))
 
 
-def leads_out(terrain: Terrain) -> bool:
-    """Whether the robot stands where it cannot turn and a passage leads out of there."""
-    is_narrow = terrain.start is not None and terrain.label[terrain.start] != TerrainClass.TRAVERSABLE
-    return is_narrow and any(passage.nodes[0] == terrain.start for passage in terrain.passages)
+def is_inside(terrain: Terrain) -> bool:
+    """Whether the robot stands where it cannot turn."""
+    return terrain.start is not None and terrain.label[terrain.start] != TerrainClass.TRAVERSABLE
+
+
+def is_in_passage(terrain: Terrain) -> bool:
+    """Whether the robot stands in a passage that leads on from there."""
+    return any(passage.nodes[0] == terrain.start for passage in terrain.passages)
 
 
 @njit(cache=True)

@@ -321,12 +321,19 @@ def plan_into(terrain: Terrain, way: Passage, config: PlannerConfig) -> Path | N
     start = terrain.start
     is_inside = start is not None and not math.isfinite(terrain.cost[start])
     rest = way.rest_from(terrain.robot_xyz[:2], start) if start is not None and is_inside else None
-    path = Path(np.empty((0, 3))) if rest is not None else plan_path(terrain, way.nodes[0], config)
-    if path is None:
+    if rest is not None:
+        return straight_path(rest.line, config)
+    path, along = plan_path(terrain, way.nodes[0], config), straight_path(way.line, config)
+    if path is None or along.straight is None:
         return None
-    line = _resample((rest or way).line, config.waypoint_spacing_m)
     straight = np.zeros(len(path.points), dtype=bool) if path.straight is None else path.straight
-    return Path(np.concatenate([path.points, line]), np.concatenate([straight, np.arange(len(line)) < len(line) - 1]))
+    return Path(np.concatenate([path.points, along.points]), np.concatenate([straight, along.straight]))
+
+
+def straight_path(line: NDArray[np.float64], config: PlannerConfig) -> Path:
+    """Straight along a line (K, 3), where the robot cannot turn."""
+    points = _resample(line, config.waypoint_spacing_m)
+    return Path(points, np.arange(len(points)) < len(points) - 1)
 
 
 def _parts(

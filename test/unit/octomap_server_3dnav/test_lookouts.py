@@ -4,14 +4,14 @@ import math
 
 import numpy as np
 import pytest
-from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, terrain_of
+from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of, terrain_of
 from virtual_explorer import explore
 
 from octomap_server_3dnav.approach import Approach
 from octomap_server_3dnav.exploration import DecisionKind, ExplorationPlanner
 from octomap_server_3dnav.exploration_config import ExplorationConfig
 from octomap_server_3dnav.frontiers import FrontierConfig
-from octomap_server_3dnav.lookouts import WayOut, find_lookouts, leads_out
+from octomap_server_3dnav.lookouts import WayOut, find_lookouts
 from octomap_server_3dnav.planner import PlannerConfig, plan_into, plan_path
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig
 
@@ -36,9 +36,9 @@ def ramp_to_a_block(block_end_x, block_y):
     return states
 
 
-def dead_end(width=11, last_x=60):
+def dead_end(width=11, last_x=60, nx=70):
     """A room, and a corridor into its east wall that goes on unseen from column `last_x` on."""
-    states = grid_of_heights(lambda x, y: 0.04 + 0 * x * y, 70, 66)
+    states = grid_of_heights(lambda x, y: 0.04 + 0 * x * y, nx, 66)
     first = 32 - width // 2
     states[34:, :first, BELOW:] = states[34:, first + width :, BELOW:] = OCCUPIED
     states[last_x:, first : first + width] = UNKNOWN
@@ -93,15 +93,27 @@ def test_way_out_is_the_way_in_until_the_robot_can_turn():
     states, way_out = dead_end(), WayOut()
     way = lookouts_in(states)[0].way_in(1.0)
     inside, outside = terrain_of(states, pose(way.line[-1, 0], way.line[-1, 1])), terrain_of(states, pose(1.2, 2.6))
-    assert way_out.added_to(inside) is inside and not way_out.is_missing(inside)
+    assert way_out.from_inside(inside) is None and way_out.added_to(inside) is inside
     way_out.enter(way)
-    assert way_out.is_missing(inside)
-    found = way_out.added_to(inside)
-    assert leads_out(found) and not way_out.is_missing(found)
-    (passage,) = found.passages
+    line = way_out.from_inside(inside)
+    assert np.allclose(line[-1], way.line[0]) and math.dist(line[0, :2], way.line[-1, :2]) < 0.06
+    (passage,) = way_out.added_to(inside).passages
     assert passage.nodes[0] == inside.start and inside.label[passage.nodes[1]] == TerrainClass.TRAVERSABLE
-    assert np.allclose(passage.line[-1], way.line[0])
-    assert way_out.added_to(outside) is outside and way_out.added_to(inside) is inside  # forgotten
+    assert way_out.added_to(outside) is outside and way_out.from_inside(inside) is None  # forgotten
+
+
+def test_robot_inside_leaves_straight_although_there_is_ground_ahead_that_no_passage_leads_to():
+    states, planner = dead_end(last_x=60, nx=82), ExplorationPlanner(ExplorationConfig(edge_trim_m=0.75))
+    goal = planner.decide(runs_of(states), pose(1.2, 2.6)).goal
+    decision = planner.decide(runs_of(states), pose(*goal[:2]))
+    assert decision.goal[0] > 2.5 and decision.straight.any()  # in
+    inside, known = pose(*decision.goal[:2]), dead_end(last_x=82, nx=82)
+    known[60:77, 8:58], known[77:, :, BELOW:] = grid_of_heights(lambda x, y: 0.04 + 0 * x * y, 17, 50), OCCUPIED  # no room to run up
+    terrain = terrain_of(known, inside)
+    assert terrain.centers(np.array([terrain.departure]))[0, 0] > 5.0 and not terrain.passages
+    out = planner.decide(runs_of(known), inside)
+    assert "out of" in out.reason and out.straight[:-1].all() and out.goal[0] < 2.5
+    assert np.ptp(out.path[:, 1]) < 0.1
 
 
 def test_path_out_is_driven_at_once_whichever_way_the_robot_faces():
@@ -124,9 +136,6 @@ def test_robot_inside_goes_on_from_where_it_stands():
     on, whole = plan_into(inside, way, PlannerConfig()), plan_into(outside, way, PlannerConfig())
     assert on.length_m == pytest.approx(way.line[-1, 0] - x, abs=0.05) and on.straight[:-1].all()
     assert whole.length_m > 2.0 and np.allclose(on.points[-1], whole.points[-1])
-    assert not lookout.is_seen_from(outside, 5.0) and not lookout.is_seen_from(inside, 5.0)  # no way out is known of
-    way_out = WayOut()
-    way_out.enter(way)
-    inside = way_out.added_to(inside)
+    assert not lookout.is_seen_from(outside, 5.0)
     left = lookout.line[-1, 0] - x
     assert lookout.is_seen_from(inside, left) and not lookout.is_seen_from(inside, left - 0.4)
