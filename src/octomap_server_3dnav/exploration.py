@@ -210,7 +210,7 @@ class ExplorationPlanner:
 
         A robot that is in one already only goes straight on.
         """
-        if not self.config.lookouts:
+        if not self.config.lookouts or (is_inside and self._way_out.is_leaving):
             return None
         for lookout in find_lookouts(terrain, self.frontier_config, self.terrain_config):
             place = self._place(lookout.xyz)
@@ -225,7 +225,7 @@ class ExplorationPlanner:
             self._count_progress(place, path.length_m)
             part, yaw, is_whole = self._approach.towards(path, T_map_base, facing_yaw(*way.line[[0, -1]]))
             if is_whole:
-                self._way_out.enter(way)
+                self._way_out.enter(way, terrain)
             reason = f"a look at {lookout.gain_m2:.0f} m2 from where there is no room to turn"
             return _with_path(self._decision(DecisionKind.GOAL, reason, terrain, scope, 1), part, path, yaw, lookout.xyz)
         return None
@@ -242,6 +242,7 @@ class ExplorationPlanner:
         place = self._place((x, y, z))
         if self._why_aside(place):
             return None
+        self._way_out.is_leaving = True
         path = straight_path(line, self.planner_config)
         self._count_progress(place, path.length_m)
         decision = self._decision(DecisionKind.GOAL, "out of a place without room to turn", terrain, scope, 0)

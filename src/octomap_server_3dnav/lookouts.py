@@ -57,9 +57,15 @@ class WayOut:
 
     def __init__(self) -> None:
         self._way_in: Passage | None = None
+        self.is_leaving = False
 
-    def enter(self, way: Passage) -> None:
-        """The robot is sent along a way to a lookout now."""
+    def enter(self, way: Passage, terrain: Terrain) -> None:
+        """The robot is sent along a way to a lookout now. One that is inside already goes on, and knows its way out by where it came in."""
+        known = self.from_inside(terrain)
+        if known is not None and terrain.start is not None:
+            x, y, _ = terrain.robot_xyz
+            ahead = way.rest_from((x, y), terrain.start)
+            way = Passage(way.nodes, np.concatenate([known[::-1], way.line[:0] if ahead is None else ahead.line]))
         self._way_in = way
 
     def from_inside(self, terrain: Terrain) -> NDArray[np.float64] | None:
@@ -67,7 +73,7 @@ class WayOut:
         if self._way_in is None or terrain.start is None:
             return None
         if not is_inside(terrain):
-            self._way_in = None
+            self._way_in, self.is_leaving = None, False
             return None
         rest = self._way_in.turned().rest_from(terrain.robot_xyz[:2], terrain.start)
         return None if rest is None else rest.line

@@ -12,6 +12,7 @@ from octomap_server_3dnav.exploration import DecisionKind, ExplorationPlanner
 from octomap_server_3dnav.exploration_config import ExplorationConfig
 from octomap_server_3dnav.frontiers import FrontierConfig
 from octomap_server_3dnav.lookouts import WayOut, find_lookouts
+from octomap_server_3dnav.passages import Passage
 from octomap_server_3dnav.planner import PlannerConfig, plan_into, plan_path
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig
 
@@ -94,12 +95,25 @@ def test_way_out_is_the_way_in_until_the_robot_can_turn():
     way = lookouts_in(states)[0].way_in(1.0)
     inside, outside = terrain_of(states, pose(way.line[-1, 0], way.line[-1, 1])), terrain_of(states, pose(1.2, 2.6))
     assert way_out.from_inside(inside) is None and way_out.added_to(inside) is inside
-    way_out.enter(way)
+    way_out.enter(way, outside)
     line = way_out.from_inside(inside)
     assert np.allclose(line[-1], way.line[0]) and math.dist(line[0, :2], way.line[-1, :2]) < 0.06
     (passage,) = way_out.added_to(inside).passages
     assert passage.nodes[0] == inside.start and inside.label[passage.nodes[1]] == TerrainClass.TRAVERSABLE
     assert way_out.added_to(outside) is outside and way_out.from_inside(inside) is None  # forgotten
+
+
+def test_robot_that_goes_on_inside_comes_out_by_where_it_went_in():
+    states, way_out = dead_end(), WayOut()
+    (lookout,) = lookouts_in(states)
+    way, aside = lookout.way_in(1.5), lookout.way_in(0.75)
+    aside = Passage(aside.nodes, aside.line + [0.0, 0.1, 0.0])
+    way_out.enter(way, terrain_of(states, pose(1.2, 2.6)))
+    way_out.enter(aside, terrain_of(states, pose(way.line[-1, 0], way.line[-1, 1])))
+    out = way_out.from_inside(terrain_of(states, pose(aside.line[-1, 0], aside.line[-1, 1])))
+    assert math.dist(out[0, :2], aside.line[-1, :2]) < 0.09
+    driven = out[:, 0] < way.line[-1, 0] - 0.05
+    assert np.allclose(out[driven], way.line[::-1][-np.count_nonzero(driven) :])
 
 
 def test_robot_inside_leaves_straight_although_there_is_ground_ahead_that_no_passage_leads_to():
@@ -113,13 +127,15 @@ def test_robot_inside_leaves_straight_although_there_is_ground_ahead_that_no_pas
     assert terrain.centers(np.array([terrain.departure]))[0, 0] > 5.0 and not terrain.passages
     out = planner.decide(runs_of(known), inside)
     assert "out of" in out.reason and out.straight[:-1].all() and out.goal[0] < 2.5
+    again = planner.decide(runs_of(states), inside)  # what was to be seen is unknown again: out all the same
+    assert "out of" in again.reason
     assert np.ptp(out.path[:, 1]) < 0.1
 
 
 def test_path_out_is_driven_at_once_whichever_way_the_robot_faces():
     states, way_out = dead_end(), WayOut()
     way = lookouts_in(states)[0].way_in(1.0)
-    way_out.enter(way)
+    way_out.enter(way, terrain_of(states, pose(1.2, 2.6)))
     T_map_base = pose(way.line[-1, 0], way.line[-1, 1])  # nose first
     terrain = way_out.added_to(terrain_of(states, T_map_base))
     path = plan_path(terrain, terrain.surface_near((1.2, 2.6, 0.04)), PlannerConfig())
