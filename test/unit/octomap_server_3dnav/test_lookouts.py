@@ -64,7 +64,7 @@ def test_block_at_the_head_of_a_narrow_ramp_is_looked_at_from_the_ramp(lookouts)
 
 
 def test_robot_drives_straight_in_and_straight_out_again():
-    journey = explore(ramp_to_a_block(HEAD_X + 2.1, (1.9, 4.0)), 1.2, 2.9, 0.0, ExplorationPlanner())
+    journey = explore(ramp_to_a_block(HEAD_X + 2.1, (1.9, 4.0)), 1.2, 2.9, 0.0, ExplorationPlanner(ExplorationConfig(lookouts=True)))
     on_ramp = [i for i, T in enumerate(journey.poses) if FOOT_X + 0.5 < T[0, 3] < HEAD_X and RAMP_Y[0] < T[1, 3] < RAMP_Y[1]]
     way_in, way_out = journey.decisions[on_ramp[0] - 1], journey.decisions[on_ramp[-1]]
     for decision in (way_in, way_out):
@@ -117,7 +117,7 @@ def test_robot_that_goes_on_inside_comes_out_by_where_it_went_in():
 
 
 def test_robot_inside_leaves_straight_although_there_is_ground_ahead_that_no_passage_leads_to():
-    states, planner = dead_end(last_x=60, nx=82), ExplorationPlanner(ExplorationConfig(edge_trim_m=0.75))
+    states, planner = dead_end(last_x=60, nx=82), ExplorationPlanner(ExplorationConfig(lookouts=True, edge_trim_m=0.75))
     goal = planner.decide(runs_of(states), pose(1.2, 2.6)).goal
     decision = planner.decide(runs_of(states), pose(*goal[:2]))
     assert decision.goal[0] > 2.5 and decision.straight.any()  # in
