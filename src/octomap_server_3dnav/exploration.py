@@ -126,6 +126,8 @@ class ExplorationPlanner:
                 terrain = classify(terrain_within, T_map_base, self.terrain_config, radius)
             else:
                 terrain = terrain_within(radius)
+            if radius is not None:
+                self._way_out.notice(terrain)
             scope, line_out = "global" if radius is None else "local", self._way_out.from_inside(terrain)
             is_inside = line_out is not None and not is_in_passage(terrain)
             if is_inside:
@@ -216,7 +218,9 @@ class ExplorationPlanner:
             place = self._place(lookout.xyz)
             place.looks += lookout.is_seen_from(terrain, self._trim_at(place))
             way = lookout.way_in(self._trim_at(place))
-            if way is None or terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE or self._why_aside(place):
+            if way is None or self._way_out.has_looked_from(way.line[-1]) or self._why_aside(place):
+                continue
+            if terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE:
                 continue
             path = plan_into(terrain, way, self.planner_config)
             if path is None or (is_inside and 0 not in path.entries()):

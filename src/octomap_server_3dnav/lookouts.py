@@ -26,6 +26,7 @@ from octomap_server_3dnav.voxel_clusters import cluster_voxels
 _STARTS = 16  # nodes at the end of the ground from which ways back are tried
 _LAST_M = 0.8  # how far from the floor that was not seen the ground may end
 _ASIDE_M = 0.2  # a robot so near to a way stands in it
+_SAME_STAND_M = 1.0  # from so near it looks the same
 _FACING = 0.7  # cosine of the angle between a way and what it leads to
 
 
@@ -57,7 +58,20 @@ class WayOut:
 
     def __init__(self) -> None:
         self._way_in: Passage | None = None
+        self._stands: list[tuple[float, float, float]] = []
         self.is_leaving = False
+
+    def notice(self, terrain: Terrain) -> None:
+        """After every sweep: where the robot can turn it is out; where it cannot it has looked."""
+        if terrain.start is not None and self._way_in is not None:
+            if is_inside(terrain):
+                self._stands.append(terrain.robot_xyz)
+            else:
+                self._way_in, self.is_leaving = None, False
+
+    def has_looked_from(self, xyz: NDArray[np.float64]) -> bool:
+        """Whether the robot looked from beside a place (3,) in an earlier visit."""
+        return self._way_in is None and any(math.dist(xyz, stand) <= _SAME_STAND_M for stand in self._stands)
 
     def enter(self, way: Passage, terrain: Terrain) -> None:
         """The robot is sent along a way to a lookout now. One that is inside already goes on, and knows its way out by where it came in."""
@@ -70,10 +84,7 @@ class WayOut:
 
     def from_inside(self, terrain: Terrain) -> NDArray[np.float64] | None:
         """(K, 3) the line out, from where the robot stands; None where it can turn, and is not inside any more."""
-        if self._way_in is None or terrain.start is None:
-            return None
-        if not is_inside(terrain):
-            self._way_in, self.is_leaving = None, False
+        if self._way_in is None or terrain.start is None or not is_inside(terrain):
             return None
         rest = self._way_in.turned().rest_from(terrain.robot_xyz[:2], terrain.start)
         return None if rest is None else rest.line

@@ -100,7 +100,11 @@ def test_way_out_is_the_way_in_until_the_robot_can_turn():
     assert np.allclose(line[-1], way.line[0]) and math.dist(line[0, :2], way.line[-1, :2]) < 0.06
     (passage,) = way_out.added_to(inside).passages
     assert passage.nodes[0] == inside.start and inside.label[passage.nodes[1]] == TerrainClass.TRAVERSABLE
-    assert way_out.added_to(outside) is outside and way_out.from_inside(inside) is None  # forgotten
+    assert way_out.added_to(outside) is outside and way_out.from_inside(inside) is not None  # a look at the map from elsewhere
+    way_out.notice(inside)
+    assert not way_out.has_looked_from(way.line[-1])  # it is there
+    way_out.notice(outside)
+    assert way_out.from_inside(inside) is None and way_out.has_looked_from(way.line[-1]) and not way_out.has_looked_from(way.line[0])
 
 
 def test_robot_that_goes_on_inside_comes_out_by_where_it_went_in():
