@@ -96,6 +96,16 @@ class Terrain:
         return math.atan(float(np.hypot(*gradient)))
 
     @property
+    def is_inside(self) -> bool:
+        """Whether the robot stands where it cannot turn."""
+        return self.start is not None and self.label[self.start] != TerrainClass.TRAVERSABLE
+
+    @property
+    def is_in_passage(self) -> bool:
+        """Whether a passage begins where the robot stands."""
+        return any(passage.nodes[0] == self.start for passage in self.passages)
+
+    @property
     def traversable_area_m2(self) -> float:
         """Ground that the robot's centre may reach without leaving what is known, seen from above."""
         return float(np.count_nonzero(self.reached & (self.label == TerrainClass.TRAVERSABLE))) * self.resolution**2

@@ -17,7 +17,7 @@ from octomap_server_3dnav.approach import Approach
 from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.exploration_config import ExplorationConfig
 from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
-from octomap_server_3dnav.lookouts import WayOut, find_lookouts, is_in_passage
+from octomap_server_3dnav.lookouts import WayOut, find_lookouts
 from octomap_server_3dnav.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
@@ -129,7 +129,7 @@ class ExplorationPlanner:
             if radius is not None:
                 self._way_out.notice(terrain)
             scope, line_out = "global" if radius is None else "local", self._way_out.from_inside(terrain)
-            is_inside = line_out is not None and not is_in_passage(terrain)
+            is_inside = line_out is not None and not terrain.is_in_passage
             if is_inside:
                 break  # nothing but straight on or straight out
             if terrain.departure is None and radius is None:
@@ -205,7 +205,7 @@ class ExplorationPlanner:
         reason = f"frontier of {len(frontier.voxels)} voxels, {frontier.distance_m:.1f} m away"
         decision = self._decision(DecisionKind.GOAL, reason, terrain, scope, left)
         goal = self._approach.goal_of(trimmed, path, terrain, T_map_base, frontier)
-        return replace(decision, path=trimmed.points, goal=goal, frontier=frontier.xyz, full_path=path.points, straight=trimmed.straight)
+        return _with_path(decision, trimmed, path, goal[3], frontier.xyz)
 
     def _lookout_in(self, terrain: Terrain, T_map_base: Transform, scope: str, is_inside: bool) -> Decision | None:
         """To where something is to be seen from a place without room to turn, and nearer if that did not show it.
@@ -218,9 +218,9 @@ class ExplorationPlanner:
             place = self._place(lookout.xyz)
             place.looks += lookout.is_seen_from(terrain, self._trim_at(place))
             way = lookout.way_in(self._trim_at(place))
-            if way is None or self._way_out.has_looked_from(way.line[-1]) or self._why_aside(place):
+            if way is None or terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE:
                 continue
-            if terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE:
+            if self._way_out.has_looked_from(way.line[-1]) or self._why_aside(place):
                 continue
             path = plan_into(terrain, way, self.planner_config)
             if path is None or (is_inside and 0 not in path.entries()):

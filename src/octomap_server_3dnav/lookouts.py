@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from octomap_server_3dnav.barriers import middles, passage_radii
 from octomap_server_3dnav.frontier_gain import unknown_area_m2
 from octomap_server_3dnav.frontiers import FrontierConfig
-from octomap_server_3dnav.passages import Passage
+from octomap_server_3dnav.passages import ASIDE_M, Passage
 from octomap_server_3dnav.straight_lines import DIRECTIONS, Demand, Ground, KeptOff, is_covered, points_of, room_beside, score_of, walk
 from octomap_server_3dnav.surface_columns import find_node
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
@@ -25,7 +25,6 @@ from octomap_server_3dnav.voxel_clusters import cluster_voxels
 
 _STARTS = 16  # nodes at the end of the ground from which ways back are tried
 _LAST_M = 0.8  # how far from the floor that was not seen the ground may end
-_ASIDE_M = 0.2  # a robot so near to a way stands in it
 _SAME_STAND_M = 1.0  # from so near it looks the same
 _FACING = 0.7  # cosine of the angle between a way and what it leads to
 
@@ -49,8 +48,8 @@ class Lookout:
     def is_seen_from(self, terrain: Terrain, trim_m: float) -> bool:
         """Whether the robot stands as near to the end of the way, in it, as where it would be sent to."""
         x, y, _ = terrain.robot_xyz
-        is_in_line = np.hypot(self.line[:, 0] - x, self.line[:, 1] - y).min() <= _ASIDE_M
-        return bool(is_inside(terrain) and is_in_line and math.dist(self.line[-1, :2], (x, y)) <= trim_m + _ASIDE_M)
+        is_in_line = np.hypot(self.line[:, 0] - x, self.line[:, 1] - y).min() <= ASIDE_M
+        return bool(terrain.is_inside and is_in_line and math.dist(self.line[-1, :2], (x, y)) <= trim_m + ASIDE_M)
 
 
 class WayOut:
@@ -64,7 +63,7 @@ class WayOut:
     def notice(self, terrain: Terrain) -> None:
         """After every sweep: where the robot can turn it is out; where it cannot it has looked."""
         if terrain.start is not None and self._way_in is not None:
-            if is_inside(terrain):
+            if terrain.is_inside:
                 self._stands.append(terrain.robot_xyz)
             else:
                 self._way_in, self.is_leaving = None, False
@@ -84,29 +83,19 @@ class WayOut:
 
     def from_inside(self, terrain: Terrain) -> NDArray[np.float64] | None:
         """(K, 3) the line out, from where the robot stands; None where it can turn, and is not inside any more."""
-        if self._way_in is None or terrain.start is None or not is_inside(terrain):
+        if self._way_in is None or terrain.start is None or not terrain.is_inside:
             return None
         rest = self._way_in.turned().rest_from(terrain.robot_xyz[:2], terrain.start)
         return None if rest is None else rest.line
 
     def added_to(self, terrain: Terrain) -> Terrain:
         """The terrain with the way out as a passage, where it leads to ground that counts as reached."""
-        line = self.from_inside(terrain) if not is_in_passage(terrain) else None
+        line = self.from_inside(terrain) if not terrain.is_in_passage else None
         entry = None if line is None else terrain.surface_near(line[-1])
         if line is None or entry is None or terrain.label[entry] != TerrainClass.TRAVERSABLE or not terrain.reached[entry]:
             return terrain
         assert terrain.start is not None
         return replace(terrain, passages=(*terrain.passages, Passage((terrain.start, entry), line)))
-
-
-def is_inside(terrain: Terrain) -> bool:
-    """Whether the robot stands where it cannot turn."""
-    return terrain.start is not None and terrain.label[terrain.start] != TerrainClass.TRAVERSABLE
-
-
-def is_in_passage(terrain: Terrain) -> bool:
-    """Whether the robot stands in a passage that leads on from there."""
-    return any(passage.nodes[0] == terrain.start for passage in terrain.passages)
 
 
 @njit(cache=True)

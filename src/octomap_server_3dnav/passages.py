@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 _STARTS = 9  # nodes across it from which they are tried
 _ALONG_RAD = 0.35
-_ASIDE_M = 0.2  # a robot so near to the line of a passage stands in it
+ASIDE_M = 0.2  # a robot so near to the line of a passage stands in it
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class Passage:
         """What is left of it for a robot at `node`, at (x, y) in map; None when it does not stand in it."""
         off = np.hypot(self.line[:, 0] - xy[0], self.line[:, 1] - xy[1])
         at = int(np.argmin(off))
-        return Passage((node, self.nodes[1]), self.line[at:]) if off[at] <= _ASIDE_M and at < len(self.line) - 1 else None
+        return Passage((node, self.nodes[1]), self.line[at:]) if off[at] <= ASIDE_M and at < len(self.line) - 1 else None
 
 
 @njit(cache=True)

@@ -221,7 +221,7 @@ def _escape_cost(terrain: Terrain, config: PlannerConfig) -> NDArray[np.float32]
 
 def _source(terrain: Terrain) -> int | None:
     """Where paths of the robot begin: the departure, or where it stands when that is inside of a passage."""
-    return terrain.start if any(p.nodes[0] == terrain.start for p in terrain.passages) else terrain.departure
+    return terrain.start if terrain.is_in_passage else terrain.departure
 
 
 def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np.float64]:
@@ -319,8 +319,7 @@ def plan_into(terrain: Terrain, way: Passage, config: PlannerConfig) -> Path | N
     """The cheapest path to the first node of a way that need not be one of the terrain's passages, and straight along it to its end; for a
     robot that stands in it already what is left of it."""
     start = terrain.start
-    is_inside = start is not None and not math.isfinite(terrain.cost[start])
-    rest = way.rest_from(terrain.robot_xyz[:2], start) if start is not None and is_inside else None
+    rest = way.rest_from(terrain.robot_xyz[:2], start) if start is not None and terrain.is_inside else None
     if rest is not None:
         return straight_path(rest.line, config)
     path, along = plan_path(terrain, way.nodes[0], config), straight_path(way.line, config)
