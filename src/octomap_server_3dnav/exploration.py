@@ -21,7 +21,7 @@ from octomap_server_3dnav.lookouts import WayOut, find_lookouts
 from octomap_server_3dnav.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
-from rigid_geometry import as_transform
+from rigid_geometry import as_transform, yaw_of
 from rigid_geometry.transforms import Transform
 
 TerrainWithin = Callable[[float | None], Terrain]
@@ -142,7 +142,7 @@ class ExplorationPlanner:
         return (
             self._goal_at(last, terrain, T_map_base, scope)
             or self._lookout_in(terrain, T_map_base, scope, is_inside)
-            or self._out_by(line_out, terrain, scope)
+            or self._out_by(line_out, terrain, T_map_base, scope)
             or self._decision(DecisionKind.EXPLORED, self._why_explored(), terrain, scope, 0)
         )
 
@@ -238,7 +238,7 @@ class ExplorationPlanner:
         """How far before the end of the way a lookout is: nearer at every look."""
         return max(self.config.min_trim_m, self.config.edge_trim_m * self.config.closer_factor**place.looks)
 
-    def _out_by(self, line: NDArray[np.float64] | None, terrain: Terrain, scope: str) -> Decision | None:
+    def _out_by(self, line: NDArray[np.float64] | None, terrain: Terrain, T_map_base: Transform, scope: str) -> Decision | None:
         """Out of where the robot cannot turn, along the line by which it came in: there it is not left, whatever it sees."""
         if line is None:
             return None
@@ -250,7 +250,7 @@ class ExplorationPlanner:
         path = straight_path(line, self.planner_config)
         self._count_progress(place, path.length_m)
         decision = self._decision(DecisionKind.GOAL, "out of a place without room to turn", terrain, scope, 0)
-        return _with_path(decision, path, path, facing_yaw(*line[[0, -1]]), place.xyz)
+        return _with_path(decision, path, path, yaw_of(T_map_base), place.xyz)
 
     def _decision(self, kind: DecisionKind, reason: str, terrain: Terrain, scope: str, left: int) -> Decision:
         return Decision(kind, reason, terrain, scope, left, len(self.set_aside()))

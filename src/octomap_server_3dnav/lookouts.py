@@ -17,8 +17,7 @@ from octomap_server_3dnav.barriers import middles, passage_radii
 from octomap_server_3dnav.frontier_gain import unknown_area_m2
 from octomap_server_3dnav.frontiers import FrontierConfig
 from octomap_server_3dnav.passages import ASIDE_M, Passage
-from octomap_server_3dnav.straight_lines import DIRECTIONS, Demand, Ground, KeptOff, is_covered, points_of, room_beside, score_of, walk
-from octomap_server_3dnav.surface_columns import find_node
+from octomap_server_3dnav.straight_lines import DIRECTIONS, Demand, Ground, KeptOff, centred_line, is_covered, points_of, score_of
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 from octomap_server_3dnav.voxel_clusters import cluster_voxels
@@ -99,45 +98,22 @@ class WayOut:
 
 
 @njit(cache=True)
-def _way_from(g: Any, b: Any, demand: Any, s: Any, dx: Any, dy: Any, out: Any) -> Any:
-    """The line from a run-up in direction dx, dy to about node s, moved aside to where as much room is on its left as on its right: how
-    many nodes of `out` it is, the last one first, then x, y of the last one, and the lesser room; 0 nodes where there is none."""
-    x, y, node = g.column[s] // g.ny + 0.5, g.column[s] % g.ny + 0.5, np.int64(s)
-    count, room = walk(g, demand, node, x, y, -dx, -dy, out), 0.0
-    for moved in range(2):
-        if count == 0:
-            return 0, x, y, 0.0
-        left, right = room_beside(b, demand, x, y, dx, dy, g.z[out[:count][::-1]], 1 - count)
-        room = min(left, right)
-        if moved:
-            break
-        x, y = x - (left - right) / 2 * dy, y + (left - right) / 2 * dx
-        node = find_node(g.start, g.z, int(np.floor(x)) * g.ny + int(np.floor(y)), np.int64(g.z[s]), demand.rise)
-        if left + right < 0 or node < 0 or not g.passable[node]:
-            return 0, x, y, 0.0
-        count = walk(g, demand, node, x, y, -dx, -dy, out)
-    return count, x, y, room
-
-
-@njit(cache=True)
 def _best_way(g: Any, b: Any, demand: Any, starts: Any, towards: Any, facing: Any, directions: Any, longest: Any) -> Any:
     """The line with the most room that leads to any of the nodes `starts` and as near as it gets to x, y of `towards`: its nodes, x, y of
     the last, dx, dy; no nodes where the robot fits along none."""
-    out = np.empty(longest, np.int32)
-    best, best_at, best_score = out[:0].copy(), (0.0, 0.0, 1.0, 0.0), -np.inf
+    ahead, behind = np.empty(1, np.int32), np.empty(longest, np.int32)
+    best, best_at, best_score = behind[:0].copy(), (0.0, 0.0, 1.0, 0.0), -np.inf
     for s in starts:
         ax, ay = towards[0] - g.column[s] // g.ny - 0.5, towards[1] - g.column[s] % g.ny - 0.5
         for k in range(2 * directions):
             dx, dy = np.cos(np.pi * k / directions), np.sin(np.pi * k / directions)
             if ax * dx + ay * dy < facing * np.hypot(ax, ay):
                 continue
-            count, x, y, room = _way_from(g, b, demand, s, dx, dy, out)
-            if count == 0 or room < 0.0:
-                continue
-            line = out[:count][::-1]
+            line, before, x, y, room = centred_line(g, b, demand, s, dx, dy, False, ahead, behind)
             score = score_of(room, np.hypot(towards[0] - x, towards[1] - y))
-            if score > best_score and is_covered(g, demand, x, y, dx, dy, line, 1 - count):
-                best, best_at, best_score = line.copy(), (x, y, dx, dy), score
+            is_better = line.size > 0 and room >= 0 and score > best_score
+            if is_better and is_covered(g, demand, x, y, dx, dy, line, -before):
+                best, best_at, best_score = line, (x, y, dx, dy), score
     return best, best_at
 
 

@@ -14,8 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
-from octomap_server_3dnav.straight_lines import DIRECTIONS, Demand, Ground, KeptOff, is_covered, points_of, room_beside, score_of, walk
-from octomap_server_3dnav.surface_columns import find_node
+from octomap_server_3dnav.straight_lines import DIRECTIONS, Demand, Ground, KeptOff, centred_line, is_covered, points_of, score_of
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 from octomap_server_3dnav.terrain_scene import Scene
 from rigid_geometry import angle_difference
@@ -51,38 +50,6 @@ class Passage:
 
 
 @njit(cache=True)
-def _line_through(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: Any, ahead: Any, behind: Any) -> Any:
-    """Nodes of the line through x, y between two run-ups in different pieces, and how many of them come before `node`; none where there
-    is no such line."""
-    count = walk(g, demand, node, x, y, dx, dy, ahead)
-    back = walk(g, demand, node, x, y, -dx, -dy, behind) if count > 0 else 0
-    if back == 0 or g.piece[ahead[count - 1]] == g.piece[behind[back - 1]]:
-        return ahead[:0].copy(), 0
-    return np.concatenate((behind[1:back][::-1], ahead[:count])), back - 1
-
-
-@njit(cache=True)
-def _centred_line(g: Any, b: Any, demand: Any, s: Any, dx: Any, dy: Any, ahead: Any, behind: Any) -> Any:
-    """The line through node s in direction dx, dy, moved aside to where as much room is on its left as on its right: its nodes, how many
-    come before x, y, then x, y, and the lesser room; no nodes where there is none."""
-    x, y, node = g.column[s] // g.ny + 0.5, g.column[s] % g.ny + 0.5, np.int64(s)
-    line, before = _line_through(g, demand, node, x, y, dx, dy, ahead, behind)
-    if line.size == 0:
-        return line, 0, x, y, 0.0
-    left, right = room_beside(b, demand, x, y, dx, dy, g.z[line], -before)
-    shift = (left - right) / 2
-    x, y = x - shift * dy, y + shift * dx
-    node = find_node(g.start, g.z, int(np.floor(x)) * g.ny + int(np.floor(y)), np.int64(g.z[s]), demand.rise)
-    if left + right < 0 or node < 0 or not g.passable[node]:
-        return line[:0], 0, x, y, 0.0
-    line, before = _line_through(g, demand, node, x, y, dx, dy, ahead, behind)
-    if line.size == 0:
-        return line, 0, x, y, 0.0
-    left, right = room_beside(b, demand, x, y, dx, dy, g.z[line], -before)
-    return line, before, x, y, min(left, right)
-
-
-@njit(cache=True)
 def _best_line(g: Any, b: Any, demand: Any, starts: Any, directions: Any, longest: Any) -> Any:
     """The line with the most room through any of the nodes `starts`: its nodes, how many come before x, y, then x, y, dx, dy; no nodes
     where the robot fits along none."""
@@ -91,7 +58,7 @@ def _best_line(g: Any, b: Any, demand: Any, starts: Any, directions: Any, longes
     for s in starts:
         for k in range(directions):
             dx, dy = np.cos(np.pi * k / directions), np.sin(np.pi * k / directions)
-            line, before, x, y, room = _centred_line(g, b, demand, s, dx, dy, ahead, behind)
+            line, before, x, y, room = centred_line(g, b, demand, s, dx, dy, True, ahead, behind)
             score = score_of(room, np.sum(g.piece[line] < 0) / max(abs(dx), abs(dy)))
             is_better = line.size > 0 and room >= 0 and score > best_score
             if is_better and is_covered(g, demand, x, y, dx, dy, line, -before):

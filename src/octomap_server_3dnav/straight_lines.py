@@ -7,6 +7,7 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.lean_kernels import lean_njit
@@ -93,7 +94,7 @@ def _step(graph: Any, node: Any, mx: Any, my: Any) -> Any:
 
 
 @lean_njit
-def walk(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: Any, out: Any) -> Any:
+def _walk(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: Any, out: Any) -> Any:
     """Number of nodes from `node` at x, y in direction dx, dy to the end of the run-up, written to `out`; 0 when none is reached."""
     h = 1.0 / max(abs(dx), abs(dy))
     px, py, begun = int(np.floor(x)), int(np.floor(y)), -1
@@ -113,7 +114,7 @@ def walk(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: Any, out: 
 
 
 @lean_njit
-def room_beside(b: Any, demand: Any, x: Any, y: Any, dx: Any, dy: Any, levels: Any, first: Any) -> Any:
+def _room_beside(b: Any, demand: Any, x: Any, y: Any, dx: Any, dy: Any, levels: Any, first: Any) -> Any:
     """Voxels by which the nearest barriers on the left and right of a line lie beyond their radius; levels[i] is its height `first + i`
     steps from x, y."""
     h = 1.0 / max(abs(dx), abs(dy))
@@ -128,6 +129,39 @@ def room_beside(b: Any, demand: Any, x: Any, y: Any, dx: Any, dy: Any, levels: A
         if aside <= 0:
             right = min(right, -aside - b.radius[i])
     return left, right
+
+
+@njit(cache=True)
+def _line_through(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: Any, is_through: Any, ahead: Any, behind: Any) -> Any:
+    """Nodes of the line through x, y from a run-up to one in another piece, or, if it is not to lead `through`, to x, y only; and how many
+    of them come before `node`; none where there is no such line."""
+    ahead[0] = node
+    count = _walk(g, demand, node, x, y, dx, dy, ahead) if is_through else 1
+    back = _walk(g, demand, node, x, y, -dx, -dy, behind) if count > 0 else 0
+    if back == 0 or (is_through and g.piece[ahead[count - 1]] == g.piece[behind[back - 1]]):
+        return ahead[:0].copy(), 0
+    return np.concatenate((behind[1:back][::-1], ahead[:count])), back - 1
+
+
+@njit(cache=True)
+def centred_line(g: Any, b: Any, demand: Any, s: Any, dx: Any, dy: Any, is_through: Any, ahead: Any, behind: Any) -> Any:
+    """The line through node s in direction dx, dy, or up to it if it is not to lead `through`, moved aside to where as much room is on its
+    left as on its right: its nodes, how many come before x, y, then x, y, and the lesser room; no nodes where there is none."""
+    x, y, node = g.column[s] // g.ny + 0.5, g.column[s] % g.ny + 0.5, np.int64(s)
+    line, before = _line_through(g, demand, node, x, y, dx, dy, is_through, ahead, behind)
+    if line.size == 0:
+        return line, 0, x, y, 0.0
+    left, right = _room_beside(b, demand, x, y, dx, dy, g.z[line], -before)
+    shift = (left - right) / 2
+    x, y = x - shift * dy, y + shift * dx
+    node = find_node(g.start, g.z, int(np.floor(x)) * g.ny + int(np.floor(y)), np.int64(g.z[s]), demand.rise)
+    if left + right < 0 or node < 0 or not g.passable[node]:
+        return line[:0], 0, x, y, 0.0
+    line, before = _line_through(g, demand, node, x, y, dx, dy, is_through, ahead, behind)
+    if line.size == 0:
+        return line, 0, x, y, 0.0
+    left, right = _room_beside(b, demand, x, y, dx, dy, g.z[line], -before)
+    return line, before, x, y, min(left, right)
 
 
 @lean_njit

@@ -192,15 +192,16 @@ class PathFollower:
         return self._entered is stretch
 
     def _go_straight(self, path: ReferencePath, stretch: Stretch, at: Projection, pose: Pose, around: Surroundings, dt: float) -> Motion:
-        """Into the line of a passage where there is room to turn, and along it; backward where the robot stands in it turned away."""
+        """Into the line of a passage where there is room to turn, and along it; to its end backward where the robot is turned away."""
         self._room = None
         way = 1.0 if abs(angle_difference(stretch.heading, pose[2])) <= math.pi / 2 else -1.0
         drive = StraightDrive(path, stretch, way)
         error = steering_to(pose, stretch.point_at(at.s + self._config.passage_lookahead_m)).heading_error
         is_turning = self._state is FollowerState.TURNING_TO_PATH
-        if abs(error) > (self._config.passage_heading_rad if is_turning else self._config.passage_turn_rad):
+        is_at_begin = at.s < stretch.begin + _RUN_UP_M
+        is_turned_off = abs(error) > (self._config.passage_heading_rad if is_turning else self._config.passage_turn_rad)
+        if is_turned_off and (way > 0.0 or is_at_begin):
             angle = turn_by(error, self._turn_side)
-            is_at_begin = at.s < stretch.begin + _RUN_UP_M
             if around.is_free_turn(pose, angle, drifting=True) or (is_at_begin and around.is_free_turn(pose, angle, drifting=False)):
                 self._be(FollowerState.TURNING_TO_PATH, f"{angle:.2f} rad to turn into the line of a passage")
                 return self._turn(angle, dt)

@@ -68,14 +68,14 @@ def test_path_to_a_passage_is_driven_to_its_very_end(before, robot):
     assert math.dist(drive(follower, world_with_door(0.88), (*before, heading)).poses[-1, :2], points[entry - 1, :2]) > 0.045
 
 
-def test_robot_that_stands_in_the_door_turned_away_drives_out_backward():
+def test_robot_that_stands_in_the_door_turned_away_drives_out_backward_to_the_end_of_its_line():
     points, straight = through_the_door((0.1, 0.0), (2.5, 1.0))
     follower = PathFollower(FollowerConfig())
     follower.set_path(points[straight.argmax() :][4:], None, straight[straight.argmax() :][4:])
     done = drive(follower, world_with_door(0.88), (-0.5, 0.02, math.pi))
     assert done.last.state is FollowerState.REACHED and not done.touched
     assert min(out.v for out in done.outputs) < -0.1
-    inside = np.abs(done.poses[:, 0]) < 0.55
+    inside = done.poses[:, 0] < NARROW_M + RUN_UP_M - 0.1
     assert np.abs(np.abs(done.poses[inside, 2]) - math.pi).max() < 0.2
 
 
