@@ -1,13 +1,11 @@
 """Where to go next (thesis algorithm 3 as a whole, 6.2.2): local terrain first, then the whole map, the cheapest frontier with a path.
 
 The last step of the octomap stage: `ExplorationPlanner.decide` after every sweep at a goal, `still_valid` after a sweep on the way.
-Frontiers that stay what they are although the robot looked at them, or that driving failed to reach, are set aside after a bounded number
-of tries: every run ends.
+Frontiers that stay what they are although the robot looked at them, or that driving failed to reach, are set aside (`tried_places`).
 """
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -21,6 +19,7 @@ from octomap_server_3dnav.lookouts import WayOut, find_lookouts
 from octomap_server_3dnav.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.tried_places import Place, TriedPlaces
 from rigid_geometry import as_transform, yaw_of
 from rigid_geometry.transforms import Transform
 
@@ -66,18 +65,6 @@ class Decision:
     straight: NDArray[np.bool_] | None = None
 
 
-@dataclass
-class _Place:
-    """What happened so far at a frontier."""
-
-    xyz: tuple[float, float, float]
-    goals: int = 0
-    looks: int = 0
-    nearest_m: float = math.inf
-    idle_goals: int = 0
-    failures: list[str] = field(default_factory=list)
-
-
 class ExplorationPlanner:
     """Chooses goals until nothing reachable is unknown; remembers what was tried where, nothing else."""
 
@@ -96,19 +83,19 @@ class ExplorationPlanner:
         problems = [p for c in (self.config, self.terrain_config, self.frontier_config, self.planner_config) for p in c.validate()]
         if problems:
             raise ValueError("\n".join(problems))
-        self._places: list[_Place] = []
+        self._tried = TriedPlaces(self.config)
         self._approach = Approach(self.config, self.planner_config.trim_m)
         self._way_out = WayOut()
 
     def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
         """Frontiers given up so far, each with the reason."""
-        return [(p.xyz, reason) for p in self._places if (reason := self._why_aside(p))]
+        return self._tried.set_aside()
 
     def report_failure(self, frontier_xyz: tuple[float, float, float], reason: str) -> None:
         """Driving to the goal of this frontier failed; after `max_failures` it is set aside. ValueError when it is not three numbers."""
         if len(frontier_xyz) != 3 or not np.isfinite(frontier_xyz).all():
             raise ValueError(f"a frontier is three finite numbers, not {frontier_xyz!r}")
-        self._place(frontier_xyz).failures.append(reason)
+        self._tried.at(frontier_xyz).failures.append(reason)
 
     def with_way_out(self, terrain: Terrain) -> Terrain:
         """The terrain around the robot with the way by which it went to a lookout, while it stands there and nothing else leads out."""
@@ -180,28 +167,29 @@ class ExplorationPlanner:
     def _left_in(self, terrain: Terrain, T_map_base: Transform) -> list[Frontier]:
         """The frontiers that are not set aside, now that the robot has looked once more."""
         frontiers = find_frontiers(terrain, T_map_base, self.frontier_config, self.planner_config)
-        self._count_looks(frontiers, T_map_base)
-        return [f for f in frontiers if not self._is_aside(f.xyz)]
+        x, y, z = (float(v) for v in T_map_base[:3, 3])
+        self._tried.count_looks([f.xyz for f in frontiers], (x, y, z))
+        return [f for f in frontiers if not self._tried.is_aside(f.xyz)]
 
     def _goal_at(self, left: list[Frontier], terrain: Terrain, T_map_base: Transform, scope: str) -> Decision | None:
         """The first of them to which a path leads, as a goal."""
         for count, frontier in enumerate(left):
             path = plan_path(terrain, frontier.node, self.planner_config)
-            place = self._known_place(frontier.xyz)
+            place = self._tried.known(frontier.xyz)
             looks = 0 if place is None else place.looks
             trimmed = None if path is None else self._approach.part_of(path, terrain, T_map_base, frontier, looks)
             if path is not None and trimmed is not None:
                 return self._goal(terrain, T_map_base, scope, frontier, (path, trimmed), len(left) - count)
-            self._place(frontier.xyz).failures.append("no path" if path is None else "no path clear of unknown floor")
+            self._tried.at(frontier.xyz).failures.append("no path" if path is None else "no path clear of unknown floor")
         return None
 
     def _goal(
         self, terrain: Terrain, T_map_base: Transform, scope: str, frontier: Frontier, paths: tuple[Path, Path], left: int
     ) -> Decision:
         path, trimmed = paths
-        place = self._place(frontier.xyz)
+        place = self._tried.at(frontier.xyz)
         place.goals += 1
-        self._count_progress(place, frontier.distance_m)
+        self._tried.count_progress(place, frontier.distance_m)
         reason = f"frontier of {len(frontier.voxels)} voxels, {frontier.distance_m:.1f} m away"
         decision = self._decision(DecisionKind.GOAL, reason, terrain, scope, left)
         goal = self._approach.goal_of(trimmed, path, terrain, T_map_base, frontier)
@@ -215,18 +203,18 @@ class ExplorationPlanner:
         if not self.config.lookouts or (is_inside and self._way_out.is_leaving):
             return None
         for lookout in find_lookouts(terrain, self.frontier_config, self.terrain_config):
-            place = self._place(lookout.xyz)
+            place = self._tried.at(lookout.xyz)
             place.looks += lookout.is_seen_from(terrain, self._trim_at(place))
             way = lookout.way_in(self._trim_at(place))
             if way is None or terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE:
                 continue
-            if self._way_out.has_looked_from(way.line[-1]) or self._why_aside(place):
+            if self._way_out.has_looked_from(way.line[-1]) or self._tried.why_aside(place):
                 continue
             path = plan_into(terrain, way, self.planner_config)
             if path is None or (is_inside and 0 not in path.entries()):
                 place.failures.append("no path to a place from where to look")
                 continue
-            self._count_progress(place, path.length_m)
+            self._tried.count_progress(place, path.length_m)
             part, yaw, is_whole = self._approach.towards(path, T_map_base, facing_yaw(*way.line[[0, -1]]))
             if is_whole:
                 self._way_out.enter(way, terrain)
@@ -234,7 +222,7 @@ class ExplorationPlanner:
             return _with_path(self._decision(DecisionKind.GOAL, reason, terrain, scope, 1), part, path, yaw, lookout.xyz)
         return None
 
-    def _trim_at(self, place: _Place) -> float:
+    def _trim_at(self, place: Place) -> float:
         """How far before the end of the way a lookout is: nearer at every look."""
         return max(self.config.min_trim_m, self.config.edge_trim_m * self.config.closer_factor**place.looks)
 
@@ -243,55 +231,17 @@ class ExplorationPlanner:
         if line is None:
             return None
         x, y, z = (float(v) for v in line[-1])
-        place = self._place((x, y, z))
-        if self._why_aside(place):
+        place = self._tried.at((x, y, z))
+        if self._tried.why_aside(place):
             return None
         self._way_out.is_leaving = True
         path = straight_path(line, self.planner_config)
-        self._count_progress(place, path.length_m)
+        self._tried.count_progress(place, path.length_m)
         decision = self._decision(DecisionKind.GOAL, "out of a place without room to turn", terrain, scope, 0)
         return _with_path(decision, path, path, yaw_of(T_map_base), place.xyz)
 
     def _decision(self, kind: DecisionKind, reason: str, terrain: Terrain, scope: str, left: int) -> Decision:
         return Decision(kind, reason, terrain, scope, left, len(self.set_aside()))
-
-    def _count_looks(self, frontiers: list[Frontier], T_map_base: Transform) -> None:
-        """A frontier that was a goal, and still is one after a sweep from near, was looked at in vain."""
-        for place in {id(p): p for f in frontiers if (p := self._known_place(f.xyz))}.values():
-            near = math.dist(place.xyz, (T_map_base[0, 3], T_map_base[1, 3], T_map_base[2, 3])) <= self.config.near_m
-            if near and place.goals > place.looks:
-                place.looks += 1
-
-    def _count_progress(self, place: _Place, distance_m: float) -> None:
-        """A far frontier may be chosen anew at every sweep on the way to it; only goals that do not bring it nearer are in vain."""
-        if distance_m <= place.nearest_m - self.config.nearer_m:
-            place.nearest_m, place.idle_goals = distance_m, 0
-        place.idle_goals += 1
-
-    def _known_place(self, xyz: tuple[float, float, float]) -> _Place | None:
-        near = [(math.dist(p.xyz, xyz), i) for i, p in enumerate(self._places)]
-        best = min(near, default=None)
-        return self._places[best[1]] if best and best[0] <= self.config.place_radius_m else None
-
-    def _place(self, xyz: tuple[float, float, float]) -> _Place:
-        place = self._known_place(xyz)
-        if place is None:
-            place = _Place((float(xyz[0]), float(xyz[1]), float(xyz[2])))
-            self._places.append(place)
-        return place
-
-    def _is_aside(self, xyz: tuple[float, float, float]) -> bool:
-        place = self._known_place(xyz)
-        return place is not None and self._why_aside(place) is not None
-
-    def _why_aside(self, place: _Place) -> str | None:
-        if len(place.failures) >= self.config.max_failures:
-            return f"not reached in {len(place.failures)} tries: {place.failures[-1]}"
-        if place.looks >= self.config.max_looks:
-            return f"unchanged after {place.looks} looks from near"
-        if place.idle_goals >= self.config.max_goals:
-            return f"no nearer after {place.idle_goals} goals"
-        return None
 
     def _why_explored(self) -> str:
         aside = len(self.set_aside())
