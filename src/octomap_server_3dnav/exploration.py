@@ -25,6 +25,8 @@ from rigid_geometry.transforms import Transform
 
 TerrainWithin = Callable[[float | None], Terrain]
 
+_WORTH_INSIDE = 0.5  # of what a look must show at least: with less a robot that went in to look turns back
+
 
 class DecisionKind(Enum):
     """What the robot is to do."""
@@ -202,7 +204,8 @@ class ExplorationPlanner:
         """
         if not self.config.lookouts or (is_inside and self._way_out.is_leaving):
             return None
-        for lookout in find_lookouts(terrain, self.frontier_config, self.terrain_config):
+        least_m2 = self.frontier_config.least_last_gain_m2 * (_WORTH_INSIDE if is_inside else 1.0)
+        for lookout in find_lookouts(terrain, replace(self.frontier_config, least_last_gain_m2=least_m2), self.terrain_config):
             place = self._tried.at(lookout.xyz)
             place.looks += lookout.is_seen_from(terrain, self._trim_at(place))
             way = lookout.way_in(self._trim_at(place))

@@ -136,6 +136,18 @@ def test_robot_inside_leaves_straight_although_there_is_ground_ahead_that_no_pas
     assert np.ptp(out.path[:, 1]) < 0.1
 
 
+@pytest.mark.parametrize("last_x, is_worth_it", [(63, True), (67, False)])
+def test_robot_inside_goes_on_for_less_than_it_goes_in_for(last_x, is_worth_it):
+    (seen,) = lookouts_in(dead_end())
+    of = FrontierConfig(least_last_gain_m2=0.9 * seen.gain_m2)
+    planner = ExplorationPlanner(ExplorationConfig(lookouts=True, edge_trim_m=0.75), frontier=of)
+    goal = planner.decide(runs_of(dead_end()), pose(1.2, 2.6)).goal
+    planner.decide(runs_of(dead_end()), pose(*goal[:2]))  # in
+    decision = planner.decide(runs_of(dead_end(last_x=last_x)), pose(3.5, goal[1]))
+    assert ("a look" in decision.reason) is is_worth_it and ("out of" in decision.reason) is not is_worth_it
+    assert planner.decide(runs_of(dead_end(last_x=last_x)), pose(1.2, 2.6)).kind is DecisionKind.EXPLORED
+
+
 def test_path_out_is_driven_at_once_whichever_way_the_robot_faces():
     states, way_out = dead_end(), WayOut()
     way = lookouts_in(states)[0].way_in(1.0)
