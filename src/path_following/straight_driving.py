@@ -13,6 +13,7 @@ from path_following.reference_path import Pose, ReferencePath, Stretch
 from path_following.surroundings import Surroundings, arc_poses
 
 _SPACING_M = 0.05
+_FARTHER = (1.0, 2.0, 4.0)  # times the distance of the point steered for: longer arcs, if the shorter is not free
 _LEFT_M = 0.05  # a way out with so little left is over
 
 
@@ -25,15 +26,20 @@ class StraightDrive:
     way: float
 
     def free_curvature(self, config: FollowerConfig, around: Surroundings, pose: Pose, s: float) -> float | None:
-        """Curvature 1/m of the arc that leads back to the line and goes on along it, or else 0 for straight ahead; None if neither is free.
+        """Curvature 1/m of the shortest free arc that leads to the line and on along it, or 0 for straight ahead; None if neither is free.
 
-        Where it is narrow the corners of a robot beside the line may not swing out: straight ahead there may still be room.
+        Where it is narrow the corners of a robot beside the line may not swing out far: a long arc may be free that leads back slowly.
         """
-        lookahead, look = config.passage_lookahead_m, max(config.passage_lookahead_m, min(config.passage_look_m, self.stretch.end - s))
-        to_line = _curvature(self.stretch.point_at(s + lookahead), pose, self.way)
-        if around.is_clear(self._poses(pose, s, to_line, lookahead, look)):
-            return to_line
-        return 0.0 if around.is_clear(arc_poses(pose, self.way, 0.0, look)) else None
+        for farther in _FARTHER:
+            lookahead = farther * config.passage_lookahead_m
+            to_line = _curvature(self.stretch.point_at(s + lookahead), pose, self.way)
+            if around.is_clear(self._poses(pose, s, to_line, lookahead, self._look(config, s, lookahead))):
+                return to_line
+        return 0.0 if around.is_clear(arc_poses(pose, self.way, 0.0, self._look(config, s, config.passage_lookahead_m))) else None
+
+    def _look(self, config: FollowerConfig, s: float, lookahead: float) -> float:
+        """How far ahead the way must be free."""
+        return max(lookahead, min(config.passage_look_m, self.stretch.end - s))
 
     def _poses(self, pose: Pose, s: float, curvature: float, lookahead: float, look: float) -> NDArray[np.float64]:
         """(K, 3) poses along an arc and then along the line, `look` metres in all."""

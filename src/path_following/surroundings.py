@@ -58,9 +58,10 @@ class Slide:
 
     def along(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """(K, 3) poses of a motion with what it slides from the first one on."""
-        middle = poses[:-1, 2] + 0.5 * np.diff(poses[:, 2])
+        turned = (np.diff(poses[:, 2]) + math.pi) % (2 * math.pi) - math.pi
+        middle = poses[:-1, 2] + 0.5 * turned
         left = np.stack([-np.sin(middle), np.cos(middle)], axis=1)
-        aside = slide_per_rad(left @ np.asarray(self.downhill_xy), self.at_one_in_ten_m) * np.abs(np.diff(poses[:, 2]))
+        aside = slide_per_rad(left @ np.asarray(self.downhill_xy), self.at_one_in_ten_m) * np.abs(turned)
         slid = poses.copy()
         slid[1:, :2] += np.cumsum(aside[:, None] * left, axis=0)
         return slid

@@ -79,6 +79,28 @@ def test_robot_that_stands_in_the_door_turned_away_drives_out_backward_to_the_en
     assert np.abs(np.abs(done.poses[inside, 2]) - math.pi).max() < 0.2
 
 
+@pytest.mark.parametrize("heading", [math.pi, -math.pi + 0.02])
+def test_heading_that_wraps_is_no_turn_on_which_the_robot_slides(heading):
+    world, follower = world_with_door(0.88), PathFollower(FollowerConfig())
+    world.lethal[world.cells(-6.0, 6.0, -6.0, -0.44)] = world.lethal[world.cells(-6.0, 6.0, 0.44, 6.0)] = True
+    x = np.linspace(-0.4, 2.0, 17)
+    follower.set_path(np.column_stack([x, 0 * x, 0 * x]), None, x < 2.0)
+    done = drive(follower, world, (-0.4, 0.03, heading), robot=Robot(slope_rad=0.2))
+    assert done.last.state is FollowerState.REACHED and not done.touched
+    assert np.abs(done.poses[done.poses[:, 0] > 1.2, 1]).max() < 0.01
+
+
+@pytest.mark.parametrize("way", [0.0, math.pi], ids=["forward", "backward"])
+def test_robot_beside_the_line_gets_back_to_it_where_its_corners_may_not_swing_far(way):
+    world, follower = world_with_door(0.88), PathFollower(FollowerConfig())
+    world.lethal[world.cells(-6.0, 6.0, -6.0, -0.4)] = world.lethal[world.cells(-6.0, 6.0, 0.4, 6.0)] = True
+    x = np.linspace(-0.4, 3.0, 23)
+    follower.set_path(np.column_stack([x, 0 * x, 0 * x]), None, x < 3.0)
+    done = drive(follower, world, (-0.4, 0.04, way + 0.01))
+    assert done.last.state is FollowerState.REACHED and not done.touched
+    assert np.abs(done.poses[done.poses[:, 0] > 1.2, 1]).max() < 0.02
+
+
 def test_door_that_is_blocked_while_the_robot_is_in_it_is_left_the_way_it_came():
     world, follower = world_with_door(0.88), follower_on((-3.0, 0.0), (2.5, 1.0))
 
