@@ -38,7 +38,7 @@ class ExplorationConfig:
     )
     entry_rad: float = parameter(0.35, "rad", "and when it faces along it within this angle", low=0.0, high=3.2)
     lookouts: bool = parameter(
-        False, "-", "at the end look, too, from where the robot can drive in straight but not turn: up a narrow ramp, into a dead end"
+        True, "-", "at the end look, too, from where the robot can drive in straight but not turn: up a narrow ramp, into a dead end"
     )
     closer_factor: float = parameter(0.6, "-", "the path is trimmed to this share at every further look", low=0.1, high=1.0)
 
