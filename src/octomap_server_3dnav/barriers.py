@@ -182,9 +182,9 @@ def turning_radii(config: TerrainConfig, limits: Limits) -> Radii:
 
 
 def passage_radii(config: TerrainConfig, limits: Limits) -> Radii:
-    """How far the middle line of a passage keeps off."""
+    """How far the middle line of a passage keeps off; of ground that is too steep as of a cliff, at whose rim some often seems so."""
     near, cliff = config.narrow_radius_m / limits.resolution, config.narrow_cliff_radius_m / limits.resolution
-    return Radii(near, near + _RIM, cliff)
+    return Radii(near, max(near, cliff), cliff)
 
 
 def narrow_radii(config: TerrainConfig, limits: Limits) -> Radii:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
 from octomap_server_3dnav.passages import Passage
+from octomap_server_3dnav.straight_lines import KeptOff
 
 
 class TerrainClass(IntEnum):
@@ -35,7 +36,8 @@ class Terrain:
     not turn; narrow (N,) bool, inflated ground wide enough to drive straight over, `passages` the ways to do so; cost (N,) float32,
     factor on the length of a path, inf where no path may go; neighbours (N, 4) int32 to +x, +y, -x, -y, -1 for none (a frontier's are the
     nodes it was seen from); start, the voxel beneath the robot, and departure, where paths begin when the start lies in the inflation:
-    node indices, None when there is none; radius_m of the classification, None for the whole map; robot_xyz, where base_link was.
+    node indices, None when there is none; radius_m of the classification, None for the whole map; robot_xyz, where base_link was;
+    kept_off, what straight lines keep off.
     """
 
     resolution: float
@@ -57,6 +59,7 @@ class Terrain:
     window_key: tuple[int, int]
     window_size: tuple[int, int]
     column_start: NDArray[np.int64]
+    kept_off: KeptOff
     passages: tuple[Passage, ...] = ()
 
     def centers(self, nodes: NDArray[np.integer] | slice | None = None) -> NDArray[np.float32]:

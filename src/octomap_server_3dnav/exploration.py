@@ -25,7 +25,7 @@ from rigid_geometry.transforms import Transform
 
 TerrainWithin = Callable[[float | None], Terrain]
 
-_WORTH_INSIDE = 0.5  # of what a look must show at least: with less a robot that went in to look turns back
+_STILL_WORTH = 0.5  # of what a look must show at least: with less a robot that is on its way there gives it up
 
 
 class DecisionKind(Enum):
@@ -204,9 +204,12 @@ class ExplorationPlanner:
         """
         if not self.config.lookouts or (is_inside and self._way_out.is_leaving):
             return None
-        least_m2 = self.frontier_config.least_last_gain_m2 * (_WORTH_INSIDE if is_inside else 1.0)
-        for lookout in find_lookouts(terrain, replace(self.frontier_config, least_last_gain_m2=least_m2), self.terrain_config):
+        least_m2 = self.frontier_config.least_last_gain_m2
+        of = replace(self.frontier_config, least_last_gain_m2=_STILL_WORTH * least_m2)
+        for lookout in find_lookouts(terrain, of, self.terrain_config):
             place = self._tried.at(lookout.xyz)
+            if lookout.gain_m2 < least_m2 and not is_inside and not place.idle_goals:
+                continue
             place.looks += lookout.is_seen_from(terrain, self._trim_at(place))
             way = lookout.way_in(self._trim_at(place))
             if way is None or terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE:

@@ -13,11 +13,10 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from octomap_server_3dnav.barriers import middles, passage_radii
 from octomap_server_3dnav.frontier_gain import unknown_area_m2
 from octomap_server_3dnav.frontiers import FrontierConfig
 from octomap_server_3dnav.passages import ASIDE_M, Passage
-from octomap_server_3dnav.straight_lines import DIRECTIONS, Demand, Ground, KeptOff, centred_line, is_covered, points_of, score_of
+from octomap_server_3dnav.straight_lines import DIRECTIONS, Demand, Ground, centred_line, is_covered, points_of, score_of
 from octomap_server_3dnav.terrain import Terrain, TerrainClass
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 from octomap_server_3dnav.voxel_clusters import cluster_voxels
@@ -128,27 +127,13 @@ def _ground_of(terrain: Terrain) -> Ground:
     return Ground(ny, start, column, terrain.z[:count], terrain.neighbours[:count], ground, is_open | terrain.narrow[:count], piece)
 
 
-def _kept_off(terrain: Terrain, config: TerrainConfig, limits: Limits) -> KeptOff:
-    """What ways to lookouts keep off, as passages do; voxels that stand beside the ground as obstacles."""
-    radii, (kx, ky), ny = passage_radii(config, limits), terrain.window_key, terrain.window_size[1]
-
-    def places(nodes: NDArray[np.int64]) -> NDArray[np.float64]:
-        column = (terrain.ix[nodes].astype(np.int64) - kx) * ny + terrain.iy[nodes] - ky
-        return middles(column, terrain.z[nodes], ny)
-
-    obstacles = terrain.nodes_of(TerrainClass.OBSTACLE)
-    stand, steep = obstacles[obstacles >= terrain.surface_count], obstacles[obstacles < terrain.surface_count]
-    kinds = (stand, radii.obstacles), (steep, radii.steep), (terrain.nodes_of(TerrainClass.CLIFF), radii.cliffs)
-    return KeptOff.of([(places(nodes), radius) for nodes, radius in (*kinds, (terrain.frontiers(), radii.cliffs))])
-
-
 def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -> list[Lookout]:
     """The lookouts at unknown floor of which a look may show `of.least_last_gain_m2`, the one that may show most first."""
     unknown = terrain.frontiers()
     if not unknown.size or terrain.departure is None or not terrain.narrow.any():
         return []
     limits = Limits.of(config, terrain.resolution, is_measured=True)
-    ground, kept_off, demand = _ground_of(terrain), _kept_off(terrain, config, limits), Demand.of(config, limits)
+    ground, demand = _ground_of(terrain), Demand.of(config, limits)
     xyz = terrain.centers(unknown).astype(np.float64)
     cluster = cluster_voxels(np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[unknown])
     ends = np.flatnonzero(ground.passable & (ground.piece < 0))
@@ -163,14 +148,14 @@ def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -
         if gain < of.least_last_gain_m2:
             continue
         near = np.unique(np.concatenate(tree.query_ball_point(xyz[members], 1.5 * _LAST_M)).astype(np.int64))
-        line, points = _line_to(terrain, ground, kept_off, demand, ends[near], xyz[members])
+        line, points = _line_to(terrain, ground, demand, ends[near], xyz[members])
         if line.size:
             found.append(Lookout(tuple(xyz[middle].tolist()), gain, line, points))
     return sorted(found, key=lambda lookout: (-round(lookout.gain_m2, 6), lookout.xyz))
 
 
 def _line_to(
-    terrain: Terrain, ground: Ground, kept_off: KeptOff, demand: Demand, ends: NDArray[np.int64], unknown: NDArray[np.float64]
+    terrain: Terrain, ground: Ground, demand: Demand, ends: NDArray[np.int64], unknown: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """Nodes and points of the way to one of the nodes `ends` before unknown floor (M, 3); none where there is no such way."""
     off = terrain.centers(ends)[:, None].astype(np.float64) - unknown
@@ -181,6 +166,6 @@ def _line_to(
     starts = ends[near[np.argsort(away[near], kind="stable")][np.unique(np.linspace(0, near.size - 1, _STARTS).astype(np.int64))]]
     towards = unknown.mean(axis=0)[:2] / terrain.resolution - terrain.window_key
     reach = demand.longest_line + float(np.ptp(unknown[:, :2])) / terrain.resolution
-    around = kept_off.around(float(towards[0]), float(towards[1]), reach)
+    around = terrain.kept_off.around(float(towards[0]), float(towards[1]), reach)
     line, (x, y, dx, dy) = _best_way(ground, around, demand, starts, towards, _FACING, DIRECTIONS, demand.longest_line)
     return line, points_of(ground, line, (x, y), (dx, dy), line.size - 1, terrain.window_key, terrain.resolution)

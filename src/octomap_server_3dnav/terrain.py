@@ -66,10 +66,11 @@ class _Judged(NamedTuple):
     start: int | None
     departure: Departure
     passages: list[Passage]
+    kept_off: KeptOff
 
 
 def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | None, robot: NDArray[np.float64]) -> Terrain:
-    label, narrow, near_kerb, cost, obstacles, edges, beside_reached, start, departure, passages = judged
+    label, narrow, near_kerb, cost, obstacles, edges, beside_reached, start, departure, passages, kept_off = judged
     keep, number = kernels.number_nodes(label)
     obstacles = unique_pairs(obstacles[:, 0], obstacles[:, 1])
     frontiers, frontier_of_edge = _unique_frontiers(edges, limits.step)
@@ -104,6 +105,7 @@ def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | N
         window_size=(scene.columns.nx, scene.columns.ny),
         column_start=kernels.column_starts(scene.surfaces.start, number),
         passages=tuple(Passage((int(number[p.nodes[0]]), int(number[p.nodes[1]])), p.line) for p in passages),
+        kept_off=kept_off,
     )
 
 
@@ -126,12 +128,17 @@ def _over_passages(
     return left, departure._replace(reached=connected_pieces(piece, left, departure.node))
 
 
+def _kept_off(scene: Scene, barriers: Barriers, edges: NDArray[np.int64], config: TerrainConfig, limits: Limits) -> KeptOff:
+    """What the robot keeps off where it only drives straight: barriers in voxels, and floor that was not seen."""
+    radii, unknown = passage_radii(config, limits), middles(edges[:, 0], edges[:, 1], scene.columns.ny)
+    return KeptOff.of([*zip(barriers[:3], radii, strict=True), (unknown, radii.cliffs)])
+
+
 def _passages(
     scene: Scene,
     label: NDArray[np.uint8],
     narrow: NDArray[np.bool_],
-    barriers: Barriers,
-    edges: NDArray[np.int64],
+    kept_off: KeptOff,
     departure: Departure,
     config: TerrainConfig,
     limits: Limits,
@@ -146,8 +153,6 @@ def _passages(
     passable = narrow | (label == TerrainClass.TRAVERSABLE)
     surfaces = scene.surfaces
     ground = Ground(scene.columns.ny, surfaces.start, surfaces.column, surfaces.z, scene.links.graph, drivable, passable, piece)
-    radii, unknown = passage_radii(config, limits), middles(edges[:, 0], edges[:, 1], scene.columns.ny)
-    kept_off = KeptOff.of([*zip(barriers[:3], radii, strict=True), (unknown, radii.cliffs)])
     return find_passages(ground, kept_off, scene, config, limits)
 
 
@@ -183,7 +188,8 @@ def classify(
     is_narrow = (narrow == TerrainClass.TRAVERSABLE) & (label == TerrainClass.INFLATION)
     edges = frontier_edges(scene, label, seen, radius_m, limits)
     before = departure_of(scene, label, start, config)
-    passages = _passages(scene, label, is_narrow, in_voxels, edges, before, config, limits)
+    kept_off = _kept_off(scene, in_voxels, edges, config, limits)
+    passages = _passages(scene, label, is_narrow, kept_off, before, config, limits)
     passages, before = _over_passages(scene, label, passages, before, config)
     label, departure = off_doubtful_floor(scene, label, edges, start, before, config, limits)
     passages, departure = _over_passages(scene, label, passages, departure, config)
@@ -192,5 +198,6 @@ def classify(
         passages += [rest for way in ways if (rest := way.rest_from((robot[0], robot[1]), start))]
     near_kerb = near_kerbs(scene, label, config, limits)
     cost = soft_cost(scene, label, near_kerb, edges, config, limits)
-    judged = _Judged(label, is_narrow, near_kerb, cost, obstacles, edges, before.reached[edges[:, 2]], start, departure, passages)
+    beside_reached = before.reached[edges[:, 2]]
+    judged = _Judged(label, is_narrow, near_kerb, cost, obstacles, edges, beside_reached, start, departure, passages, kept_off)
     return _assemble(scene, judged, limits, radius_m, robot)
