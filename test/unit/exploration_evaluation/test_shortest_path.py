@@ -73,6 +73,15 @@ def test_place_nearer_to_a_wall_than_the_robot_turns_is_joined_and_one_beyond_th
             shortest_length(hall, [(5, 5, BASE_M), place])
 
 
+def test_way_to_a_place_without_room_to_turn_is_straight_and_no_longer_than_between_two_sweeps():
+    world = join(room(10, 10), wall(5, 0, 5, 4.5), wall(5, 5.5, 5, 10))  # a door of 1 m
+    ground = reachable_ground(*world, (2, 5, 0.1))
+    before, inside = (3.0, 5.0, BASE_M), (5.0, 5.0, BASE_M)
+    assert shortest_length(ground, [(2.0, 5.0, BASE_M), before, inside, before]) == pytest.approx(5.0, abs=0.1)
+    with pytest.raises(ValueError, match="place 1 of the way, .* is not on reachable ground"):
+        shortest_length(ground, [(2.0, 5.0, BASE_M), inside])
+
+
 @pytest.mark.parametrize("bad", [np.zeros((1, 3)), np.zeros((2, 2)), np.full((2, 3), np.nan)])
 def test_what_is_no_way_is_refused(hall, bad):
     with pytest.raises(ValueError, match="two finite places or more"):
