@@ -15,7 +15,7 @@ from octomap_server_3dnav.approach import Approach
 from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.exploration_config import ExplorationConfig
 from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
-from octomap_server_3dnav.lookouts import WayOut, find_lookouts
+from octomap_server_3dnav.lookouts import Lookout, WayOut, find_lookouts
 from octomap_server_3dnav.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
@@ -25,7 +25,7 @@ from rigid_geometry.transforms import Transform
 
 TerrainWithin = Callable[[float | None], Terrain]
 
-_STILL_WORTH = 0.5  # of what a look must show at least: with less a robot that is on its way there gives it up
+_STILL_WORTH = 0.5  # of what a look must show at least: with less a robot that went in turns back
 
 
 class DecisionKind(Enum):
@@ -88,6 +88,7 @@ class ExplorationPlanner:
         self._tried = TriedPlaces(self.config)
         self._approach = Approach(self.config, self.planner_config.trim_m)
         self._way_out = WayOut()
+        self._sent_to: Lookout | None = None  # before whose way it was sent
 
     def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
         """Frontiers given up so far, each with the reason."""
@@ -204,12 +205,8 @@ class ExplorationPlanner:
         """
         if not self.config.lookouts or (is_inside and self._way_out.is_leaving):
             return None
-        least_m2 = self.frontier_config.least_last_gain_m2
-        of = replace(self.frontier_config, least_last_gain_m2=_STILL_WORTH * least_m2)
-        for lookout in find_lookouts(terrain, of, self.terrain_config):
+        for lookout in self._lookouts_left(terrain, is_inside):
             place = self._tried.at(lookout.xyz)
-            if lookout.gain_m2 < least_m2 and not is_inside and not place.idle_goals:
-                continue
             place.looks += lookout.is_seen_from(terrain, self._trim_at(place))
             way = lookout.way_in(self._trim_at(place))
             if way is None or terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE:
@@ -222,11 +219,19 @@ class ExplorationPlanner:
                 continue
             self._tried.count_progress(place, path.length_m)
             part, yaw, is_whole = self._approach.towards(path, T_map_base, facing_yaw(*way.line[[0, -1]]))
+            self._sent_to = None if is_whole else lookout
             if is_whole:
                 self._way_out.enter(way, terrain)
             reason = f"a look at {lookout.gain_m2:.0f} m2 from where there is no room to turn"
             return _with_path(self._decision(DecisionKind.GOAL, reason, terrain, scope, 1), part, path, yaw, lookout.xyz)
         return None
+
+    def _lookouts_left(self, terrain: Terrain, is_inside: bool) -> list[Lookout]:
+        """The one that the robot is on its way to, then all others."""
+        least_m2 = self.frontier_config.least_last_gain_m2 * (_STILL_WORTH if is_inside else 1.0)
+        found = find_lookouts(terrain, replace(self.frontier_config, least_last_gain_m2=least_m2), self.terrain_config)
+        before = None if self._sent_to is None or is_inside else self._sent_to.still_in(terrain, self.config.place_radius_m)
+        return found if before is None else [before, *found]
 
     def _trim_at(self, place: Place) -> float:
         """How far before the end of the way a lookout is: nearer at every look."""

@@ -43,6 +43,14 @@ class Lookout:
         last = int(np.count_nonzero(left >= trim_m)) - 1
         return Passage((int(self.nodes[0]), int(self.nodes[last])), self.line[: last + 1]) if last > 0 else None
 
+    def still_in(self, terrain: Terrain, place_radius_m: float) -> "Lookout | None":
+        """The same in a later terrain; None where its way is not passable any more, or nothing is unknown around its middle."""
+        nodes = [terrain.surface_near(point) for point in self.line]
+        places = [node for node in nodes if node is not None and (terrain.narrow[node] or terrain.label[node] == TerrainClass.TRAVERSABLE)]
+        away = np.linalg.norm(terrain.centers(terrain.frontiers()) - np.array(self.xyz), axis=1)
+        is_left = len(places) == len(nodes) and (away <= place_radius_m).any()
+        return replace(self, nodes=np.array(places, dtype=np.int32)) if is_left else None
+
     def is_seen_from(self, terrain: Terrain, trim_m: float) -> bool:
         """Whether the robot stands as near to the end of the way, in it, as where it would be sent to."""
         x, y, _ = terrain.robot_xyz

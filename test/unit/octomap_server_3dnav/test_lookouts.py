@@ -137,18 +137,31 @@ def test_robot_inside_leaves_straight_although_there_is_ground_ahead_that_no_pas
 
 
 @pytest.mark.parametrize("last_x, is_worth_it", [(63, True), (67, False)])
-def test_robot_on_its_way_goes_on_for_less_than_it_sets_out_for(last_x, is_worth_it):
+def test_robot_inside_goes_on_for_less_than_it_goes_in_for(last_x, is_worth_it):
     (seen,) = lookouts_in(dead_end())
     of = FrontierConfig(least_last_gain_m2=0.9 * seen.gain_m2)
-    planner = ExplorationPlanner(ExplorationConfig(lookouts=True, edge_trim_m=0.75), frontier=of)
+    planner = ExplorationPlanner(ExplorationConfig(edge_trim_m=0.75), frontier=of)
     assert planner.decide(runs_of(dead_end(last_x=last_x)), pose(1.2, 2.6)).kind is DecisionKind.EXPLORED
     goal = planner.decide(runs_of(dead_end()), pose(1.2, 2.6)).goal
-    on = planner.decide(runs_of(dead_end(last_x=last_x)), pose(1.3, 2.6))
-    assert (on.kind is DecisionKind.GOAL) is is_worth_it
     planner.decide(runs_of(dead_end()), pose(*goal[:2]))  # in
     decision = planner.decide(runs_of(dead_end(last_x=last_x)), pose(3.5, goal[1]))
     assert ("a look" in decision.reason) is is_worth_it and ("out of" in decision.reason) is not is_worth_it
     assert planner.decide(runs_of(dead_end(last_x=last_x)), pose(1.2, 2.6)).kind is DecisionKind.EXPLORED
+
+
+def test_robot_goes_on_to_where_it_was_sent_to_look_until_that_was_seen_or_the_way_is_barred():
+    (seen,) = lookouts_in(dead_end())
+    of = FrontierConfig(least_last_gain_m2=0.9 * seen.gain_m2)
+    less, barred = dead_end(last_x=61), dead_end(last_x=61)
+    less[66:] = OCCUPIED  # less to see
+    barred[44, :, BELOW:] = OCCUPIED
+    for states, goes_on in ((less, True), (barred, False), (dead_end(last_x=70), False)):
+        planner = ExplorationPlanner(ExplorationConfig(edge_trim_m=0.75), frontier=of)
+        assert planner.decide(runs_of(states), pose(1.2, 2.6)).kind is DecisionKind.EXPLORED
+        first = planner.decide(runs_of(dead_end()), pose(1.2, 2.6))
+        after = planner.decide(runs_of(states), pose(1.3, 2.6))
+        assert (after.kind is DecisionKind.GOAL) is goes_on
+        assert not goes_on or math.dist(after.goal[:2], first.goal[:2]) < 0.1
 
 
 def test_path_out_is_driven_at_once_whichever_way_the_robot_faces():
