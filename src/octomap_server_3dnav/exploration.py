@@ -230,7 +230,7 @@ class ExplorationPlanner:
         """The one that the robot is on its way to, then all others."""
         least_m2 = self.frontier_config.least_last_gain_m2 * (_STILL_WORTH if is_inside else 1.0)
         found = find_lookouts(terrain, replace(self.frontier_config, least_last_gain_m2=least_m2), self.terrain_config)
-        before = None if self._sent_to is None or is_inside else self._sent_to.still_in(terrain, self.config.place_radius_m)
+        before = None if self._sent_to is None or is_inside else self._sent_to.still_in(terrain)
         return found if before is None else [before, *found]
 
     def _trim_at(self, place: Place) -> float:

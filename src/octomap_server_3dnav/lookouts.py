@@ -23,6 +23,7 @@ from octomap_server_3dnav.voxel_clusters import cluster_voxels
 
 _STARTS = 16  # nodes at the end of the ground from which ways back are tried
 _LAST_M = 0.8  # how far from the floor that was not seen the ground may end
+_NEAR_END_M = 1.5 * _LAST_M  # and so near to its end what is looked at may be, for the ground is not level
 _SAME_STAND_M = 1.0  # from so near it looks the same
 _FACING = 0.7  # cosine of the angle between a way and what it leads to
 
@@ -43,12 +44,12 @@ class Lookout:
         last = int(np.count_nonzero(left >= trim_m)) - 1
         return Passage((int(self.nodes[0]), int(self.nodes[last])), self.line[: last + 1]) if last > 0 else None
 
-    def still_in(self, terrain: Terrain, place_radius_m: float) -> "Lookout | None":
-        """The same in a later terrain; None where its way is not passable any more, or nothing is unknown around its middle."""
+    def still_in(self, terrain: Terrain) -> "Lookout | None":
+        """The same in a later terrain; None where its way is not passable any more, or nothing is unknown near its end."""
         nodes = [terrain.surface_near(point) for point in self.line]
         places = [node for node in nodes if node is not None and (terrain.narrow[node] or terrain.label[node] == TerrainClass.TRAVERSABLE)]
-        away = np.linalg.norm(terrain.centers(terrain.frontiers()) - np.array(self.xyz), axis=1)
-        is_left = len(places) == len(nodes) and (away <= place_radius_m).any()
+        away = np.linalg.norm(terrain.centers(terrain.frontiers()) - self.line[-1], axis=1)
+        is_left = len(places) == len(nodes) and (away <= _NEAR_END_M).any()
         return replace(self, nodes=np.array(places, dtype=np.int32)) if is_left else None
 
     def is_seen_from(self, terrain: Terrain, trim_m: float) -> bool:
@@ -155,7 +156,7 @@ def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -
         gain = float(unknown_area_m2(terrain, unknown[middle : middle + 1], of.gain_radius_m)[0])
         if gain < of.least_last_gain_m2:
             continue
-        near = np.unique(np.concatenate(tree.query_ball_point(xyz[members], 1.5 * _LAST_M)).astype(np.int64))
+        near = np.unique(np.concatenate(tree.query_ball_point(xyz[members], _NEAR_END_M)).astype(np.int64))
         line, points = _line_to(terrain, ground, demand, ends[near], xyz[members])
         if line.size:
             found.append(Lookout(tuple(xyz[middle].tolist()), gain, line, points))
