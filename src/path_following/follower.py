@@ -200,7 +200,8 @@ class PathFollower:
         is_turning = self._state is FollowerState.TURNING_TO_PATH
         is_at_begin = at.s < stretch.begin + _RUN_UP_M
         is_turned_off = abs(error) > (self._config.passage_heading_rad if is_turning else self._config.passage_turn_rad)
-        if is_turned_off and (way > 0.0 or is_at_begin):
+        begins_inside = stretch.begin < _AT_BEGIN_M  # with a path that begins in its line the robot may stand where it cannot turn
+        if is_turned_off and (way > 0.0 or (is_at_begin and not begins_inside)):
             angle = turn_by(error, self._turn_side)
             if around.is_free_turn(pose, angle, drifting=True) or (is_at_begin and around.is_free_turn(pose, angle, drifting=False)):
                 self._be(FollowerState.TURNING_TO_PATH, f"{angle:.2f} rad to turn into the line of a passage")

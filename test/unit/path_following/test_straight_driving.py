@@ -79,6 +79,14 @@ def test_robot_that_stands_in_the_door_turned_away_drives_out_backward_to_the_en
     assert np.abs(np.abs(done.poses[inside, 2]) - math.pi).max() < 0.2
 
 
+def test_robot_whose_path_begins_in_the_line_backs_to_its_end_although_the_costmap_shows_room_to_turn():
+    follower, x = PathFollower(FollowerConfig()), np.linspace(0.0, 2.0, 15)
+    follower.set_path(np.column_stack([x, 0 * x, 0 * x]), None, x < 2.0)
+    done = drive(follower, World(12.0), (0.0, 0.02, math.pi))
+    assert done.last.state is FollowerState.REACHED and done.poses[-1, 0] > 1.9
+    assert np.abs(np.abs(done.poses[:, 2]) - math.pi).max() < 0.2
+
+
 @pytest.mark.parametrize("heading", [math.pi, -math.pi + 0.02])
 def test_heading_that_wraps_is_no_turn_on_which_the_robot_slides(heading):
     world, follower = world_with_door(0.88), PathFollower(FollowerConfig())
