@@ -130,8 +130,7 @@ class ExplorationPlanner:
                 return decision
         last = [] if is_inside else [f for f in frontiers if f.last]
         return (
-            self._goal_at(last, terrain, T_map_base, scope)
-            or self._lookout_in(terrain, T_map_base, scope, is_inside)
+            self._last_in(last, terrain, T_map_base, scope, is_inside)
             or self._out_by(line_out, terrain, T_map_base, scope)
             or self._decision(DecisionKind.EXPLORED, self._why_explored(), terrain, scope, 0)
         )
@@ -197,6 +196,12 @@ class ExplorationPlanner:
         decision = self._decision(DecisionKind.GOAL, reason, terrain, scope, left)
         goal = self._approach.goal_of(trimmed, path, terrain, T_map_base, frontier)
         return _with_path(decision, trimmed, path, goal[3], frontier.xyz)
+
+    def _last_in(self, last: list[Frontier], terrain: Terrain, T_map_base: Transform, scope: str, is_inside: bool) -> Decision | None:
+        """To a frontier that is looked at last, or to a look from inside: first of all to that which the robot is on its way to."""
+        if self._sent_to is not None:
+            return self._lookout_in(terrain, T_map_base, scope, is_inside) or self._goal_at(last, terrain, T_map_base, scope)
+        return self._goal_at(last, terrain, T_map_base, scope) or self._lookout_in(terrain, T_map_base, scope, is_inside)
 
     def _lookout_in(self, terrain: Terrain, T_map_base: Transform, scope: str, is_inside: bool) -> Decision | None:
         """To where something is to be seen from a place without room to turn, and nearer if that did not show it.
