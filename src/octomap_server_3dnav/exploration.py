@@ -68,7 +68,7 @@ class Decision:
 
 
 class ExplorationPlanner:
-    """Chooses goals until nothing reachable is unknown; remembers what was tried where, nothing else."""
+    """Chooses goals until nothing reachable is unknown; remembers what was tried where, and how the robot went to where it cannot turn."""
 
     def __init__(
         self,

@@ -58,7 +58,7 @@ class TerrainConfig:
         high=3.0,
     )
     narrow_cliff_radius_m: float = parameter(
-        0.40, "m", "the same from cliffs and from floor that was not seen; as much as cliff_inflation_radius_m: never", low=0.0, high=3.0
+        0.40, "m", "the same from cliffs, too steep ground and unseen floor; as much as cliff_inflation_radius_m: never", low=0.0, high=3.0
     )
     narrow_width_m: float = parameter(0.67, "m", "width of the robot: so wide a passage must be known ground all along", low=0.1, high=5.0)
     narrow_length_m: float = parameter(6.0, "m", "longest way without room to turn", low=0.0, high=20.0)
