@@ -1,5 +1,7 @@
 """Small holes between surfaces: floor is assumed where a few columns are unknown and the ground on both sides is one (thesis 5.5).
 
+So it is over a column that is too deep for a step and as deep as that all around: no wheel falls into it.
+
 Second step of `terrain.classify`, over the surfaces of `surface_columns`; everything is in voxels.
 """
 
@@ -10,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.lean_kernels import lean_njit
-from octomap_server_3dnav.surface_columns import NO_VOXEL, Columns, Surfaces, blocking_voxel, find_node, seen_down_to, slope_behind
+from octomap_server_3dnav.surface_columns import DX, DY, NO_VOXEL, Columns, Surfaces, blocking_voxel, find_node, seen_down_to, slope_behind
 
 
 @lean_njit
@@ -189,3 +191,43 @@ def bridge_holes(columns: Columns, surfaces: Surfaces, clearance: int, hole: int
         _bridges(columns, surfaces, limits, out)
     found = out[:count]
     return Surfaces(*_with_holes(surfaces, _one_per_hole(found, step))) if len(found) else surfaces
+
+
+@lean_njit
+def _sides_of_pit(surfaces: Any, s: Any, ny: Any, step: Any, max_step: Any, sides: Any) -> Any:
+    """Whether all four columns beside node s have ground higher by more than `max_step`, of which those across from each other are one;
+    `sides` (4,) is filled with it."""
+    c, z = np.int64(surfaces.column[s]), np.int64(surfaces.z[s])
+    for k in range(4):
+        sides[k] = find_node(surfaces.start, surfaces.z, c + DX[k] * ny + DY[k], z, step)
+        if sides[k] < 0 or surfaces.level[sides[k]] - surfaces.level[s] <= max_step:
+            return False
+    across = surfaces.level[sides[0]] - surfaces.level[sides[2]], surfaces.level[sides[1]] - surfaces.level[sides[3]]
+    return max(abs(across[0]), abs(across[1])) <= max_step
+
+
+@njit(cache=True)
+def _pits(surfaces: Any, nx: Any, ny: Any, step: Any, max_step: Any) -> Any:
+    """(P,) nodes at the bottom of pits and (P, 4) those beside them."""
+    found, beside, sides = [0 for _ in range(0)], [0 for _ in range(0)], np.empty(4, np.int64)
+    for s in range(surfaces.z.size):
+        c = np.int64(surfaces.column[s])
+        inside = 0 < c // ny < nx - 1 and 0 < c % ny < ny - 1
+        if inside and _sides_of_pit(surfaces, s, ny, step, max_step, sides):
+            found.append(s)
+            beside.extend(sides)
+    return np.array(found, np.int64), np.array(beside, np.int64).reshape(-1, 4)
+
+
+def cover_pits(columns: Columns, surfaces: Surfaces, step: int, max_step: float) -> Surfaces:
+    """The surfaces with floor over pits of a single column, as high as the ground on its four sides is on average."""
+    pits, sides = _pits(surfaces, columns.nx, columns.ny, step, max_step)
+    if not pits.size:
+        return surfaces
+    z, bridged, measured = surfaces.z.copy(), surfaces.bridged.copy(), surfaces.measured.copy()
+    level, slope_level, offset = surfaces.level.copy(), surfaces.slope_level.copy(), surfaces.offset.copy()
+    z[pits], bridged[pits], measured[pits] = np.floor(level[sides].mean(axis=1)), True, surfaces.measured[sides].all(axis=1)
+    level[pits] = np.where(measured[pits], level[sides].mean(axis=1), z[pits] + 0.5)
+    slope_level[pits] = np.where(measured[pits], slope_level[sides].mean(axis=1), z[pits] + 0.5)
+    offset[pits] = 0.0
+    return surfaces._replace(z=z, bridged=bridged, measured=measured, level=level, slope_level=slope_level, offset=offset)

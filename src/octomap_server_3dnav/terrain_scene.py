@@ -12,7 +12,7 @@ from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, tops_of
 from octomap_server_3dnav.surface_graph import Links, centred_levels, nearest_neighbours, slopes_of_open_ground, steppable_neighbours
 from octomap_server_3dnav.surface_heights import SurfaceHeights
-from octomap_server_3dnav.surface_holes import bridge_holes
+from octomap_server_3dnav.surface_holes import bridge_holes, cover_pits
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 
 
@@ -121,7 +121,10 @@ def _surfaces(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | 
     if heights is not None:
         ix, iy = np.divmod(surfaces.column, np.int32(columns.ny))
         surfaces = surfaces.at_heights(heights.at(ix + key[0], iy + key[1], surfaces.z))
-    return bridge_holes(columns, surfaces, limits.clearance, config.hole_bridge_voxels, limits.step, limits.max_measured_step)
+    if config.hole_bridge_voxels == 0:
+        return surfaces
+    surfaces = bridge_holes(columns, surfaces, limits.clearance, config.hole_bridge_voxels, limits.step, limits.max_measured_step)
+    return cover_pits(columns, surfaces, limits.step, limits.max_step)
 
 
 def scene_around(

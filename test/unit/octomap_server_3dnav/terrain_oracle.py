@@ -64,6 +64,8 @@ class Oracle:
         for c, z in self._holes():
             self.nodes.setdefault(c, []).append(z)
         self.nodes = {c: sorted(levels) for c, levels in self.nodes.items()}
+        if self.config.hole_bridge_voxels:
+            self.nodes = {c: [self._covered(Node(*c, z)) for z in levels] for c, levels in self.nodes.items()}
 
     # -- what is known of a column
 
@@ -176,6 +178,13 @@ class Oracle:
                 groups.append([(level, gap)])
         for group in groups:
             yield min(group, key=lambda bridge: (bridge[1], -bridge[0]))[0]
+
+    def _covered(self, s: Node) -> int:
+        """The level of floor over a pit of a single column; else that of the surface itself."""
+        beside = [self.find(moved(s[:2], way), s.z, self.step) for way in SIDES]
+        levels = [n.z for n in beside if n is not None and n.z - s.z > self.limits.max_step]
+        is_pit = len(levels) == 4 and all(abs(levels[k] - levels[k + 2]) <= self.limits.max_step for k in (0, 1))
+        return math.floor(sum(levels) / 4 + 0.5) if is_pit else s.z
 
     # -- steps and slopes
 

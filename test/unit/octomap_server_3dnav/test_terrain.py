@@ -219,6 +219,16 @@ def test_ditch_that_was_seen_is_not_bridged():
     assert label_at(terrain, 39.5 * RESOLUTION, 2.4, 0.04) == CLIFF
 
 
+@pytest.mark.parametrize("columns", [1, 2])
+def test_pit_too_deep_for_a_step_is_floor_only_if_it_is_a_single_column(columns):
+    states = flat()
+    states[40 : 40 + columns, 30, BELOW - 1 : BELOW + 1] = FREE
+    states[40 : 40 + columns, 30, BELOW - 2] = OCCUPIED
+    terrain = terrain_of(states, pose(1.6, 2.4))
+    assert terrain.bridged.sum() == (columns == 1)
+    assert (terrain.z[(terrain.ix == 40) & (terrain.iy == 30)] == (0 if columns == 1 else -2)).all()
+
+
 def test_floor_that_alternates_between_layers_stays_traversable():
     random = np.random.default_rng(5)
     states = grid_of_heights(lambda x, y: 0.079 + 0.012 * random.standard_normal((x.size, y.size)), 60, 60)

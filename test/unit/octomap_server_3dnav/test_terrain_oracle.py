@@ -14,13 +14,15 @@ SMALL = {"robot_height_m": 0.3, "clearance_margin_m": 0.02, "min_traversable_vox
 
 
 def rough_map(rng: np.random.Generator) -> np.ndarray:
-    """(SIDE, SIDE, LAYERS) states: uneven ground with steps, things on it, holes, ceilings, and parts that were not seen."""
+    """(SIDE, SIDE, LAYERS) states: uneven ground with steps, pits, things on it, holes, ceilings, and parts that were not seen."""
     x, y = np.meshgrid(np.arange(SIDE), np.arange(SIDE), indexing="ij")
     slope = rng.uniform(-0.5, 0.5, 2)
     height = GROUND + slope[0] * (x - SIDE / 2) * (rng.random() < 0.5) + slope[1] * (y - SIDE / 2) * (rng.random() < 0.3)
     for _ in range(rng.integers(0, 5)):
         cx, cy, size = *rng.integers(0, SIDE, 2), rng.integers(2, 12)
         height[cx : cx + size, cy : cy + size] += rng.integers(-3, 4)
+    pits = rng.integers(0, SIDE, (2, rng.integers(0, 8)))
+    height[pits[0], pits[1]] -= rng.integers(1, 4)
     z = np.clip(np.round(height + rng.uniform(-0.4, 0.4, height.shape) * (rng.random() < 0.5)).astype(int), 0, LAYERS - 3)
     k = np.arange(LAYERS)
     states = np.where(k > z[:, :, None], FREE, np.where(k == z[:, :, None], OCCUPIED, UNKNOWN))
