@@ -87,7 +87,7 @@ class ExplorationPlanner:
             raise ValueError("\n".join(problems))
         self._tried = TriedPlaces(self.config)
         self._approach = Approach(self.config, self.planner_config.trim_m)
-        self._way_out = WayOut()
+        self._way_out = WayOut(self.terrain_config)
         self._sent_to: Lookout | None = None  # before whose way it was sent
 
     def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
@@ -117,7 +117,7 @@ class ExplorationPlanner:
             else:
                 terrain = terrain_within(radius)
             if radius is not None:
-                self._way_out.notice(terrain)
+                self._way_out.notice(terrain, yaw_of(T_map_base))
             scope, line_out = "global" if radius is None else "local", self._way_out.from_inside(terrain)
             is_inside = line_out is not None and not terrain.is_in_passage
             if is_inside:

@@ -26,6 +26,8 @@ _LAST_M = 0.8  # how far from the floor that was not seen the ground may end
 _NEAR_END_M = 1.5 * _LAST_M  # and so near to its end what is looked at may be, for the ground is not level
 _SAME_STAND_M = 1.0  # from so near it looks the same
 _FACING = 0.7  # cosine of the angle between a way and what it leads to
+_IN_LINE = 0.985  # the same between a way and the robot in it
+_FAR = 1e4  # voxels to where a direction points
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,15 +62,21 @@ class Lookout:
 
 
 class WayOut:
-    """Remembers how the robot went to a lookout, where it cannot turn, and knows its way out for as long as it is there."""
+    """Remembers how the robot went to a lookout, where it cannot turn, and knows its way out for as long as it is there.
 
-    def __init__(self) -> None:
+    Of a robot that it has not seen go in, as after a restart, it takes the way that lies in its line.
+    """
+
+    def __init__(self, config: TerrainConfig) -> None:
+        self._config = config
         self._way_in: Passage | None = None
         self._stands: list[tuple[float, float, float]] = []
         self.is_leaving = False
 
-    def notice(self, terrain: Terrain) -> None:
-        """After every sweep: where the robot can turn it is out; where it cannot it has looked."""
+    def notice(self, terrain: Terrain, yaw: float) -> None:
+        """After every sweep: where the robot can turn it is out; where it cannot it has looked. `yaw` is its heading in map."""
+        if self._way_in is None and _is_far_inside(terrain):
+            self._way_in = _way_in_line(terrain, yaw, self._config)
         if terrain.start is not None and self._way_in is not None:
             if terrain.is_inside:
                 self._stands.append(terrain.robot_xyz)
@@ -103,6 +111,13 @@ class WayOut:
             return terrain
         assert terrain.start is not None
         return replace(terrain, passages=(*terrain.passages, Passage((terrain.start, entry), line)))
+
+
+def _is_far_inside(terrain: Terrain) -> bool:
+    """Whether the robot stands where it cannot turn, in no passage, and farther from where it can than it is long."""
+    if not terrain.is_inside or terrain.departure is None or terrain.is_in_passage:
+        return False
+    return math.dist(terrain.centers(np.array([terrain.departure]))[0, :2], terrain.robot_xyz[:2]) > _SAME_STAND_M
 
 
 @njit(cache=True)
@@ -161,6 +176,22 @@ def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -
         if line.size:
             found.append(Lookout(tuple(xyz[middle].tolist()), gain, line, points))
     return sorted(found, key=lambda lookout: (-round(lookout.gain_m2, 6), lookout.xyz))
+
+
+def _way_in_line(terrain: Terrain, yaw: float, config: TerrainConfig) -> Passage | None:
+    """The straight way from where there is room to turn to the robot, from before or behind it; None where there is no such way."""
+    assert terrain.start is not None
+    ground, demand = _ground_of(terrain), Demand.of(config, Limits.of(config, terrain.resolution, is_measured=True))
+    x, y = np.array(terrain.robot_xyz[:2]) / terrain.resolution - terrain.window_key
+    around, starts = terrain.kept_off.around(float(x), float(y), float(demand.longest_line)), np.array([terrain.start])
+    found = []
+    for towards in (yaw, yaw + math.pi):
+        ahead = np.array([x + _FAR * math.cos(towards), y + _FAR * math.sin(towards)])
+        line, (x0, y0, dx, dy) = _best_way(ground, around, demand, starts, ahead, _IN_LINE, DIRECTIONS, demand.longest_line)
+        if line.size:
+            points = points_of(ground, line, (x0, y0), (dx, dy), line.size - 1, terrain.window_key, terrain.resolution)
+            found.append(Passage((int(line[0]), int(line[-1])), points))
+    return min(found, key=lambda way: len(way.line)) if found else None
 
 
 def _line_to(

@@ -91,7 +91,7 @@ def test_no_lookout_where_the_robot_does_not_fit_or_little_is_to_be_seen(states,
 
 
 def test_way_out_is_the_way_in_until_the_robot_can_turn():
-    states, way_out = dead_end(), WayOut()
+    states, way_out = dead_end(), WayOut(TerrainConfig())
     way = lookouts_in(states)[0].way_in(1.0)
     inside, outside = terrain_of(states, pose(way.line[-1, 0], way.line[-1, 1])), terrain_of(states, pose(1.2, 2.6))
     assert way_out.from_inside(inside) is None and way_out.added_to(inside) is inside
@@ -101,14 +101,36 @@ def test_way_out_is_the_way_in_until_the_robot_can_turn():
     (passage,) = way_out.added_to(inside).passages
     assert passage.nodes[0] == inside.start and inside.label[passage.nodes[1]] == TerrainClass.TRAVERSABLE
     assert way_out.added_to(outside) is outside and way_out.from_inside(inside) is not None  # a look at the map from elsewhere
-    way_out.notice(inside)
+    way_out.notice(inside, 0.0)
     assert not way_out.has_looked_from(way.line[-1])  # it is there
-    way_out.notice(outside)
+    way_out.notice(outside, 0.0)
     assert way_out.from_inside(inside) is None and way_out.has_looked_from(way.line[-1]) and not way_out.has_looked_from(way.line[0])
 
 
+@pytest.mark.parametrize("yaw", [0.0, math.pi, 0.1, -0.1])
+def test_robot_that_wakes_up_inside_leaves_straight_if_it_stands_in_line(yaw):
+    x = 34 * RESOLUTION + 1.5
+    decision = ExplorationPlanner().decide(runs_of(dead_end()), pose(x, 32.5 * RESOLUTION + 0.05, yaw=yaw))
+    assert "out of" in decision.reason and decision.straight[:-1].all() and decision.goal[0] < 34 * RESOLUTION - 0.6
+    assert np.abs(decision.path[:, 1] - 32.5 * RESOLUTION).max() < 0.1
+
+
+def test_robot_that_wakes_up_inside_across_has_no_way_out():
+    terrain, way_out = terrain_of(dead_end(), pose(34 * RESOLUTION + 1.5, 32.5 * RESOLUTION)), WayOut(TerrainConfig())
+    way_out.notice(terrain, 1.2)
+    assert way_out.from_inside(terrain) is None
+    way_out.notice(terrain, 0.0)
+    assert way_out.from_inside(terrain) is not None
+
+
+def test_robot_beside_a_wall_is_not_inside():
+    terrain, way_out = terrain_of(dead_end(), pose(1.2, 0.5)), WayOut(TerrainConfig())
+    way_out.notice(terrain, 0.0)
+    assert terrain.is_inside and way_out.from_inside(terrain) is None
+
+
 def test_robot_that_goes_on_inside_comes_out_by_where_it_went_in():
-    states, way_out = dead_end(), WayOut()
+    states, way_out = dead_end(), WayOut(TerrainConfig())
     (lookout,) = lookouts_in(states)
     way, aside = lookout.way_in(1.5), lookout.way_in(0.75)
     aside = Passage(aside.nodes, aside.line + [0.0, 0.1, 0.0])
@@ -165,7 +187,7 @@ def test_robot_goes_on_to_where_it_was_sent_to_look_until_that_was_seen_or_the_w
 
 
 def test_path_out_is_driven_at_once_whichever_way_the_robot_faces():
-    states, way_out = dead_end(), WayOut()
+    states, way_out = dead_end(), WayOut(TerrainConfig())
     way = lookouts_in(states)[0].way_in(1.0)
     way_out.enter(way, terrain_of(states, pose(1.2, 2.6)))
     T_map_base = pose(way.line[-1, 0], way.line[-1, 1])  # nose first
