@@ -108,3 +108,8 @@ def _clear_rays(
             else:
                 row += step_y
                 next_y += per_y
+
+
+def compile_kernels() -> None:
+    """Compiles the kernel for the types that a scan passes."""
+    _clear_rays(np.zeros((1, 1), dtype=bool), np.zeros((1, 2)), np.zeros(2), np.zeros(2), 1.0, 1.0)

@@ -135,17 +135,22 @@ class MapBuilder:
         self._redraw(list(self._moved))
         return self._tree
 
+    def draw_moved(self, T_map_base: Transform, radius_m: float | None) -> None:
+        """Draws the moved sweeps anew that touch the square of half side `radius_m` around the robot, or all; whoever asks for that square
+        finds it done."""
+        self._redraw(list(self._moved) if radius_m is None else self._moved_within(T_map_base, radius_m))
+
     def runs_around(self, T_map_base: Transform, radius_m: float | None) -> ColumnRuns:
         """The known columns within a square of half side `radius_m` around the robot, or of the whole map."""
+        self.draw_moved(T_map_base, radius_m)
         if radius_m is None:
-            return self.tree.column_runs()
-        self._redraw(self._moved_within(T_map_base, radius_m))
+            return self._tree.column_runs()
         x, y = T_map_base[:2, 3]
         return self._tree.column_runs((x - radius_m, y - radius_m, -np.inf), (x + radius_m, y + radius_m, np.inf))
 
     def binary_around(self, T_map_base: Transform, radius_m: float) -> bytes:
         """`OctreeMap.to_binary` of a cube of half side `radius_m` around the robot."""
-        self._redraw(self._moved_within(T_map_base, radius_m))
+        self.draw_moved(T_map_base, radius_m)
         return self._tree.to_binary(T_map_base[:3, 3] - radius_m, T_map_base[:3, 3] + radius_m)
 
     def _moved_by(self, poses: NDArray[np.float64]) -> dict[int, tuple[_PlacedSweep, Transform]]:

@@ -170,3 +170,23 @@ def _mean_cost(cost: NDArray[np.uint8], corner: NDArray[np.float64], poses: NDAr
         total += _cost_under(cost, corner, poses[k, 0], poses[k, 1])
     mean: float = total / poses.shape[0]
     return mean
+
+
+@dataclass(frozen=True)
+class _FreeFloor:
+    """A costmap of one cell."""
+
+    cost: NDArray[np.uint8]
+    origin_xy: tuple[float, float] = (0.0, 0.0)
+    resolution: float = 1.0
+
+
+def compile_kernels() -> None:
+    """Compiles the kernels for the types that the follower passes, by asking once: a robot that drives does not wait for the compiler."""
+    footprint, pose, cost = footprint_lattice(0.1, 0.1, 0.05), (0.5, 0.5, 0.0), np.zeros((1, 1), dtype=np.uint8)
+    cost.setflags(write=False)  # as the costmap's are
+    around = Surroundings(_FreeFloor(cost), footprint, footprint)
+    around.is_clear(arc_poses(pose, 1.0, 0.0, 0.1))
+    around.is_free_turn(pose, 0.1, drifting=True)
+    around.mean_cost(turn_poses(pose, 0.1))
+    around.cost_under(pose)

@@ -7,7 +7,10 @@ import pytest
 from drive_simulation import Grid
 from hypothesis import given
 from hypothesis import strategies as st
+from numba.core.registry import CPUDispatcher
 
+from local_terrain_costmap import CostmapConfig, LocalCostmap, obstacle
+from path_following import surroundings
 from path_following.pursuit import approached, steering_to
 from path_following.reference_path import ReferencePath
 from path_following.surroundings import Surroundings, Unknown, arc_poses, footprint_lattice, turn_poses
@@ -130,3 +133,19 @@ def test_approach_never_overshoots_and_keeps_its_limits(value, wanted):
     new = approached(value, wanted, 0.1, 0.3)
     assert min(value, wanted) - 1e-12 <= new <= max(value, wanted) + 1e-12
     assert abs(new - value) <= 0.3 + 1e-12
+
+
+def signatures() -> dict[str, set[object]]:
+    kernels = [kernel for module in (surroundings, obstacle) for kernel in vars(module).values() if isinstance(kernel, CPUDispatcher)]
+    return {kernel.__name__: set(kernel.signatures) for kernel in kernels}
+
+
+def test_nothing_that_a_driving_robot_asks_compiles_what_was_not_compiled_beforehand():
+    surroundings.compile_kernels()
+    obstacle.compile_kernels()
+    before, costmap, pose = signatures(), LocalCostmap(CostmapConfig()), (0.2, 0.1, 0.3)
+    costmap.add_scan([[1.0, 0.2], [1.1, 0.2]], [[2.0, 1.0]], (0.0, 0.0))
+    there = Surroundings(costmap.master(), LATTICE, LATTICE)
+    assert there.cost_under(pose) >= 0 and there.mean_cost(turn_poses(pose, 1.0)) >= 0.0
+    assert there.is_free_turn(pose, 1.0, drifting=True) in (True, False) and there.is_clear(arc_poses(pose, 1.0, 0.2, 0.5)) in (True, False)
+    assert signatures() == before and all(before.values())
