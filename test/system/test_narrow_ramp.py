@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from box_worlds import box, walled_floor
 from exploring import ExploreRun, summary
 from scipy.spatial.transform import Rotation
 
@@ -19,19 +20,11 @@ KEPT_M = 0.05  # from a drop
 Run = tuple[Path, int, str]
 
 
-def box(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> trimesh.Trimesh:
-    """Between these limits, in metres."""
-    return trimesh.creation.box(bounds=np.array([x, y, z]).T)
-
-
 def world() -> trimesh.Trimesh:
     """A walled room with a ramp of 1 m up to a block; 15 degrees."""
-    (x0, x1), (y0, y1) = ROOM
-    walls = [box((x - 0.1, x + 0.1), (y0 - 0.1, y1 + 0.1), (-0.2, 1.8)) for x in (x0, x1)]
-    walls += [box((x0, x1), (y - 0.1, y + 0.1), (-0.2, 1.8)) for y in (y0, y1)]
     corners = [(x, y, z) for y in RAMP_Y for x, z in ((FOOT_X, 0.0), (BLOCK_X[0], 0.0), (BLOCK_X[0], BLOCK_M))]
     ramp = trimesh.convex.convex_hull(np.array(corners))
-    return trimesh.util.concatenate([*walls, box((x0, x1), (y0, y1), (-0.2, 0.0)), ramp, box(BLOCK_X, BLOCK_Y, (-0.1, BLOCK_M))])
+    return trimesh.util.concatenate([walled_floor(*ROOM), ramp, box(BLOCK_X, BLOCK_Y, (-0.1, BLOCK_M))])
 
 
 @pytest.fixture(scope="module")
