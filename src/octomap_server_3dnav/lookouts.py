@@ -25,6 +25,7 @@ _STARTS = 16  # nodes at the end of the ground from which ways back are tried
 _LAST_M = 0.8  # how far from the floor that was not seen the ground may end
 _NEAR_END_M = 1.5 * _LAST_M  # and so near to its end what is looked at may be, for the ground is not level
 _SAME_STAND_M = 1.0  # from so near it looks the same
+_FAR_INSIDE_M = 1.0  # from room to turn: nearer, the robot stands beside something
 _FACING = 0.7  # cosine of the angle between a way and what it leads to
 _IN_LINE = 0.985  # the same between a way and the robot in it
 _FAR = 1e4  # voxels to where a direction points
@@ -114,10 +115,10 @@ class WayOut:
 
 
 def _is_far_inside(terrain: Terrain) -> bool:
-    """Whether the robot stands where it cannot turn, in no passage, and farther from where it can than it is long."""
+    """Whether the robot stands where it cannot turn, in no passage, and not only beside something."""
     if not terrain.is_inside or terrain.departure is None or terrain.is_in_passage:
         return False
-    return math.dist(terrain.centers(np.array([terrain.departure]))[0, :2], terrain.robot_xyz[:2]) > _SAME_STAND_M
+    return math.dist(terrain.centers(np.array([terrain.departure]))[0, :2], terrain.robot_xyz[:2]) > _FAR_INSIDE_M
 
 
 @njit(cache=True)
