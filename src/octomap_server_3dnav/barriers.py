@@ -25,7 +25,7 @@ _BITS = 16  # of a level
 _LOWEST = -(2 ** (_BITS - 1))
 _RIM = 0.5  # voxels from the middle of a column to its rim
 _AT_RIM = 0.4  # where the hits at the rim of a voxel begin
-_SPILLING = 3.0  # times as many hits in the column beside
+_FOOT = 1  # voxels above the ground's, from which what stands is measured: a rock's foot is a slope that is too steep
 _FALLING = 0.25  # voxels from one column to the next, 14 degrees: less is the unevenness of a floor
 _FEW = 10.0  # voxels, divided by the hits in a column: how far beyond them a part of a thing may stand that none met
 _POINTS = np.empty((0, 3))  # of barriers that extend nowhere
@@ -98,14 +98,14 @@ def _together(hits: Floats, more: Floats) -> Floats:
 def _of_things(heights: SurfaceHeights, scene: Scene, column: Ints, low: Ints, high: Ints) -> Floats:
     """(M, 6) the spread of what stands in these columns.
 
-    What sticks a centimetre into a column, beside one that far more beams met, are the beams that ended too soon: the hits of both are of
+    What sticks a centimetre into a column, beside one that as many beams met, are the beams that ended too soon: the hits of both are of
     one thing.
     """
     found, ahead = _spread(heights, scene, column, low, high), np.stack([DX, DY], axis=1)
     at_rim, k = np.nonzero(found[:, 1:3] @ ahead.T > _AT_RIM)
     beyond = _spread(heights, scene, column[at_rim] + DX[k] * scene.columns.ny + DY[k], low[at_rim], high[at_rim])
     beyond[:, 1:3] += ahead[k]
-    many = np.flatnonzero(beyond[:, 0] >= _SPILLING * found[at_rim, 0])
+    many = np.flatnonzero(beyond[:, 0] >= found[at_rim, 0])
     many = many[np.argsort(beyond[many, 0], kind="stable")]  # of two the one with more hits is written last
     found[at_rim[many]] = _together(found[at_rim[many]], beyond[many])
     return found
@@ -146,7 +146,7 @@ def barriers_of(
     `terrain_kernels.obstacles_seen` and `mark_steps` give them, of the nodes that are obstacles, and of `cliff` nodes, some of which may be
     obstacles to the ground below.
 
-    Obstacles are where beams ended in their column from a step up to the robot's height, cliffs where they ended in their voxel,
+    Obstacles are where beams ended in their column from its foot up to the robot's height, cliffs where they ended in their voxel,
     and those that nobody has hit in the middle of their column, cliffs on assumed floor a voxel nearer. Measured steps begin where their
     column does; rounded cliffs somewhere in theirs, as what is too steep.
     """
@@ -162,7 +162,7 @@ def barriers_of(
     in_voxels = Barriers(np.concatenate([stand, too_high]), too_steep, cliffs.copy(), _POINTS)
     if heights is None:
         return in_voxels, in_voxels
-    low, high = (np.where(voxel == NO_VOXEL, NO_VOXEL, level + above) for above in (limits.step, limits.clearance))
+    low, high = (np.where(voxel == NO_VOXEL, NO_VOXEL, level + above) for above in (_FOOT, limits.clearance))
     things = _of_things(heights, scene, at, low, high)
     stand[:, :2] += things[:, 1:3]
     rounded = _is_rounded(scene, cliff)

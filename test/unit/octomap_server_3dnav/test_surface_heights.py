@@ -193,7 +193,7 @@ def test_cliff_on_floor_that_is_assumed_over_a_hole_may_be_a_voxel_nearer(is_met
     assert label_at(terrain, 38.5 * RESOLUTION, 38.5 * RESOLUTION, 0.005) == (TRAVERSABLE if is_met else INFLATION)
 
 
-@pytest.mark.parametrize("astray, met, first_inflated", [(1, 20, 34), (20, 20, 33)])
+@pytest.mark.parametrize("astray, met, first_inflated", [(1, 20, 34), (40, 20, 33)])
 def test_thing_is_where_most_beams_met_it_not_where_a_few_ended_before_it(astray, met, first_inflated):
     """It begins in the middle of column 41; some beams ended at the far rim of column 40."""
     beams = points(np.repeat([40.95, 41.5], [astray, met]) * RESOLUTION, np.full(astray + met, 0.6))
@@ -218,17 +218,18 @@ def test_thing_that_few_beams_met_may_end_where_none_did(times, first_inflated):
     assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
 
 
+@pytest.mark.parametrize("z", [0.1, 0.2])
 @pytest.mark.parametrize("foot, first_inflated", [(40.9, 33), (40.1, 32)])
-def test_thing_stands_where_its_foot_is_higher_than_a_step(foot, first_inflated):
-    """A rock that is hit near the far rim of column 40 at 0.6 m, and 0.2 m above the floor there or nearer."""
-    beams = points(np.repeat([foot, 40.9], 10) * RESOLUTION, np.repeat([0.2, 0.6], 10))
+def test_thing_begins_at_its_foot(z, foot, first_inflated):
+    """A rock that is hit near the far rim of column 40 at 0.6 m, and in the voxels above that of the floor there or nearer."""
+    beams = points(np.repeat([foot, 40.9], 10) * RESOLUTION, np.repeat([z, 0.6], 10))
     found = labels_before(lambda x, y: np.where(x < 40 * RESOLUTION, 0.005, 0.6) + 0 * y, beams, range(30, 36))
     assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
 
 
 @pytest.mark.parametrize("corner, label", [(40.3, INFLATION), (40.6, TRAVERSABLE)])
 def test_corner_is_where_its_sides_meet_not_where_they_were_hit_on_average(corner, label):
-    """7.5 and 7.9 voxels from the place, and to be kept off by 7.6."""
+    """7.5 and 7.9 voxels from the place, and to be kept off by 7.7."""
     side, z = np.arange(corner, 50.0, 0.05) * RESOLUTION, np.arange(0.18, 1.0, 0.08)
     first, second = np.tile(side, z.size), np.full(side.size * z.size, corner * RESOLUTION)
     heights = SurfaceHeights(RESOLUTION)
