@@ -24,7 +24,7 @@ class TerrainConfig:
     step_margin_m: float = parameter(0.01, "m", "how much lower than the highest step a measured one must be", low=0.0, high=0.2)
     max_slope_rad: float = parameter(math.radians(25.0), "rad", "steepest slope the robot drives", low=0.05, high=0.8)
     slope_margin_rad: float = parameter(
-        math.radians(1.2),
+        math.radians(1.4),
         "rad",
         "how much gentler than the steepest slope one that is fitted to measured heights must be",
         low=0.0,
