@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from octomap_server_3dnav import terrain_kernels as kernels
 from octomap_server_3dnav.passages import Passage
 from octomap_server_3dnav.straight_lines import KeptOff
+from octomap_server_3dnav.surface_columns import Columns
 
 
 class TerrainClass(IntEnum):
@@ -28,8 +29,8 @@ class Terrain:
     """Classified surface voxels and the navigation graph over them.
 
     Voxel (ix, iy, z) of the octree's index spans [i * resolution, (i + 1) * resolution) on each axis of map. N nodes: first
-    `surface_count` surface voxels that the flood reached, sorted by column of the window (`window_key`, `window_size`,
-    `column_start`) and height, then obstacle voxels beside them, then frontier voxels of both kinds.
+    `surface_count` surface voxels that the flood reached, sorted by column of the window (`columns`, from `window_key`
+    on; `column_start`) and height, then obstacle voxels beside them, then frontier voxels of both kinds.
 
     Fields: ix, iy (N,) int32; z (N,) int16; label (N,) uint8 of TerrainClass; bridged (N,) bool, floor assumed over a hole; reached (N,)
     bool, in the second flood (frontiers: seen from such a node), or connected with it by passages; near_kerb (N,) bool, where wheels should
@@ -37,7 +38,7 @@ class Terrain:
     factor on the length of a path, inf where no path may go; neighbours (N, 4) int32 to +x, +y, -x, -y, -1 for none (a frontier's are the
     nodes it was seen from); start, the voxel beneath the robot, and departure, where paths begin when the start lies in the inflation:
     node indices, None when there is none; radius_m of the classification, None for the whole map; robot_xyz, where base_link was;
-    kept_off, what straight lines keep off.
+    columns, what was seen in the window's columns; kept_off, what straight lines keep off.
     """
 
     resolution: float
@@ -57,8 +58,8 @@ class Terrain:
     robot_xyz: tuple[float, float, float]
     surface_count: int
     window_key: tuple[int, int]
-    window_size: tuple[int, int]
     column_start: NDArray[np.int64]
+    columns: Columns
     kept_off: KeptOff
     passages: tuple[Passage, ...] = ()
 
@@ -80,9 +81,9 @@ class Terrain:
         """Surface node of the column at a point in map that is nearest in height, within `reach_m`; None when there is none."""
         wx = math.floor(xyz[0] / self.resolution) - self.window_key[0]
         wy = math.floor(xyz[1] / self.resolution) - self.window_key[1]
-        if not (0 <= wx < self.window_size[0] and 0 <= wy < self.window_size[1]):
+        if not (0 <= wx < self.columns.nx and 0 <= wy < self.columns.ny):
             return None
-        column = wx * self.window_size[1] + wy
+        column = wx * self.columns.ny + wy
         nodes = np.arange(self.column_start[column], self.column_start[column + 1])
         if not nodes.size:
             return None

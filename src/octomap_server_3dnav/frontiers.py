@@ -27,7 +27,7 @@ class FrontierConfig:
     min_voxels: int = parameter(6, "voxels", "smaller clusters are ignored", low=1, high=1000)
     min_inflated_voxels: int = parameter(15, "voxels", "the same for clusters beside inflated ground only", low=1, high=1000)
     least_last_gain_m2: float = parameter(
-        3.0, "m2", "smaller ones of these, down to min_voxels, are looked at last, if a look may show this much ground", low=0.0, high=100.0
+        2.5, "m2", "smaller ones of these, down to min_voxels, are looked at last, if a look may show this much ground", low=0.0, high=100.0
     )
     approach_m: float = parameter(1.0, "m", "farthest traversable ground from which such a cluster is looked at", low=0.0, high=5.0)
     target_radius_m: float = parameter(1.0, "m", "extent of one target: larger clusters are split", low=0.1, high=10.0)
@@ -72,7 +72,7 @@ def _approach_nodes(terrain: Terrain, frontier: NDArray[np.int64], approach_m: f
     missing = np.flatnonzero(node < 0)
     if missing.size:
         at = np.stack([terrain.ix - terrain.window_key[0], terrain.iy - terrain.window_key[1], terrain.z], axis=1)[frontier[missing]]
-        z, size = terrain.z[: terrain.surface_count], np.array(terrain.window_size, dtype=np.int64)
+        z, size = terrain.z[: terrain.surface_count], np.array([terrain.columns.nx, terrain.columns.ny])
         node[missing] = _nearest(terrain.column_start, z, distance, size, at.astype(np.int64), approach_m / terrain.resolution)
     return node
 

@@ -143,13 +143,15 @@ def _best_way(g: Any, b: Any, demand: Any, starts: Any, towards: Any, facing: An
 
 def _ground_of(terrain: Terrain) -> Ground:
     """The surface of a terrain; all its reached traversable ground is one piece."""
-    count, (nx, ny) = terrain.surface_count, terrain.window_size
-    label, start = terrain.label[:count], terrain.column_start.astype(np.int32)
-    column = np.repeat(np.arange(nx * ny, dtype=np.int32), np.diff(start))
+    count, start = terrain.surface_count, terrain.column_start.astype(np.int32)
+    label = terrain.label[:count]
+    column = np.repeat(np.arange(start.size - 1, dtype=np.int32), np.diff(start))
     is_open = label == TerrainClass.TRAVERSABLE
     ground = is_open | (label == TerrainClass.INFLATION)
     piece = np.where(is_open & terrain.reached[:count], 0, -1).astype(np.int32)
-    return Ground(ny, start, column, terrain.z[:count], terrain.neighbours[:count], ground, is_open | terrain.narrow[:count], piece)
+    return Ground(
+        terrain.columns.ny, start, column, terrain.z[:count], terrain.neighbours[:count], ground, is_open | terrain.narrow[:count], piece
+    )
 
 
 def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -> list[Lookout]:

@@ -102,8 +102,8 @@ def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | N
         robot_xyz=(float(robot[0]), float(robot[1]), float(robot[2])),
         surface_count=int(keep.size),
         window_key=scene.key,
-        window_size=(scene.columns.nx, scene.columns.ny),
         column_start=kernels.column_starts(scene.surfaces.start, number),
+        columns=scene.columns,
         passages=tuple(Passage((int(number[p.nodes[0]]), int(number[p.nodes[1]])), p.line) for p in passages),
         kept_off=kept_off,
     )

@@ -106,6 +106,14 @@ def test_look_into_the_open_shows_more_than_one_at_a_hole_between_walls():
     assert found[-1].gain_m2 > 2 * found[0].gain_m2
 
 
+@pytest.mark.parametrize(("hole", "unseen_m2"), [(np.s_[46:56, 46:56], 0.32), (np.s_[40:46, 40:46], 0.23)], ids=["corner", "middle"])
+def test_where_air_was_seen_beyond_an_edge_a_look_shows_no_ground(hole, unseen_m2):
+    states = grid_of_heights(lambda x, y: np.where((abs(x - 3.2) < 1.2) & (abs(y - 3.2) < 1.2), 1.64, 0.04), 80, 80)  # a deck over a floor
+    states[hole] = UNKNOWN
+    (found,) = targets(states, pose(2.6, 2.6, ground=1.6), min_inflated_voxels=1)
+    assert unseen_m2 / 2 < found.gain_m2 < 1.5
+
+
 def test_what_a_look_may_show_is_worth_a_longer_way():
     states = room(openings=[np.s_[-1, 30:50]])
     states[40:44, 36:44] = UNKNOWN  # a hole in the floor on the way to the opening
