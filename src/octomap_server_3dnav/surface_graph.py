@@ -12,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.lean_kernels import lean_njit
-from octomap_server_3dnav.surface_columns import DX, DY, find_node, slope_behind
+from octomap_server_3dnav.surface_columns import DX, DY, find_node
 
 UNFITTED, GENTLE, NEARLY_STEEP, STEEP = 0, 1, 2, 3
 _BLOCK = 4096  # columns whose sums stay in the cache
@@ -49,99 +49,6 @@ def nearest_neighbours(start: Any, z: Any, ny: Any, spans: Any, step: Any) -> An
                     continue
                 for s in range(first, end):
                     out[s, k] = find_node(start, z, d, np.int64(z[s]), step)
-    return out
-
-
-@lean_njit
-def _off_tread(level: Any, measured: Any, row: Any, aside: Any, tread: Any) -> Any:
-    """1 or -1 where a neighbour is measured to lie more than `tread` higher or lower than a node, else 0."""
-    if aside < 0 or not (measured[aside] and measured[row]) or abs(level[aside] - level[row]) <= tread:
-        return 0
-    return 1 if level[aside] > level[row] else -1
-
-
-@lean_njit
-def _patch_mean(near: Any, level: Any, measured: Any, s: Any, k: Any, tread: Any) -> Any:
-    """Mean height of s, the node beyond it in direction k, and the neighbours aside of both, where they exist; whether all are measured.
-
-    A neighbour more than `tread` higher or lower than its row is not of the patch, as a kerb may run obliquely to the grid: unless it is so
-    on both sides, where a beam or two went astray.
-    """
-    total, count, known = 0.0, 0, True
-    row = s
-    for _ in range(2):
-        total += level[row]
-        known &= measured[row]
-        count += 1
-        off = (
-            _off_tread(level, measured, row, near[row, (k + 1) % 4], tread),
-            _off_tread(level, measured, row, near[row, (k + 3) % 4], tread),
-        )
-        for i in range(2):
-            aside = near[row, (k + 1 + 2 * i) % 4]
-            if aside >= 0 and (off[i] == 0 or off[0] == off[1]):
-                total += level[aside]
-                known &= measured[aside]
-                count += 1
-        row = near[row, k]
-        if row < 0:
-            break
-    return total / count, known
-
-
-@lean_njit
-def _is_on_slope(surfaces: Any, s: Any, n: Any, max_step: Any) -> Any:
-    """Whether the rise or fall from node s to its neighbour n is that of a slope, which goes on behind and beyond."""
-    a, b, reach = np.int64(surfaces.column[s]), np.int64(surfaces.column[n]), np.int64(np.ceil(max_step))
-    rise = surfaces.slope_level[n] - surfaces.slope_level[s]
-    behind, beyond = slope_behind(surfaces, s, 4 * a - 3 * b, reach), -slope_behind(surfaces, n, 4 * b - 3 * a, reach)
-    return min(behind * np.sign(rise), beyond * np.sign(rise)) > 0 and 2 * abs(rise) <= max_step
-
-
-@lean_njit
-def _has_equal(near: Any, level: Any, measured: Any, s: Any, tread: Any) -> Any:
-    """Whether a neighbour of node s is measured to lie about as high."""
-    for k in range(4):
-        if near[s, k] >= 0 and measured[near[s, k]] and abs(level[near[s, k]] - level[s]) <= tread:
-            return True
-    return False
-
-
-@lean_njit
-def _is_step(near: Any, surfaces: Any, s: Any, n: Any, k: Any, max_step: Any, max_measured_step: Any) -> Any:
-    """Whether the ground on both sides of the edge from node s in direction k to node n differs too much; the same seen from n."""
-    level, measured, tread = surfaces.level, surfaces.measured, max_measured_step / 2
-    beyond, known_beyond = _patch_mean(near, level, measured, n, k, tread)
-    behind, known_behind = _patch_mean(near, level, measured, s, (k + 2) % 4, tread)
-    limit = max_measured_step if known_beyond and known_behind else max_step
-    if measured[s] and measured[n] and abs(level[n] - level[s]) > max_measured_step:
-        high, low = (n, s) if level[n] > level[s] else (s, n)
-        if _has_equal(near, level, measured, high, tread) and _has_equal(near, level, measured, low, tread):
-            return not _is_on_slope(surfaces, s, n, limit)
-    return abs(beyond - behind) > limit and not _is_on_slope(surfaces, s, n, limit)
-
-
-@njit(cache=True)
-def steppable_neighbours(near: Any, surfaces: Any, max_step: Any, max_measured_step: Any) -> Any:
-    """`near` without the edges over which the mean ground rises or falls by more than `max_step`, or `max_measured_step` where the
-    heights of all of it were measured (float voxels): but edges along a slope stay, which alone may have hits in two voxels of a column.
-
-    Where a column has two surfaces, `near` need not lead back: such a way is judged on its own, all others once for there and back.
-    """
-    z, level = surfaces.z, surfaces.level
-    out = near.copy()
-    for s in range(z.size):
-        for k in range(4):
-            n = near[s, k]
-            if n < 0 or (z[n] == z[s] and not abs(level[n] - level[s]) > max_measured_step):
-                continue
-            leads_back = near[n, (k + 2) % 4] == s
-            if leads_back and k >= 2:
-                continue
-            if _is_step(near, surfaces, s, n, k, max_step, max_measured_step):
-                out[s, k] = -1
-                if leads_back:
-                    out[n, (k + 2) % 4] = -1
     return out
 
 
@@ -194,8 +101,8 @@ def _ray_lengths(reach: Any) -> Any:
 
 
 @lean_njit
-def slope_at(graph: Any, level: Any, s: Any, reach: Any) -> Any:
-    """Tangent of the steepest slope of the plane fitted to the ground around s, out to `reach` voxels."""
+def gradient_at(graph: Any, level: Any, s: Any, reach: Any) -> Any:
+    """Rise along x and y of the plane fitted to the ground around s, out to `reach` voxels."""
     n, sx, sy, sxx, syy, sxy = 1, 0, 0, 0, 0, 0
     sz, sxz, syz = 0.0, 0.0, 0.0
     lengths = _ray_lengths(reach)
@@ -214,7 +121,14 @@ def slope_at(graph: Any, level: Any, s: Any, reach: Any) -> Any:
     a, b, c = sxx - sx * sx / n + 0.5, syy - sy * sy / n + 0.5, sxy - sx * sy / n
     p, q = sxz - sx * sz / n, syz - sy * sz / n
     det = a * b - c * c
-    return np.hypot((b * p - c * q) / det, (a * q - c * p) / det)
+    return (b * p - c * q) / det, (a * q - c * p) / det
+
+
+@lean_njit
+def slope_at(graph: Any, level: Any, s: Any, reach: Any) -> Any:
+    """Tangent of the steepest slope of that plane."""
+    along_x, along_y = gradient_at(graph, level, s, reach)
+    return np.hypot(along_x, along_y)
 
 
 @lean_njit

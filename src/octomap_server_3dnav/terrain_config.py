@@ -6,6 +6,10 @@ from typing import NamedTuple
 
 from stage_config import check_ranges, parameter
 
+_TREADS_ERR_M = 0.002  # of a step between two flat treads: means of a dozen surfaces each, of 1 mm
+
+_PLANE_ERR_RAD = 0.003  # of the slope of a measured plane as large as the robot
+
 
 @dataclass(frozen=True)
 class TerrainConfig:
@@ -100,6 +104,20 @@ class TerrainConfig:
         return replace(self, narrow_radius_m=self.inflation_radius_m, narrow_cliff_radius_m=self.cliff_inflation_radius_m)
 
 
+class StepLimits(NamedTuple):
+    """The highest step in voxels: where only the voxels are known, where heights are measured, and where flat treads on both sides are."""
+
+    voxels: float
+    measured: float
+    treads: float
+
+    @classmethod
+    def of(cls, config: TerrainConfig, resolution: float) -> "StepLimits":
+        """Those of a robot that climbs `max_step_m`."""
+        metres = config.max_step_m + 0.01, config.max_step_m - config.step_margin_m, config.max_step_m + _TREADS_ERR_M
+        return cls(*(m / resolution for m in metres))
+
+
 class Limits(NamedTuple):
     """The configuration in voxels of one resolution, as the kernels take it.
 
@@ -109,12 +127,12 @@ class Limits(NamedTuple):
 
     resolution: float
     step: int
-    max_step: float
-    max_measured_step: float
+    steps: StepLimits
     clearance: int
     slope_reach: int
     max_slope: float
     max_fitted_slope: float
+    max_plane_slope: float
     look: int
     inflation: int
     hit_margin: float
@@ -133,12 +151,12 @@ class Limits(NamedTuple):
         return cls(
             resolution=resolution,
             step=max(1, math.ceil(config.max_step_m / resolution - 1e-9)),
-            max_step=(config.max_step_m + 0.01) / resolution,
-            max_measured_step=(config.max_step_m - config.step_margin_m) / resolution,
+            steps=StepLimits.of(config, resolution),
             clearance=math.ceil((config.robot_height_m + config.clearance_margin_m) / resolution - 1e-9),
             slope_reach=max(2, round(slope_radius_m / resolution)),
             max_slope=math.tan(config.max_slope_rad),
             max_fitted_slope=math.tan(config.max_slope_rad - margin),
+            max_plane_slope=math.tan(config.max_slope_rad + _PLANE_ERR_RAD),
             look=max(1, round(config.cliff_look_m / resolution)),
             inflation=math.ceil(largest / resolution - 1e-9),
             hit_margin=hit_margin,

@@ -22,10 +22,14 @@ from octomap_server_3dnav.surface_columns import (
     slope_behind,
     top_near,
 )
-from octomap_server_3dnav.surface_graph import GENTLE, NEARLY_STEEP, STEEP, UNFITTED, slope_at, steepness
+from octomap_server_3dnav.surface_graph import GENTLE, NEARLY_STEEP, STEEP, UNFITTED, gradient_at, slope_at, steepness
+from octomap_server_3dnav.surface_planes import is_gentle_plane
+from octomap_server_3dnav.surface_steps import step_between_treads
 
 UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = 255, 0, 1, 2, 3, 4, 5
 SEES_UNKNOWN, SEES_OBSTACLE, SEES_DROP, SEES_EDGE = 0, 1, 2, 3
+_UNSURE = 0.15  # voxels by which two surfaces may be higher or lower than measured where the laser's lines lie far apart
+_SEEMS_STEEP = 1.2  # times the steepest slope; what seems steeper than that is
 ROW_LAST = (0, 2, 1, 3)  # a stack filled in this order is worked off along y, where neighbours are neighbours in memory
 
 
@@ -44,7 +48,7 @@ def _falls_to(surfaces: Any, s: Any, n: Any, j: Any, stride: Any, limits: Any) -
     if not (surfaces.measured[s] and surfaces.measured[n]):
         return False
     slopes_down = slope_behind(surfaces, s, surfaces.column[s] - 3 * stride, limits.step) < 0
-    return surfaces.slope_level[s] - surfaces.slope_level[n] > max(limits.max_measured_step, (j + slopes_down) * limits.max_slope)
+    return surfaces.slope_level[s] - surfaces.slope_level[n] > max(limits.steps.measured, (j + slopes_down) * limits.max_slope + _UNSURE)
 
 
 @lean_njit
@@ -141,6 +145,18 @@ def _is_near_steep(surfaces: Any, links: Any, s: Any, limits: Any) -> Any:
 
 
 @lean_njit
+def _only_seems_steep(surfaces: Any, ny: Any, links: Any, s: Any, limits: Any) -> Any:
+    """Whether node s, too steep by a fit, is at a kerb that the robot climbs, or on a plane that is not too steep."""
+    gradient = gradient_at(links.graph, surfaces.slope_level, s, limits.slope_reach)
+    if not surfaces.measured[s] or np.hypot(gradient[0], gradient[1]) > _SEEMS_STEEP * limits.max_slope:
+        return False
+    for k in range(2):
+        if step_between_treads(links.near, surfaces, s, s, k) <= limits.steps.treads:
+            return True
+    return is_gentle_plane(surfaces, ny, s, gradient, limits.max_plane_slope)
+
+
+@lean_njit
 def _is_seen_in(runs: Any, z_lo: Any, z_hi: Any, occupied: Any, c: Any, low: Any, high: Any) -> Any:
     """Whether any voxel of column c was seen free in low..high."""
     for r in range(runs[c], runs[c + 1]):
@@ -198,6 +214,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
         if kind == UNFITTED:
             kind = steepness(slope_at(graph, level, s, reach), nearly_steep, steep)
         is_steep = kind == STEEP or (kind == NEARLY_STEEP and _is_near_steep(surfaces, links, s, limits))
+        is_steep = is_steep and not _only_seems_steep(surfaces, columns.ny, links, s, limits)
         low, high = z[s] + limits.step + 1, z[s] + limits.clearance
         is_seen_above = _is_seen_in(runs, z_lo, z_hi, occupied, c, low, high)
         if is_steep or (not is_seen_above and _may_be_side(columns, near, s, c, low, high)):

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, tops_of
-from octomap_server_3dnav.surface_graph import Links, centred_levels, nearest_neighbours, slopes_of_open_ground, steppable_neighbours
+from octomap_server_3dnav.surface_graph import Links, centred_levels, nearest_neighbours, slopes_of_open_ground
 from octomap_server_3dnav.surface_heights import SurfaceHeights
 from octomap_server_3dnav.surface_holes import bridge_holes, cover_pits
+from octomap_server_3dnav.surface_steps import STEP_REACH, restore_on_planes, steppable_neighbours
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 
 
@@ -109,8 +110,9 @@ def _window(
 def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: Limits) -> tuple[Surfaces, Links]:
     """The surfaces, on slopes at the heights of the middles of their columns, and the links between them."""
     near = nearest_neighbours(surfaces.start, surfaces.z, ny, spans, limits.step)
-    graph = steppable_neighbours(near, surfaces, limits.max_step, limits.max_measured_step)
+    graph = steppable_neighbours(near, surfaces, limits.steps)
     surfaces = surfaces._replace(slope_level=centred_levels(graph, surfaces))
+    restore_on_planes(near, graph, surfaces, ny, limits)
     steepest = limits.max_fitted_slope, limits.max_slope
     slope = slopes_of_open_ground(surfaces.start, surfaces.slope_level, graph, ny, spans, limits.slope_reach, *steepest)
     return surfaces, Links(near, graph, slope)
@@ -123,8 +125,8 @@ def _surfaces(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | 
         surfaces = surfaces.at_heights(heights.at(ix + key[0], iy + key[1], surfaces.z))
     if config.hole_bridge_voxels == 0:
         return surfaces
-    surfaces = bridge_holes(columns, surfaces, limits.clearance, config.hole_bridge_voxels, limits.step, limits.max_measured_step)
-    return cover_pits(columns, surfaces, limits.step, limits.max_step)
+    surfaces = bridge_holes(columns, surfaces, limits.clearance, config.hole_bridge_voxels, limits.step, limits.steps.measured)
+    return cover_pits(columns, surfaces, limits.step, limits.steps.voxels)
 
 
 def scene_around(
@@ -138,5 +140,5 @@ def scene_around(
     """The window within `reach_m` of the robot (3,), or of all that is known when it is None, with margins for what the floods look at."""
     columns, key, x, y = _window(runs, robot, reach_m, limits.margin)
     surfaces = _surfaces(columns, key, heights, config, limits)
-    linked_m = None if reach_m is None else reach_m + (limits.slope_reach + 4) * runs.resolution  # as far as slopes and steps look
+    linked_m = None if reach_m is None else reach_m + (limits.slope_reach + STEP_REACH) * runs.resolution  # as far as slopes and steps look
     return Scene(columns, key, *_links(surfaces, columns.ny, _spans_inside(x, y, linked_m, limits.margin), limits), x, y)

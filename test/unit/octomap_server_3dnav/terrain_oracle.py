@@ -182,8 +182,8 @@ class Oracle:
     def _covered(self, s: Node) -> int:
         """The level of floor over a pit of a single column; else that of the surface itself."""
         beside = [self.find(moved(s[:2], way), s.z, self.step) for way in SIDES]
-        levels = [n.z for n in beside if n is not None and n.z - s.z > self.limits.max_step]
-        is_pit = len(levels) == 4 and all(abs(levels[k] - levels[k + 2]) <= self.limits.max_step for k in (0, 1))
+        levels = [n.z for n in beside if n is not None and n.z - s.z > self.limits.steps.voxels]
+        is_pit = len(levels) == 4 and all(abs(levels[k] - levels[k + 2]) <= self.limits.steps.voxels for k in (0, 1))
         return math.floor(sum(levels) / 4 + 0.5) if is_pit else s.z
 
     # -- steps and slopes
@@ -206,7 +206,7 @@ class Oracle:
         n = self.near(s, k)
         if n is None or n.z == s.z:
             return n
-        return n if abs(self._patch(n, k) - self._patch(s, k + 2)) <= self.limits.max_step else None
+        return n if abs(self._patch(n, k) - self._patch(s, k + 2)) <= self.limits.steps.voxels else None
 
     def _corner(self, s: Node, k: int) -> Node | None:
         a, b = self.edge(s, k), self.edge(s, k + 1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from terrain_worlds import BELOW, RESOLUTION, UNKNOWN, grid_of_heights, label_at, pose, runs_of
+from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, label_at, pose, runs_of
 
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
@@ -91,13 +91,18 @@ def test_sweeps_in_any_order_give_the_same_and_leave_no_trace_when_taken_out():
     np.testing.assert_array_equal(forth.at(*everywhere), alone.at(*everywhere))
 
 
-def measured(height, T_map_base, nx=80, ny=60, **config):
-    """The terrain of a surface that beams have hit every 2 cm."""
+def measured(height, T_map_base, nx=80, ny=60, noise_m=0.0, **config):
+    """The terrain of a surface that beams have hit every 2 cm, with noise in their heights."""
     x, y = (np.arange(0.01, n * RESOLUTION, 0.02) for n in (nx, ny))
-    z = np.broadcast_to(height(x[:, None], y[None, :]), (x.size, y.size))
+    z = height(x[:, None], y[None, :]) + noise_m * np.random.default_rng(nx).standard_normal((x.size, y.size))
+    points = np.stack([*np.meshgrid(x, y, indexing="ij"), z], axis=-1).reshape(-1, 3)
     heights = SurfaceHeights(RESOLUTION)
-    heights.add(HitHeights.of(np.stack([*np.meshgrid(x, y, indexing="ij"), z], axis=-1).reshape(-1, 3), RESOLUTION))
-    return classify(runs_of(grid_of_heights(height, nx, ny)), T_map_base, TerrainConfig(**config), None, heights)
+    heights.add(HitHeights.of(points, RESOLUTION))
+    states = grid_of_heights(height, nx, ny)
+    if noise_m:
+        ix, iy, iz = np.floor(points / RESOLUTION).astype(int).T
+        states[ix, iy, iz + BELOW] = OCCUPIED
+    return classify(runs_of(states), T_map_base, TerrainConfig(**config), None, heights)
 
 
 def kerb(rise, floor=0.0):
@@ -112,6 +117,28 @@ def test_kerb_is_what_it_measures_wherever_the_voxel_layers_lie(rise, drivable, 
     above = measured(kerb(rise, floor), pose(5.0, 2.4, ground=floor + rise))
     assert (label_at(below, 5.0, 2.4, floor + rise) == TRAVERSABLE) == drivable
     assert (label_at(above, 1.6, 2.4, floor) == TRAVERSABLE) == drivable
+
+
+@pytest.mark.parametrize("floor", [0.0, 0.02, 0.04, 0.055, 0.078])
+@pytest.mark.parametrize("rise, drivable", [(0.095, True), (0.1, True), (0.105, False)])
+def test_kerb_between_flat_treads_is_known_to_millimetres(rise, drivable, floor):
+    below = measured(kerb(rise, floor), pose(1.6, 2.4, ground=floor), noise_m=0.005)
+    assert (label_at(below, 5.0, 2.4, floor + rise) == TRAVERSABLE) == drivable
+    assert (below.label[(below.iy > 2) & (below.iy < 57)] == OBSTACLE).any() != drivable
+
+
+@pytest.mark.parametrize("rise, drivable", [(0.1, True), (0.11, False)])
+def test_kerb_may_run_obliquely_to_the_grid(rise, drivable):
+    oblique = measured(lambda x, y: np.where(x + 0.6 * (y - 2.4) < 3.2, 0.03, 0.03 + rise), pose(1.2, 2.4, ground=0.03), noise_m=0.005)
+    assert (label_at(oblique, 5.4, 2.4, 0.03 + rise) == TRAVERSABLE) == drivable
+
+
+@pytest.mark.parametrize("depth, drivable", [(0.06, True), (0.14, False)])
+def test_trench_between_two_treads_is_no_kerb(depth, drivable):
+    trench = measured(
+        lambda x, y: np.where(abs(x - 3.2) < 2 * RESOLUTION, 0.2 - depth, 0.2) + 0 * y, pose(1.6, 2.4, ground=0.2), noise_m=0.005
+    )
+    assert (label_at(trench, 5.0, 2.4, 0.2) == TRAVERSABLE) == drivable
 
 
 @pytest.mark.parametrize("rise, drivable", [(0.06, True), (0.12, False)])
@@ -269,6 +296,24 @@ def test_slope_that_sparse_lines_hit_beside_the_middle_of_its_columns_is_what_it
     middle = np.abs((terrain.ix + 0.5) * RESOLUTION - 3.2) < 2.0
     labels = terrain.label[middle & (np.abs((terrain.iy + 0.5) * RESOLUTION - 2.4) < 1.5)]
     assert (labels == TRAVERSABLE).all() if drivable else (labels != TRAVERSABLE).all()
+
+
+@pytest.mark.parametrize("degrees, drivable", [(24.0, True), (25.0, True), (25.6, False), (27.0, False)])
+def test_slope_of_a_plane_as_large_as_the_robot_is_known_to_a_fraction_of_a_degree(degrees, drivable):
+    slope = np.tan(np.radians(degrees))
+    terrain = measured(lambda x, y: np.clip(x - 1.6, 0.0, 2.4) * slope + 0.01 + 0 * y, pose(0.8, 2.4), noise_m=0.005)
+    on_slope = np.abs((terrain.ix + 0.5) * RESOLUTION - 2.8) < 0.8
+    inside = on_slope & (np.abs((terrain.iy + 0.5) * RESOLUTION - 2.4) < 1.5)
+    assert (terrain.label[inside] == TRAVERSABLE).all() if drivable else not (terrain.label[on_slope] == TRAVERSABLE).any()
+
+
+def test_hollow_that_is_steep_beside_its_middle_is_no_plane():
+    """A bowl whose mean slope is 0 and that is steeper than 25 degrees from 0.6 m on."""
+    bowl = measured(
+        lambda x, y: np.minimum(0.4 * ((x - 3.2) ** 2 + (y - 2.4) ** 2), 1.5) + 0.01, pose(3.2, 2.4, ground=0.01), noise_m=0.005
+    )
+    off = np.hypot((bowl.ix + 0.5) * RESOLUTION - 3.2, (bowl.iy + 0.5) * RESOLUTION - 2.4)
+    assert (bowl.label == OBSTACLE).any() and not (bowl.label[(off > 0.6) & (off < 1.8)] == TRAVERSABLE).any()
 
 
 @pytest.mark.parametrize("degrees", [10, 20])

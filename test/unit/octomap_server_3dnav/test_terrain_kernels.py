@@ -17,9 +17,10 @@ from octomap_server_3dnav.surface_graph import (
     slope_at,
     slopes_of_open_ground,
     steepness,
-    steppable_neighbours,
 )
 from octomap_server_3dnav.surface_holes import _one_per_hole, bridge_holes
+from octomap_server_3dnav.surface_steps import steppable_neighbours
+from octomap_server_3dnav.terrain_config import StepLimits, TerrainConfig
 
 MARGIN, STEP, CLEARANCE = 18, 2, 14
 
@@ -61,7 +62,8 @@ def test_neighbours_are_the_nearest_surfaces_of_the_next_columns(seed):
 @pytest.mark.parametrize("reach", [2, 4, 7])
 def test_slopes_of_open_ground_are_those_of_the_fit(seed, reach):
     columns, surfaces = bumpy_world(seed)
-    graph = steppable_neighbours(nearest_neighbours(surfaces.start, surfaces.z, columns.ny, whole(columns), STEP), surfaces, 1.4, 1.1)
+    near = nearest_neighbours(surfaces.start, surfaces.z, columns.ny, whole(columns), STEP)
+    graph = steppable_neighbours(near, surfaces, StepLimits.of(TerrainConfig(), 0.08))
     fitted = {s: slope_at(graph, surfaces.level, s, reach) for s in range(surfaces.z.size)}
     for limit in (0.1, 0.3, float(np.median(list(fitted.values())))):
         slope = slopes_of_open_ground(surfaces.start, surfaces.level, graph, columns.ny, whole(columns), reach, limit, 2 * limit)
