@@ -28,6 +28,9 @@ _AT_RIM = 0.4  # where the hits at the rim of a voxel begin
 _FOOT = 1  # voxels above the ground's, from which what stands is measured: a rock's foot is a slope that is too steep
 _FALLING = 0.25  # voxels from one column to the next, 14 degrees: less is the unevenness of a floor
 _FEW = 10.0  # voxels, divided by the hits in a column: how far beyond them a part of a thing may stand that none met
+_UNMET = 0.7  # voxels around the middle of a column that a thing may take up which no beam met: it may hang over beside it
+_FLANK = 0.15  # voxels before the rim of a step's column that its flank may begin
+_BEFORE = 0.2  # voxels before the middle of its column that a slope gets too steep, where the slopes beside it do not tell
 _POINTS = np.empty((0, 3))  # of barriers that extend nowhere
 
 
@@ -115,20 +118,19 @@ def _reach(things: Floats, noise: float) -> Floats:
     """(M, 3) how far things extend around the mean place of their hits, as `terrain_kernels.inflate` takes it: what is spread evenly ends
     at the root of three standard deviations. The noise of the beams, in voxels, is not part of them.
 
-    What few beams met may end where none did: the fewer, the farther, and up to the rim of a column that none met.
+    What few beams met may end where none did: the fewer, the farther, and most where none did.
     """
     xx, yy, xy = 3.0 * things[:, 3:].T
     mean, off, angle = 0.5 * (xx + yy) - 3.0 * noise**2, np.hypot(0.5 * (xx - yy), xy), 0.5 * np.arctan2(2.0 * xy, xx - yy)
     length, width = np.sqrt(np.maximum(mean + off, 0.0)), np.sqrt(np.maximum(mean - off, 0.0))
-    unmet = np.minimum(_RIM, _FEW / np.maximum(things[:, 0], 1.0))
+    unmet = np.minimum(np.where(things[:, 0] > 0, _RIM, _UNMET), _FEW / np.maximum(things[:, 0], 1.0))
     return np.column_stack([(length - width) * np.cos(angle), (length - width) * np.sin(angle), width + unmet])
 
 
-def _doubtful_way(scene: Scene, cliff: Ints) -> Floats:
-    """(M, 2) the last voxel before the edge of those cliffs whose floor is assumed over a hole, as across a corner of the void; else 0."""
+def _way_over(scene: Scene, cliff: Ints) -> Floats:
+    """(M, 2) the last voxel before the edge of cliffs."""
     beyond = (scene.links.graph[cliff] < 0).astype(np.float64) @ np.stack([DX, DY], axis=1)
-    length = np.maximum(1.0, np.hypot(beyond[:, :1], beyond[:, 1:]))
-    return np.asarray(scene.surfaces.bridged[cliff, None] * beyond / length)
+    return np.asarray(beyond / np.maximum(1.0, np.hypot(beyond[:, :1], beyond[:, 1:])))
 
 
 def _is_rounded(scene: Scene, cliff: Ints) -> NDArray[np.bool_]:
@@ -165,12 +167,16 @@ def barriers_of(
     low, high = (np.where(voxel == NO_VOXEL, NO_VOXEL, level + above) for above in (_FOOT, limits.clearance))
     things = _of_things(heights, scene, at, low, high)
     stand[:, :2] += things[:, 1:3]
-    rounded = _is_rounded(scene, cliff)
-    too_steep, cliff, cliffs = np.concatenate([too_steep, cliffs[rounded]]), cliff[~rounded], cliffs[~rounded]
-    cliffs[:, :2] += _spread(heights, scene, column[cliff].astype(np.int64), z[cliff], z[cliff])[:, 1:3] - _doubtful_way(scene, cliff)
+    rounded, over = _is_rounded(scene, cliff), _way_over(scene, cliff)
+    rims_of_craters = cliffs[rounded]
+    rims_of_craters[:, :2] -= _BEFORE * over[rounded]
+    edges = kernels.steep_edges(label, scene.surfaces, scene.links, steep, ny, _BEFORE, limits)
+    cliff, cliffs = cliff[~rounded], cliffs[~rounded]
+    cliffs[:, :2] += _spread(heights, scene, column[cliff].astype(np.int64), z[cliff], z[cliff])[:, 1:3]
+    cliffs[:, :2] -= scene.surfaces.bridged[cliff, None] * over[~rounded]
     rims = _rims(too_high, rise[:, 1])
-    reach = np.concatenate([_reach(things, limits.hit_noise), np.zeros_like(rims)])
-    return Barriers(np.concatenate([stand, rims]), too_steep, cliffs, reach), in_voxels
+    reach = np.concatenate([_reach(things, limits.hit_noise), np.tile([0.0, 0.0, _FLANK], (len(rims), 1))])
+    return Barriers(np.concatenate([stand, rims]), np.concatenate([edges, rims_of_craters]), cliffs, reach), in_voxels
 
 
 def turning_radii(config: TerrainConfig, limits: Limits) -> Radii:

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.lean_kernels import lean_njit
 from octomap_server_3dnav.surface_columns import DX, DY, find_node
 
-UNFITTED, GENTLE, NEARLY_STEEP, STEEP = 0, 1, 2, 3
+UNFITTED, GENTLE, INCLINED, NEARLY_STEEP, STEEP = 0, 1, 2, 3, 4
+_CLOSE = 1  # columns around a node for a close look
+_PULL = 0.5
 _BLOCK = 4096  # columns whose sums stay in the cache
 _WORTH = 8  # a sheet is fitted as one where it covers such a part of the columns: most nodes of a small one are never asked for
 
@@ -22,7 +24,7 @@ _WORTH = 8  # a sheet is fitted as one where it covers such a part of the column
 class Links(NamedTuple):
     """Neighbours of the surface nodes, (N, 4) int32 each: the `near` ones, and in `graph` those of them that can be stepped to.
 
-    `slope` (N,) uint8 tells of nodes amid open ground whether they are GENTLE, NEARLY_STEEP or STEEP; UNFITTED of the others.
+    `slope` (N,) uint8 tells of nodes amid open ground whether they are GENTLE, INCLINED, NEARLY_STEEP or STEEP; UNFITTED of the others.
     """
 
     near: NDArray[np.int32]
@@ -101,8 +103,11 @@ def _ray_lengths(reach: Any) -> Any:
 
 
 @lean_njit
-def gradient_at(graph: Any, level: Any, s: Any, reach: Any) -> Any:
-    """Rise along x and y of the plane fitted to the ground around s, out to `reach` voxels."""
+def gradient_at(graph: Any, level: Any, s: Any, reach: Any, pull: Any = _PULL) -> Any:
+    """Rise along x and y of the plane fitted to the ground around s, out to `reach` voxels.
+
+    A weak pull to level keeps it defined where all ground lies on one line.
+    """
     n, sx, sy, sxx, syy, sxy = 1, 0, 0, 0, 0, 0
     sz, sxz, syz = 0.0, 0.0, 0.0
     lengths = _ray_lengths(reach)
@@ -117,8 +122,7 @@ def gradient_at(graph: Any, level: Any, s: Any, reach: Any) -> Any:
                 x, y, h = j * dx, j * dy, np.float64(level[node]) - level[s]
                 n, sx, sy, sz = n + 1, sx + x, sy + y, sz + h
                 sxx, syy, sxy, sxz, syz = sxx + x * x, syy + y * y, sxy + x * y, sxz + x * h, syz + y * h
-    # A weak pull to level (0.5) keeps the plane defined where all ground lies on one line.
-    a, b, c = sxx - sx * sx / n + 0.5, syy - sy * sy / n + 0.5, sxy - sx * sy / n
+    a, b, c = sxx - sx * sx / n + pull, syy - sy * sy / n + pull, sxy - sx * sy / n
     p, q = sxz - sx * sz / n, syz - sy * sz / n
     det = a * b - c * c
     return (b * p - c * q) / det, (a * q - c * p) / det
@@ -132,11 +136,41 @@ def slope_at(graph: Any, level: Any, s: Any, reach: Any) -> Any:
 
 
 @lean_njit
-def steepness(slope: Any, max_fitted_slope: Any, max_slope: Any) -> Any:
-    """STEEP beyond the limit, NEARLY_STEEP where it may be: within what a fit can be wrong, else GENTLE."""
-    if slope > max_slope:
+def steepness(slope: Any, steepest: Any) -> Any:
+    """GENTLE, INCLINED, NEARLY_STEEP or STEEP, by the three slopes, ascending, above which ground is each of the latter."""
+    if slope > steepest[2]:
         return STEEP
-    return NEARLY_STEEP if slope > max_fitted_slope else GENTLE
+    if slope > steepest[1]:
+        return NEARLY_STEEP
+    return INCLINED if slope > steepest[0] else GENTLE
+
+
+@lean_njit
+def _is_amid(graph: Any, s: Any) -> Any:
+    """Whether ground goes on beyond all neighbours of node s: at its rim the face below was hit, too."""
+    for k in range(4):
+        n = np.int64(graph[s, k])
+        for j in range(4):
+            if n < 0 or graph[n, j] < 0:
+                return False
+    return True
+
+
+@lean_njit
+def steepness_at(links: Any, level: Any, s: Any, reach: Any, steepest: Any) -> Any:
+    """The same of node s, by the plane fitted to the ground around it.
+
+    What that calls INCLINED is NEARLY_STEEP if it is too steep in a close look, else GENTLE: a hand's breadth may be steeper than two.
+    """
+    kind = links.slope[s]
+    if kind == UNFITTED:
+        kind = steepness(slope_at(links.graph, level, s, reach), steepest)
+    if kind != INCLINED:
+        return kind
+    if not _is_amid(links.graph, s):
+        return GENTLE
+    along_x, along_y = gradient_at(links.graph, level, s, _CLOSE, 0.0)
+    return NEARLY_STEEP if np.hypot(along_x, along_y) > steepest[2] else GENTLE
 
 
 @njit(cache=True)
@@ -215,7 +249,7 @@ def _fit_sheet(start: Any, rank: Any, height: Any, edges: Any, ny: Any, reach: A
     """Writes `Links.slope` of the nodes of a sheet: where no ray of `slope_at` ends early the sums over x and y are known, those over x * h
     and y * h the same stencil everywhere."""
     straight, oblique = _ray_lengths(reach)
-    rim, (max_fitted_slope, max_slope) = max(straight, oblique) * (ny + 1), steepest
+    rim = max(straight, oblique) * (ny + 1)
     a = 0.5 + 2.0 * (np.arange(straight + 1) ** 2).sum() + 4.0 * (np.arange(oblique + 1) ** 2).sum()
     for low in range(rim, height.size - rim, _BLOCK):
         n = min(_BLOCK, height.size - rim - low)
@@ -235,20 +269,16 @@ def _fit_sheet(start: Any, rank: Any, height: Any, edges: Any, ny: Any, reach: A
         for i in range(n):
             if is_open[i] & 1:
                 p, q = float(along_x[i]), float(along_y[i])
-                gentle = abs(p) + abs(q) < 0.99 * max_fitted_slope * a
-                slope[start[low + i] + rank] = (
-                    GENTLE if gentle else steepness(np.hypot((a * p) / (a * a), (a * q) / (a * a)), max_fitted_slope, max_slope)
-                )
+                gentle = abs(p) + abs(q) < 0.99 * steepest[0] * a
+                slope[start[low + i] + rank] = GENTLE if gentle else steepness(np.hypot((a * p) / (a * a), (a * q) / (a * a)), steepest)
 
 
 @njit(cache=True)
-def slopes_of_open_ground(
-    start: Any, level: Any, graph: Any, ny: Any, spans: Any, reach: Any, max_fitted_slope: Any, max_slope: Any
-) -> Any:
+def slopes_of_open_ground(start: Any, level: Any, graph: Any, ny: Any, spans: Any, reach: Any, steepest: Any) -> Any:
     """`Links.slope`: sheet by sheet, of those with so many nodes that it pays."""
     slope = np.zeros(level.size, np.uint8)
     height, edges = np.empty(start.size - 1, np.float32), np.empty(start.size - 1, np.uint8)
     for rank in range(_worth_fitting(start)):
         _sheet(start, level, graph, ny, spans, rank, height, edges)
-        _fit_sheet(start, rank, height, _both_ways(edges, ny), ny, reach, (max_fitted_slope, max_slope), slope)
+        _fit_sheet(start, rank, height, _both_ways(edges, ny), ny, reach, steepest, slope)
     return slope

@@ -183,7 +183,9 @@ def classify(
     obstacles = kernels.obstacles_seen(scene.columns, scene.surfaces, scene.links, label, seen, limits)
     barriers, in_voxels = barriers_of(scene, label, obstacles, steps, cliff, heights, limits)
     narrow = label.copy()
-    inflate(scene, narrow, barriers.as_points(), narrow_radii(config, limits), config.inflation_shape, limits)
+    inflate(
+        scene, narrow, barriers._replace(steep=in_voxels.steep).as_points(), narrow_radii(config, limits), config.inflation_shape, limits
+    )
     inflate(scene, label, barriers, turning_radii(config, limits), config.inflation_shape, limits)
     is_narrow = (narrow == TerrainClass.TRAVERSABLE) & (label == TerrainClass.INFLATION)
     edges = frontier_edges(scene, label, seen, radius_m, limits)

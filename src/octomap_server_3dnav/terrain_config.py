@@ -8,6 +8,7 @@ from stage_config import check_ranges, parameter
 
 _TREADS_ERR_M = 0.002  # of a step between two flat treads: means of a dozen surfaces each, of 1 mm
 
+_INCLINED = 0.8  # of the steepest slope: measured ground that inclines less over two hands' breadths is gentle, whatever one alone does
 _PLANE_ERR_RAD = 0.003  # of the slope of a measured plane as large as the robot
 
 
@@ -28,7 +29,7 @@ class TerrainConfig:
     step_margin_m: float = parameter(0.01, "m", "how much lower than the highest step a measured one must be", low=0.0, high=0.2)
     max_slope_rad: float = parameter(math.radians(25.0), "rad", "steepest slope the robot drives", low=0.05, high=0.8)
     slope_margin_rad: float = parameter(
-        math.radians(1.4),
+        math.radians(1.0),
         "rad",
         "how much gentler than the steepest slope one that is fitted to measured heights must be",
         low=0.0,
@@ -47,7 +48,7 @@ class TerrainConfig:
     inflation_radius_m: float = parameter(0.60, "m", "distance kept from obstacles by the robot's centre", low=0.0, high=3.0)
     cliff_inflation_radius_m: float = parameter(0.60, "m", "distance kept from cliffs by the robot's centre", low=0.0, high=3.0)
     hit_margin_m: float = parameter(
-        0.015, "m", "kept from obstacles beside their radius where it is measured where they were hit: beams err", low=0.0, high=0.5
+        0.018, "m", "kept from obstacles beside their radius where it is measured where they were hit: beams err", low=0.0, high=0.5
     )
     cliff_margin_m: float = parameter(0.035, "m", "the same from cliffs: floor is hit more sparsely than what stands", low=0.0, high=0.5)
     hit_noise_m: float = parameter(
@@ -121,8 +122,9 @@ class StepLimits(NamedTuple):
 class Limits(NamedTuple):
     """The configuration in voxels of one resolution, as the kernels take it.
 
-    `assumes_cliffs`: also where no drop was seen. `steep_margin`: what is too steep begins somewhere in its column, or, where slopes are
-    fitted to a few columns of measured heights, in the one before.
+    `steepest`: slopes above which fitted ground is inclined, nearly steep and steep. `assumes_cliffs`: also where no drop was seen.
+    `steep_margin`: what is too steep begins somewhere in its column, or, where slopes are fitted to a few columns of measured heights, in
+    the one before.
     """
 
     resolution: float
@@ -131,7 +133,7 @@ class Limits(NamedTuple):
     clearance: int
     slope_reach: int
     max_slope: float
-    max_fitted_slope: float
+    steepest: tuple[float, float, float]
     max_plane_slope: float
     look: int
     inflation: int
@@ -146,6 +148,8 @@ class Limits(NamedTuple):
     def of(cls, config: TerrainConfig, resolution: float, is_measured: bool) -> "Limits":
         """For a map with or without measured heights."""
         slope_radius_m, margin = (config.slope_radius_m, config.slope_margin_rad) if is_measured else (config.voxel_slope_radius_m, 0.0)
+        fitted = math.tan(config.max_slope_rad - margin)
+        inclined = _INCLINED * fitted if is_measured else fitted
         hit_margin = config.hit_margin_m / resolution if is_measured else 0.0
         largest = max(config.inflation_radius_m, config.cliff_inflation_radius_m)
         return cls(
@@ -155,7 +159,7 @@ class Limits(NamedTuple):
             clearance=math.ceil((config.robot_height_m + config.clearance_margin_m) / resolution - 1e-9),
             slope_reach=max(2, round(slope_radius_m / resolution)),
             max_slope=math.tan(config.max_slope_rad),
-            max_fitted_slope=math.tan(config.max_slope_rad - margin),
+            steepest=(inclined, fitted, math.tan(config.max_slope_rad)),
             max_plane_slope=math.tan(config.max_slope_rad + _PLANE_ERR_RAD),
             look=max(1, round(config.cliff_look_m / resolution)),
             inflation=math.ceil(largest / resolution - 1e-9),

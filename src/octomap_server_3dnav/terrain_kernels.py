@@ -22,7 +22,7 @@ from octomap_server_3dnav.surface_columns import (
     slope_behind,
     top_near,
 )
-from octomap_server_3dnav.surface_graph import GENTLE, NEARLY_STEEP, STEEP, UNFITTED, gradient_at, slope_at, steepness
+from octomap_server_3dnav.surface_graph import GENTLE, NEARLY_STEEP, STEEP, gradient_at, slope_at, steepness_at
 from octomap_server_3dnav.surface_planes import is_gentle_plane
 from octomap_server_3dnav.surface_steps import step_between_treads
 
@@ -134,13 +134,8 @@ def _is_near_steep(surfaces: Any, links: Any, s: Any, limits: Any) -> Any:
     """Whether the ground at a neighbour of node s is too steep, or nearly so."""
     for k in range(4):
         n = links.graph[s, k]
-        if n >= 0:
-            kind = links.slope[n]
-            if kind == UNFITTED:
-                slope = slope_at(links.graph, surfaces.slope_level, n, limits.slope_reach)
-                kind = steepness(slope, limits.max_fitted_slope, limits.max_slope)
-            if kind != GENTLE:
-                return True
+        if n >= 0 and steepness_at(links, surfaces.slope_level, n, limits.slope_reach, limits.steepest) != GENTLE:
+            return True
     return False
 
 
@@ -192,13 +187,13 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
     """
     column, z, level = surfaces.column, surfaces.z, surfaces.slope_level  # arrays of a tuple are counted at every use
     runs, z_lo, z_hi, occupied = columns.start, columns.z_lo, columns.z_hi, columns.occupied
-    near, graph, slope = links.near, links.graph, links.slope
+    near, graph = links.near, links.graph
     label, seen = np.full(column.size, UNREACHED, np.uint8), np.empty((column.size, 4), np.uint8)
     queued = np.zeros(column.size, np.bool_)
     waiting = np.empty(column.size, np.int32)
     waiting[0], left, traversable = first, 1, 0
     queued[first] = True
-    reach, nearly_steep, steep = limits.slope_reach, limits.max_fitted_slope, limits.max_slope
+    reach, steepest = limits.slope_reach, limits.steepest
     while left:
         left -= 1
         s = np.int64(waiting[left])
@@ -210,9 +205,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
                 break
         if label[s] == CLIFF:
             continue
-        kind = slope[s]
-        if kind == UNFITTED:
-            kind = steepness(slope_at(graph, level, s, reach), nearly_steep, steep)
+        kind = steepness_at(links, level, s, reach, steepest)
         is_steep = kind == STEEP or (kind == NEARLY_STEEP and _is_near_steep(surfaces, links, s, limits))
         is_steep = is_steep and not _only_seems_steep(surfaces, columns.ny, links, s, limits)
         low, high = z[s] + limits.step + 1, z[s] + limits.clearance
@@ -246,6 +239,34 @@ def mark_steps(label: Any, near: Any, graph: Any, level: Any) -> Any:
     for i in range(len(found)):
         out[i, 0], out[i, 1] = found[i]
         label[out[i, 0]] = OBSTACLE
+    return out
+
+
+@njit(cache=True)
+def steep_edges(label: Any, surfaces: Any, links: Any, steep: Any, ny: Any, unsure: Any, limits: Any) -> Any:
+    """(M, 3) x and y in columns and level of where traversable ground gets too steep beside each of the `steep` nodes, or of these.
+
+    Where the slope that is fitted to both would be at its limit between them; `unsure` columns before a node that the fit does not call so.
+    """
+    reach, limit, level = limits.slope_reach, limits.steepest[1], surfaces.slope_level
+    found = []
+    for s in steep:
+        x, y, z = surfaces.column[s] // ny + 0.5, surfaces.column[s] % ny + 0.5, float(surfaces.z[s])
+        own, at_edge = slope_at(links.graph, level, s, reach), False
+        for k in range(4):
+            n = links.graph[s, k]
+            if n < 0 or label[n] != TRAVERSABLE:
+                continue
+            other, before = slope_at(links.graph, level, n, reach), unsure
+            if other < limit < own:
+                before = (own - limit) / (own - other)
+            found.append((x + before * DX[k], y + before * DY[k], z))
+            at_edge = True
+        if not at_edge:
+            found.append((x, y, z))
+    out = np.empty((len(found), 3))
+    for i in range(len(found)):
+        out[i, 0], out[i, 1], out[i, 2] = found[i]
     return out
 
 

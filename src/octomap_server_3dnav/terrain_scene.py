@@ -113,8 +113,7 @@ def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: Limits
     graph = steppable_neighbours(near, surfaces, limits.steps)
     surfaces = surfaces._replace(slope_level=centred_levels(graph, surfaces))
     restore_on_planes(near, graph, surfaces, ny, limits)
-    steepest = limits.max_fitted_slope, limits.max_slope
-    slope = slopes_of_open_ground(surfaces.start, surfaces.slope_level, graph, ny, spans, limits.slope_reach, *steepest)
+    slope = slopes_of_open_ground(surfaces.start, surfaces.slope_level, graph, ny, spans, limits.slope_reach, limits.steepest)
     return surfaces, Links(near, graph, slope)
 
 

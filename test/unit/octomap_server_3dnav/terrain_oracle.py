@@ -310,7 +310,7 @@ class Oracle:
             edges = [self.edge(s, k) for k in range(4)]
             if any(self.beside(s, k) == "drop" for k in range(4) if edges[k] is None):
                 self.label[s] = CLIFF
-            elif self.slope(s) > self.limits.max_fitted_slope or self._may_be_side(s):
+            elif self.slope(s) > self.limits.steepest[1] or self._may_be_side(s):
                 self.label[s] = OBSTACLE
             else:
                 self.label[s] = TRAVERSABLE

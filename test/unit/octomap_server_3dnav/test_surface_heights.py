@@ -316,6 +316,24 @@ def test_hollow_that_is_steep_beside_its_middle_is_no_plane():
     assert (bowl.label == OBSTACLE).any() and not (bowl.label[(off > 0.6) & (off < 1.8)] == TRAVERSABLE).any()
 
 
+@pytest.mark.parametrize("degrees, drivable", [(22, True), (28, False)])
+def test_hands_breadth_that_is_too_steep_is_an_obstacle_within_a_gentler_slope(degrees, drivable):
+    gentle, patch = np.tan(np.radians(20.0)), np.tan(np.radians(degrees))
+    terrain = measured(
+        lambda x, y: 0.01 + gentle * np.clip(x - 1.6, 0.0, 2.4) + (patch - gentle) * np.clip(x - 2.88, 0.0, 0.24) + 0 * y, pose(0.8, 2.4)
+    )
+    assert (terrain.label == OBSTACLE).any() != drivable
+
+
+@pytest.mark.parametrize("limit_at", np.arange(4.0, 4.08, 0.02).tolist())
+def test_ground_that_gets_steeper_by_and_by_ends_where_it_is_at_the_limit(limit_at):
+    """On a parabola 0.6 m and up to 20 cm more are kept from there, wherever that lies in its column."""
+    steepest = np.tan(np.radians(25.0))
+    terrain = measured(lambda x, y: 0.01 + steepest * np.clip(x - 2.4, 0.0, None) ** 2 / (2.0 * (limit_at - 2.4)) + 0 * y, pose(0.8, 2.4))
+    row = (terrain.label == TRAVERSABLE) & (terrain.iy == 30)
+    assert limit_at - 0.80 < (terrain.ix[row].max() + 0.5) * RESOLUTION <= limit_at - 0.6
+
+
 @pytest.mark.parametrize("degrees", [10, 20])
 def test_slope_is_no_kerb(degrees):
     slope = np.tan(np.radians(degrees))

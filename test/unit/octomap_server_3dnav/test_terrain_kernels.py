@@ -66,9 +66,11 @@ def test_slopes_of_open_ground_are_those_of_the_fit(seed, reach):
     graph = steppable_neighbours(near, surfaces, StepLimits.of(TerrainConfig(), 0.08))
     fitted = {s: slope_at(graph, surfaces.level, s, reach) for s in range(surfaces.z.size)}
     for limit in (0.1, 0.3, float(np.median(list(fitted.values())))):
-        slope = slopes_of_open_ground(surfaces.start, surfaces.level, graph, columns.ny, whole(columns), reach, limit, 2 * limit)
+        slope = slopes_of_open_ground(
+            surfaces.start, surfaces.level, graph, columns.ny, whole(columns), reach, (0.8 * limit, limit, 2 * limit)
+        )
         judged = np.flatnonzero(slope != UNFITTED)
-        assert [slope[s] for s in judged] == [steepness(fitted[s], limit, 2 * limit) for s in judged]
+        assert [slope[s] for s in judged] == [steepness(fitted[s], (0.8 * limit, limit, 2 * limit)) for s in judged]
     is_upper = surfaces.start[surfaces.column[judged]] < judged
     assert judged.size > (100 if reach < 7 else 0) and (is_upper.any() or reach > 2)
 
