@@ -16,6 +16,7 @@ _COVERED = 0.8  # of its columns have ground there
 _FLAT = 0.05  # root mean square of what ground may lie off its plane
 _FORM = 0.3  # of what the ground lies off its plane a curved surface may explain; more is no noise
 _REACH = 2  # how far off a plane that was guessed from a fit its ground is looked for
+_FAR = 1.5  # and where it lies so far off, the guess was none of a plane
 _CURVED = (2 * np.arange(-_HALF, _HALF + 1) ** 2).sum() / (2 * (2 * _HALF + 1))  # mean of x * x over a plane
 
 
@@ -59,15 +60,19 @@ def _plane_slope(surfaces: Any, ny: Any, s: Any, x0: Any, y0: Any, gradient: Any
     """
     n, sx, sy, sz = 0, 0, 0, 0.0
     sxx, syy, sxy, sxz, syz, szz = 0, 0, 0, 0.0, 0.0, 0.0
+    lacking = (1.0 - _COVERED) * (2 * _HALF + 1) ** 2
     for x in range(-_HALF, _HALF + 1):
         for y in range(-_HALF, _HALF + 1):
             h = _off(surfaces, ny, s, x0 + x, y0 + y, gradient)
             if np.isnan(h):
+                lacking -= 1.0
+                if lacking < 0.0:
+                    return np.nan
                 continue
+            if abs(h) > _FAR:
+                return np.nan
             n, sx, sy, sz = n + 1, sx + x, sy + y, sz + h
             sxx, syy, sxy, sxz, syz, szz = sxx + x * x, syy + y * y, sxy + x * y, sxz + x * h, syz + y * h, szz + h * h
-    if n < _COVERED * (2 * _HALF + 1) ** 2:
-        return np.nan
     a, b, c = sxx - sx * sx / n, syy - sy * sy / n, sxy - sx * sy / n
     p, q = sxz - sx * sz / n, syz - sy * sz / n
     det = a * b - c * c
