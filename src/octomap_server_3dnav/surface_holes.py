@@ -59,6 +59,8 @@ def _spans(columns: Any, start: Any, z: Any, a: Any, b: Any, c: Any, stride: Any
     for j in range(1, gap):
         level = _level_between(z, a, b, j, gap)
         between = c + j * stride
+        if find_node(start, z, between, np.int64(z[b]), step) >= 0:
+            return False
         if find_node(start, z, between, level, step) >= 0 or blocking_voxel(columns, between, level, step, clearance) != NO_VOXEL:
             return False
         if seen_down_to(columns, between, level + step + 1) == NO_VOXEL:

@@ -110,8 +110,10 @@ def _tread(near: Any, surfaces: Any, s: Any, k: Any) -> Any:
 
 @lean_njit
 def _treads_around(near: Any, surfaces: Any, s: Any, n: Any, k: Any) -> Any:
-    """Heights of the lower and the higher of the flat treads beyond node n in direction k and behind node s; NaN where there are none."""
+    """Heights of the lower and the higher of the flat treads beyond node n in direction k and behind node s; NaN unless both are there."""
     behind, beyond = _tread(near, surfaces, s, (k + 2) % 4), _tread(near, surfaces, n, k)
+    if np.isnan(behind) or np.isnan(beyond):
+        return np.nan, np.nan
     return min(behind, beyond), max(behind, beyond)
 
 

@@ -147,7 +147,7 @@ class Oracle:
             if b is None or self._is_alone(a) or self._is_alone(b) or not self._one_floor(a, b, way, gap):
                 continue
             bridge = [(moved(c, way, j), math.floor((a.z * (gap - j) + b.z * j) / gap + 0.5), gap) for j in range(1, gap)]
-            if all(self._is_hole(between, level) for between, level, _ in bridge):
+            if all(self._is_hole(between, level) and not self.find(between, b.z, self.step) for between, level, _ in bridge):
                 found += bridge
         return found
 
