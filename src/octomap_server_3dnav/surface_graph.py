@@ -1,8 +1,7 @@
-"""The navigation graph on the surfaces: which neighbour the robot can step to, and how steep the ground is (thesis 5.5, 5.5.1).
+"""The navigation graph on the surfaces: which of them are neighbours, and how steep the ground is (thesis 5.5, 5.5.1).
 
-Third step of `terrain.classify`. Heights of voxels lie: a flat floor alternates between two layers, a ramp is a staircase. A single
-edge is therefore never judged alone: a step compares the mean heights of the patches on both sides of it, as measured by the beams where
-they were, a slope is a plane fitted to all ground within the footprint that straight lines over accepted edges reach.
+Third step of `terrain.classify`, with `surface_steps` and `surface_planes`. A slope is a plane fitted to all ground within the footprint
+that straight lines over accepted edges reach, as measured by the beams where they were. What inclines is looked at closely, too.
 """
 
 from typing import Any, NamedTuple
