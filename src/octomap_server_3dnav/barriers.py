@@ -1,8 +1,8 @@
 """Where ground ends, and how far the middle of the robot keeps off: the inflation of the thesis (5.5, addRobotPadding), by the hit.
 
 After the first flood, in `terrain.classify`. An obstacle or a cliff is where beams ended in its voxel, not in the middle, up to 6 cm
-away; ground that is too steep begins somewhere in its column or, fitted to those around, in the one before. All places are in voxels of
-the window.
+away; ground that is too steep begins where the slope that is fitted to its column and to the next would be at its limit between them. All
+places are in voxels of the window.
 """
 
 import math
@@ -149,8 +149,8 @@ def barriers_of(
     obstacles to the ground below.
 
     Obstacles are where beams ended in their column from its foot up to the robot's height, cliffs where they ended in their voxel,
-    and those that nobody has hit in the middle of their column, cliffs on assumed floor a voxel nearer. Measured steps begin where their
-    column does; rounded cliffs somewhere in theirs, as what is too steep.
+    and those that nobody has hit in the middle of their column, cliffs on assumed floor a voxel nearer. Measured steps begin just before
+    their column; what is too steep where the slopes of two columns tell, rounded cliffs somewhere in theirs.
     """
     column, z, ny = scene.surfaces.column, scene.surfaces.z.astype(np.int64), scene.columns.ny
     steep, rise = np.flatnonzero(label == TerrainClass.OBSTACLE), steps[:0]
