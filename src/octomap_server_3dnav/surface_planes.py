@@ -17,7 +17,7 @@ _FLAT = 0.05  # root mean square of what ground may lie off its plane
 _FORM = 0.3  # of what the ground lies off its plane a curved surface may explain; more is no noise
 _REACH = 2  # how far off a plane that was guessed from a fit its ground is looked for
 _FAR = 1.5  # and where it lies so far off, the guess was none of a plane
-_CURVED = (2 * np.arange(-_HALF, _HALF + 1) ** 2).sum() / (2 * (2 * _HALF + 1))  # mean of x * x over a plane
+_CURVED = (np.arange(-_HALF, _HALF + 1) ** 2).mean()  # mean of x * x over a plane
 
 
 @lean_njit
