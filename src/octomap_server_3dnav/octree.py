@@ -36,7 +36,11 @@ class SensorModel:
         0.7, "-", "probability of a voxel in which a beam ended; higher: one hit is worth more misses", low=0.5, high=0.999
     )
     miss: float = parameter(
-        0.4, "-", "probability of a voxel that beams only crossed; lower: moved things vanish sooner", low=0.001, high=0.5
+        0.47,
+        "-",
+        "probability of a voxel that beams only crossed: they may have passed over the floor in it; lower: more floor is lost again",
+        low=0.001,
+        high=0.5,
     )
     through: float = parameter(
         0.28,

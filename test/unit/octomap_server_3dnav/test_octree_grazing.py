@@ -1,4 +1,6 @@
-"""Flat rays and the ground: what a ray may free just before it ends."""
+"""Flat rays and the ground: what they may free that lies in the lower part of the voxels that they cross."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from octomap_server_3dnav.column_runs import VoxelState
 from octomap_server_3dnav.octree import OctreeMap, SensorModel
 
 RES = 0.1
+OCTOMAP = SensorModel(miss=0.4)
 FREE, OCCUPIED, UNKNOWN = VoxelState.FREE, VoxelState.OCCUPIED, VoxelState.UNKNOWN
 
 
@@ -25,7 +28,7 @@ def rays(ends: list[tuple[float, float, float]], start: tuple[float, float, floa
     ("grazing_m", "ground"), [(0.0, "#########11111111#.."), (0.45, "#########11111####.."), (2.0, "##################..")]
 )
 def test_flat_ray_keeps_the_ground_it_skims_as_far_as_it_is_told_to(grazing_m, ground):
-    octree = OctreeMap(RES, SensorModel(grazing_m=grazing_m))
+    octree = OctreeMap(RES, replace(OCTOMAP, grazing_m=grazing_m))
     octree.insert_plane([0.85, 0.05, 0.05], 0.849)  # the ground that earlier sweeps saw, x = 0 .. 1.7
     for _ in range(3):
         octree.insert_sweep(*rays([(1.75, 0.05, 0.03), (1.75, 0.15, 0.03)], (0.05, 0.05, 0.18)))
@@ -59,7 +62,7 @@ def test_ray_under_a_ceiling_keeps_the_ceiling():
 def test_thing_that_moved_away_is_freed_by_rays_to_the_wall_behind_it():
     octree = OctreeMap(RES)
     thing = [(0.55, 0.05, z / 10 + 0.05) for z in range(3)]
-    wall = [(1.85, y / 10 + 0.05, z / 10 + 0.05) for y in range(-3, 4) for z in range(-3, 6)]
+    wall = [(1.85, y / 10 + 0.05, z / 10 + 0.05) for y in range(-8, 9) for z in range(-8, 11)]
     octree.insert_sweep(*rays(thing, (0.05, 0.05, 0.15)))
     for _ in range(3):
         octree.insert_sweep(*rays(wall, (0.05, 0.05, 0.15)))
@@ -95,7 +98,7 @@ def test_ground_seen_from_near_survives_sweeps_from_afar(height):
     kept = {}
     for grazing_m in (0.0, SensorModel().grazing_m):
         rng = np.random.default_rng(5)
-        octree = OctreeMap(RES, SensorModel(grazing_m=grazing_m))
+        octree = OctreeMap(RES, replace(OCTOMAP, grazing_m=grazing_m))
         for x in (0.0, 1.0):
             octree.insert_sweep(*ground_sweep(x, height, rng), max_range_m=15.0)
         near = ground_seen(octree, height)
@@ -104,3 +107,14 @@ def test_ground_seen_from_near_survives_sweeps_from_afar(height):
         kept[grazing_m] = ground_seen(octree, height) / near
     assert kept[SensorModel().grazing_m] >= 1.0
     assert kept[0.0] < 0.5
+
+
+@pytest.mark.parametrize(("model", "kept"), [(SensorModel(), "######"), (OCTOMAP, "111111")])
+def test_deck_that_was_seen_survives_rays_from_below_that_pass_over_its_edge(model, kept):
+    """They cross the upper parts of the voxels that its floor lies in, and end at no surface there."""
+    octree = OctreeMap(RES, model)
+    deck = [(0.55 + x / 10, y / 10 + 0.05, 0.02) for x in range(6) for y in range(-3, 4)]
+    octree.insert_sweep(*rays(deck, (0.05, 0.05, 1.0)))
+    for _ in range(5):
+        octree.insert_sweep(*rays([(9.0, y / 10 + 0.05, 0.35) for y in range(-9, 10)], (-0.95, 0.05, 0.0)), max_range_m=5.0)
+    assert row(octree, 0.05)[5:11] == kept

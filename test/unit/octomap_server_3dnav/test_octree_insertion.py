@@ -9,7 +9,7 @@ from octomap_server_3dnav.column_runs import VoxelState
 from octomap_server_3dnav.octree import InsertionReport, OctreeMap, SensorModel
 
 RES = 0.1
-PLAIN = SensorModel(grazing_m=0.0)
+PLAIN = SensorModel(miss=0.4, grazing_m=0.0)
 FREE, OCCUPIED, UNKNOWN = VoxelState.FREE, VoxelState.OCCUPIED, VoxelState.UNKNOWN
 
 

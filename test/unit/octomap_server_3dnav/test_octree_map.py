@@ -110,8 +110,9 @@ def test_plane_fills_only_what_is_unknown():
 def test_plane_is_overruled_by_what_beams_see_later():
     octree = OctreeMap(RES)
     octree.insert_plane([0.0, 0.0, 0.05], 0.2)
+    down = np.array([[0.05 + x / 10, 0.05 + y / 10, -1.05] for x in range(-2, 3) for y in range(-2, 3)], np.float32)
     for _ in range(3):
-        octree.insert_sweep(np.array([[0.05, 0.05, -1.05]], np.float32), np.array([[0.05, 0.05, 1.05]], np.float32))
+        octree.insert_sweep(down, down + np.array([0.0, 0.0, 2.1], np.float32))
     assert octree.states_at([[0.05, 0.05, 0.05], [-0.05, 0.05, 0.05]]).tolist() == [FREE, OCCUPIED]
 
 
