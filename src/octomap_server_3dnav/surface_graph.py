@@ -159,7 +159,8 @@ def _is_amid(graph: Any, s: Any) -> Any:
 def steepness_at(links: Any, level: Any, s: Any, reach: Any, steepest: Any) -> Any:
     """The same of node s, by the plane fitted to the ground around it.
 
-    What that calls INCLINED is NEARLY_STEEP if it is too steep in a close look, else GENTLE: a hand's breadth may be steeper than two.
+    What that calls INCLINED is NEARLY_STEEP if it is too steep in a close look, and GENTLE if it is not even nearly so there: a hand's
+    breadth may be steeper than two.
     """
     kind = links.slope[s]
     if kind == UNFITTED:
@@ -169,7 +170,10 @@ def steepness_at(links: Any, level: Any, s: Any, reach: Any, steepest: Any) -> A
     if not _is_amid(links.graph, s):
         return GENTLE
     along_x, along_y = gradient_at(links.graph, level, s, _CLOSE, 0.0)
-    return NEARLY_STEEP if np.hypot(along_x, along_y) > steepest[2] else GENTLE
+    closely = np.hypot(along_x, along_y)
+    if closely > steepest[2]:
+        return NEARLY_STEEP
+    return INCLINED if closely > steepest[1] else GENTLE
 
 
 @njit(cache=True)

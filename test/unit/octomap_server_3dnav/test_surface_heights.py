@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import erf
 from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, label_at, pose, runs_of
 
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
@@ -323,6 +324,18 @@ def test_hands_breadth_that_is_too_steep_is_an_obstacle_within_a_gentler_slope(d
         lambda x, y: 0.01 + gentle * np.clip(x - 1.6, 0.0, 2.4) + (patch - gentle) * np.clip(x - 2.88, 0.0, 0.24) + 0 * y, pose(0.8, 2.4)
     )
     assert (terrain.label == OBSTACLE).any() != drivable
+
+
+@pytest.mark.parametrize("degrees, drivable", [(24.6, True), (26.2, False)])
+def test_one_column_that_is_too_steep_is_an_obstacle_where_those_beside_it_are_nearly_so(degrees, drivable):
+    gentle, steepest, width = np.tan(np.radians(20.0)), np.tan(np.radians(degrees)), 0.2
+
+    def patch(x, y):
+        along = 0.5 * np.sqrt(np.pi) * width * (erf((x - 2.92) / width) + 1.0)
+        return 0.01 + gentle * np.clip(x - 1.6, 0.0, 2.4) + (steepest - gentle) * along * np.exp(-(((y - 2.44) / width) ** 2))
+
+    terrain = measured(patch, pose(0.8, 2.4))
+    assert np.count_nonzero(terrain.label == OBSTACLE) == (0 if drivable else 1)
 
 
 @pytest.mark.parametrize("limit_at", np.arange(4.0, 4.08, 0.02).tolist())
