@@ -233,8 +233,8 @@ class ExplorationPlanner:
 
     def _lookouts_left(self, terrain: Terrain, is_inside: bool) -> list[Lookout]:
         """The one that the robot is on its way to, then all others."""
-        least_m2 = self.frontier_config.least_last_gain_m2 * (_STILL_WORTH if is_inside else 1.0)
-        found = find_lookouts(terrain, replace(self.frontier_config, least_last_gain_m2=least_m2), self.terrain_config)
+        least_m2 = self.frontier_config.least_lookout_gain_m2 * (_STILL_WORTH if is_inside else 1.0)
+        found = find_lookouts(terrain, replace(self.frontier_config, least_lookout_gain_m2=least_m2), self.terrain_config)
         before = None if self._sent_to is None or is_inside else self._sent_to.still_in(terrain)
         return found if before is None else [before, *found]
 
@@ -293,4 +293,4 @@ def compile_kernels() -> None:
     ExplorationPlanner().decide(lambda radius_m: classify(runs, T_map_base, TerrainConfig(), radius_m, heights), T_map_base)
     states[32:, :27, 4:], states[32:, 38:, 4:], states[52:, 27:38] = VoxelState.OCCUPIED, VoxelState.OCCUPIED, VoxelState.UNKNOWN
     dead_end = classify(ColumnRuns.from_dense(states), T_map_base, TerrainConfig(), None)
-    find_lookouts(dead_end, FrontierConfig(least_last_gain_m2=0.0), TerrainConfig())
+    find_lookouts(dead_end, FrontierConfig(least_lookout_gain_m2=0.0), TerrainConfig())

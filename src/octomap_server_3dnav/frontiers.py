@@ -29,6 +29,9 @@ class FrontierConfig:
     least_last_gain_m2: float = parameter(
         2.5, "m2", "smaller ones of these, down to min_voxels, are looked at last, if a look may show this much ground", low=0.0, high=100.0
     )
+    least_lookout_gain_m2: float = parameter(
+        1.5, "m2", "the last look of all is from where the robot cannot turn, if it may show this much ground", low=0.0, high=100.0
+    )
     approach_m: float = parameter(1.0, "m", "farthest traversable ground from which such a cluster is looked at", low=0.0, high=5.0)
     target_radius_m: float = parameter(1.0, "m", "extent of one target: larger clusters are split", low=0.1, high=10.0)
     angle_weight_m_per_rad: float = parameter(0.5, "m/rad", "cost of turning to a frontier", low=0.0, high=20.0)

@@ -155,7 +155,7 @@ def _ground_of(terrain: Terrain) -> Ground:
 
 
 def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -> list[Lookout]:
-    """The lookouts at unknown floor of which a look may show `of.least_last_gain_m2`, the one that may show most first."""
+    """The lookouts at unknown floor of which a look may show `of.least_lookout_gain_m2`, the one that may show most first."""
     unknown = terrain.frontiers()
     if not unknown.size or terrain.departure is None or not terrain.narrow.any():
         return []
@@ -172,7 +172,7 @@ def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -
             continue
         middle = members[np.argmin(np.linalg.norm(xyz[members] - xyz[members].mean(axis=0), axis=1))]
         gain = float(unknown_area_m2(terrain, unknown[middle : middle + 1], of.gain_radius_m)[0])
-        if gain < of.least_last_gain_m2:
+        if gain < of.least_lookout_gain_m2:
             continue
         near = np.unique(np.concatenate(tree.query_ball_point(xyz[members], _NEAR_END_M)).astype(np.int64))
         line, points = _line_to(terrain, ground, demand, ends[near], xyz[members])

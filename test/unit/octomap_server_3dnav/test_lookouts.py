@@ -49,7 +49,7 @@ def dead_end(width=11, last_x=60, nx=70):
 
 
 def lookouts_in(states, least_m2=0.5):
-    return find_lookouts(terrain_of(states, pose(1.2, 2.6)), FrontierConfig(least_last_gain_m2=least_m2), TerrainConfig())
+    return find_lookouts(terrain_of(states, pose(1.2, 2.6)), FrontierConfig(least_lookout_gain_m2=least_m2), TerrainConfig())
 
 
 @pytest.mark.parametrize("lookouts", [True, False])
@@ -161,7 +161,7 @@ def test_robot_inside_leaves_straight_although_there_is_ground_ahead_that_no_pas
 @pytest.mark.parametrize("last_x, is_worth_it", [(63, True), (67, False)])
 def test_robot_inside_goes_on_for_less_than_it_goes_in_for(last_x, is_worth_it):
     (seen,) = lookouts_in(dead_end())
-    of = FrontierConfig(least_last_gain_m2=0.9 * seen.gain_m2)
+    of = FrontierConfig(least_lookout_gain_m2=0.9 * seen.gain_m2)
     planner = ExplorationPlanner(ExplorationConfig(edge_trim_m=0.75), frontier=of)
     assert planner.decide(runs_of(dead_end(last_x=last_x)), pose(1.2, 2.6)).kind is DecisionKind.EXPLORED
     goal = planner.decide(runs_of(dead_end()), pose(1.2, 2.6)).goal
@@ -173,7 +173,7 @@ def test_robot_inside_goes_on_for_less_than_it_goes_in_for(last_x, is_worth_it):
 
 def test_robot_goes_on_to_where_it_was_sent_to_look_until_that_was_seen_or_the_way_is_barred():
     (seen,) = lookouts_in(dead_end())
-    of = FrontierConfig(least_last_gain_m2=0.9 * seen.gain_m2)
+    of = FrontierConfig(least_lookout_gain_m2=0.9 * seen.gain_m2)
     less, barred = dead_end(last_x=61), dead_end(last_x=61)
     less[66:] = OCCUPIED  # less to see
     barred[44, :, BELOW:] = OCCUPIED
