@@ -30,6 +30,7 @@ _FALLING = 0.25  # voxels from one column to the next, 14 degrees: less is the u
 _FEW = 10.0  # voxels, divided by the hits in a column: how far beyond them a part of a thing may stand that none met
 _UNMET = 0.7  # voxels around the middle of a column that a thing may take up which no beam met: it may hang over beside it
 _FLANK = 0.15  # voxels before the rim of a step's column that its flank may begin
+_SURE = 2  # beams that ended on the floor before a cliff: of fewer it may begin up to a voxel nearer
 _BEFORE = 0.2  # voxels before the middle of its column that a slope gets too steep, where the slopes beside it do not tell
 _POINTS = np.empty((0, 3))  # of barriers that extend nowhere
 
@@ -172,8 +173,8 @@ def barriers_of(
     rims_of_craters[:, :2] -= _BEFORE * over[rounded]
     edges = kernels.steep_edges(label, scene.surfaces, scene.links, steep, ny, _BEFORE, limits)
     cliff, cliffs = cliff[~rounded], cliffs[~rounded]
-    cliffs[:, :2] += _spread(heights, scene, column[cliff].astype(np.int64), z[cliff], z[cliff])[:, 1:3]
-    cliffs[:, :2] -= scene.surfaces.bridged[cliff, None] * over[~rounded]
+    met = _spread(heights, scene, column[cliff].astype(np.int64), z[cliff], z[cliff])
+    cliffs[:, :2] += met[:, 1:3] - np.maximum(0.0, 1.0 - met[:, :1] / _SURE) * over[~rounded]
     rims = _rims(too_high, rise[:, 1])
     reach = np.concatenate([_reach(things, limits.hit_noise), np.tile([0.0, 0.0, _FLANK], (len(rims), 1))])
     return Barriers(np.concatenate([stand, rims]), np.concatenate([edges, rims_of_craters]), cliffs, reach), in_voxels
