@@ -53,7 +53,7 @@ def compared(half_size: float, max_range_m: float, count: int) -> tuple[list[flo
     import pyoctomap  # type: ignore[import-not-found]  # it is no requirement of the project
 
     theirs, coarser = pyoctomap.OcTree(RESOLUTION_M), pyoctomap.OcTree(RESOLUTION_M)
-    ours = OctreeMap(RESOLUTION_M, SensorModel(miss=0.4, grazing_m=0.0))
+    ours = OctreeMap(RESOLUTION_M, SensorModel(miss=0.4, min=0.12, grazing_m=0.0))
     times: tuple[list[float], ...] = ([], [], [])
     differ = []
     for points, origins in sweeps(half_size, count, np.random.default_rng(0)):

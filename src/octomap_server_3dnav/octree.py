@@ -50,7 +50,11 @@ class SensorModel:
         high=0.5,
     )
     min: float = parameter(
-        0.12, "-", "lower clamping probability; higher: free space is revised sooner and prunes better", low=0.001, high=0.5
+        0.45,
+        "-",
+        "lower clamping probability: so free a voxel can get; lower: floor over which beams have passed often must be hit more often",
+        low=0.001,
+        high=0.5,
     )
     max: float = parameter(0.97, "-", "upper clamping probability; lower: occupied voxels are revised sooner", low=0.5, high=0.999)
     grazing_m: float = parameter(

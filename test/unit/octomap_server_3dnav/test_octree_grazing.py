@@ -9,7 +9,7 @@ from octomap_server_3dnav.column_runs import VoxelState
 from octomap_server_3dnav.octree import OctreeMap, SensorModel
 
 RES = 0.1
-OCTOMAP = SensorModel(miss=0.4)
+OCTOMAP = SensorModel(miss=0.4, min=0.12)
 FREE, OCCUPIED, UNKNOWN = VoxelState.FREE, VoxelState.OCCUPIED, VoxelState.UNKNOWN
 
 
@@ -109,12 +109,18 @@ def test_ground_seen_from_near_survives_sweeps_from_afar(height):
     assert kept[0.0] < 0.5
 
 
+DECK = [(0.55 + x / 10, y / 10 + 0.05, 0.02) for x in range(6) for y in range(-3, 4)], (0.05, 0.05, 1.0)
+OVER_IT = [(9.0, y / 10 + 0.05, 0.35) for y in range(-9, 10)], (-0.95, 0.05, 0.0)
+
+
 @pytest.mark.parametrize(("model", "kept"), [(SensorModel(), "######"), (OCTOMAP, "111111")])
-def test_deck_that_was_seen_survives_rays_from_below_that_pass_over_its_edge(model, kept):
+@pytest.mark.parametrize("before, after", [(0, 5), (10, 1)])
+def test_deck_is_known_although_rays_from_below_pass_over_its_edge(model, kept, before, after):
     """They cross the upper parts of the voxels that its floor lies in, and end at no surface there."""
     octree = OctreeMap(RES, model)
-    deck = [(0.55 + x / 10, y / 10 + 0.05, 0.02) for x in range(6) for y in range(-3, 4)]
-    octree.insert_sweep(*rays(deck, (0.05, 0.05, 1.0)))
-    for _ in range(5):
-        octree.insert_sweep(*rays([(9.0, y / 10 + 0.05, 0.35) for y in range(-9, 10)], (-0.95, 0.05, 0.0)), max_range_m=5.0)
+    for _ in range(before):
+        octree.insert_sweep(*rays(*OVER_IT), max_range_m=5.0)
+    octree.insert_sweep(*rays(*DECK))
+    for _ in range(after):
+        octree.insert_sweep(*rays(*OVER_IT), max_range_m=5.0)
     assert row(octree, 0.05)[5:11] == kept
