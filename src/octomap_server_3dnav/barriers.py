@@ -31,7 +31,7 @@ _FEW = 10.0  # voxels, divided by the hits in a column: how far beyond them a pa
 _UNMET = 0.7  # voxels around the middle of a column that a thing may take up which no beam met: it may hang over beside it
 _FLANK = 0.15  # voxels before the rim of a step's column that its flank may begin
 _SURE = 2  # beams that ended on the floor before a cliff: of fewer it may begin up to a voxel nearer
-_MANY = 10  # hits whose mean tells whether the ground fills a column
+_MANY = 6  # hits whose mean tells whether the ground fills a column
 _ASIDE = 0.25  # voxels that it lies off the middle then where it does not
 _BEFORE = 0.2  # voxels before the middle of its column that a slope gets too steep, where the slopes beside it do not tell
 _POINTS = np.empty((0, 3))  # of barriers that extend nowhere
@@ -136,20 +136,24 @@ def _way_over(scene: Scene, cliff: Ints) -> Floats:
     return np.asarray(beyond / np.maximum(1.0, np.hypot(beyond[:, :1], beyond[:, 1:])))
 
 
-def _inner_corners(scene: Scene, cliff: Ints) -> tuple[Ints, Floats]:
-    """(C,) nodes beside the end of an edge, diagonally before the drop, and (C, 2) the way to it: in a corner the ground may end in them."""
-    graph, ahead = scene.links.graph, np.stack([DX, DY], axis=1)
-    is_cliff = np.zeros(len(graph), np.bool_)
+def _inner_corners(heights: SurfaceHeights, scene: Scene, cliff: Ints) -> Floats:
+    """(C, 3) where ground ends within a column that is beside the end of an edge, diagonally before the drop, and no cliff itself."""
+    graph, ahead, is_cliff = scene.links.graph, np.stack([DX, DY], axis=1), np.zeros(len(scene.links.graph), np.bool_)
     is_cliff[cliff] = True
     nodes, ways = [], []
     for k in range(4):
         edge = cliff[graph[cliff, k] < 0]
         for aside in ((k + 1) % 4, (k + 3) % 4):
             beside = graph[edge, aside]
-            beside = beside[(beside >= 0) & ~is_cliff[beside]]
-            nodes.append(beside)
-            ways.append(np.tile(ahead[k] - ahead[aside], (len(beside), 1)))
-    return np.concatenate(nodes).astype(np.int64), np.concatenate(ways).astype(np.float64)
+            nodes.append(beside[(beside >= 0) & ~is_cliff[beside]].astype(np.int64))
+            ways.append(np.tile(ahead[k] - ahead[aside], (len(nodes[-1]), 1)))
+    node, way = np.concatenate(nodes), np.concatenate(ways)
+    column, z = scene.surfaces.column[node].astype(np.int64), scene.surfaces.z[node].astype(np.int64)
+    met = _spread(heights, scene, column, z, z)
+    ends = (met[:, 0] >= _MANY) & ((met[:, 1:3] * way).sum(axis=1) < -_ASIDE)
+    places = middles(column, z, scene.columns.ny)
+    places[:, :2] += met[:, 1:3]
+    return places[ends]
 
 
 def _is_rounded(scene: Scene, cliff: Ints) -> NDArray[np.bool_]:
@@ -193,12 +197,7 @@ def barriers_of(
     cliff, cliffs = cliff[~rounded], cliffs[~rounded]
     met = _spread(heights, scene, column[cliff].astype(np.int64), z[cliff], z[cliff])
     cliffs[:, :2] += met[:, 1:3] - np.maximum(0.0, 1.0 - met[:, :1] / _SURE) * over[~rounded]
-    corner, way = _inner_corners(scene, cliff)
-    met = _spread(heights, scene, column[corner].astype(np.int64), z[corner], z[corner])
-    ends = (met[:, 0] >= _MANY) & ((met[:, 1:3] * way).sum(axis=1) < -_ASIDE)
-    corners = middles(column[corner[ends]], z[corner[ends]], ny)
-    corners[:, :2] += met[ends, 1:3]
-    cliffs = np.concatenate([cliffs, corners])
+    cliffs = np.concatenate([cliffs, _inner_corners(heights, scene, cliff)])
     rims = _rims(too_high, rise[:, 1])
     reach = np.concatenate([_reach(things, limits.hit_noise), np.tile([0.0, 0.0, _FLANK], (len(rims), 1))])
     return Barriers(np.concatenate([stand, rims]), np.concatenate([edges, rims_of_craters]), cliffs, reach), in_voxels

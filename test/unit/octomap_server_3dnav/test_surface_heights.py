@@ -204,6 +204,20 @@ def test_ground_before_a_drop_that_was_seen_is_a_cliff_however_steep(aside):
     assert label_at(crater(40, aside), 40.5 * RESOLUTION, 2.4, 0.6) == CLIFF
 
 
+@pytest.mark.parametrize("turned, x, y", [(0.0, 3.22, 2.42), (0.1, 3.22, 2.42), (0.1, 3.24, 2.40), (0.2, 3.24, 2.40)])
+def test_inner_corner_of_an_edge_is_kept_off_as_the_edge_is(turned, x, y):
+    """0.6 m from the corner of a drop that the ground surrounds."""
+    along, aside = np.array([np.cos(turned), np.sin(turned)]), np.array([-np.sin(turned), np.cos(turned)])
+
+    def height(at_x, at_y):
+        is_beyond = [(at_x - x) * way[0] + (at_y - y) * way[1] > 0.0 for way in (along, aside)]
+        return np.where(is_beyond[0] & is_beyond[1], -1.5, 0.04)
+
+    terrain = measured(height, pose(1.6, 1.2), noise_m=0.003)
+    away = np.hypot((terrain.ix + 0.5) * RESOLUTION - x, (terrain.iy + 0.5) * RESOLUTION - y)
+    assert away[(terrain.label == TRAVERSABLE) & (terrain.z >= 0)].min() >= 0.6
+
+
 @pytest.mark.parametrize("is_met", [True, False])
 def test_cliff_on_floor_that_is_assumed_over_a_hole_may_be_a_voxel_nearer(is_met):
     """Along a void at x < 40, y < 30 three columns of the edge were met, or were not."""
