@@ -153,7 +153,7 @@ def _inner_corners(heights: SurfaceHeights, scene: Scene, cliff: Ints) -> Floats
     ends = (met[:, 0] >= _MANY) & ((met[:, 1:3] * way).sum(axis=1) < -_ASIDE)
     places = middles(column, z, scene.columns.ny)
     places[:, :2] += met[:, 1:3]
-    return places[ends]
+    return np.asarray(places[ends])
 
 
 def _is_rounded(scene: Scene, cliff: Ints) -> NDArray[np.bool_]:
