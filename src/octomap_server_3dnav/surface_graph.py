@@ -171,7 +171,7 @@ def steepness_at(links: Any, level: Any, s: Any, reach: Any, steepest: Any) -> A
         return GENTLE
     along_x, along_y = gradient_at(links.graph, level, s, _CLOSE, 0.0)
     closely = np.hypot(along_x, along_y)
-    if closely > steepest[2]:
+    if closely > steepest[3]:
         return NEARLY_STEEP
     return INCLINED if closely > steepest[1] else GENTLE
 

@@ -9,6 +9,7 @@ from stage_config import check_ranges, parameter
 _TREADS_ERR_M = 0.002  # of a step between two flat treads: means of a dozen surfaces each, of 1 mm
 
 _INCLINED = 0.8  # of the steepest slope: measured ground that inclines less over two hands' breadths is gentle, whatever one alone does
+_CLOSE_ERR_RAD = 0.0075  # of the slope of a hand's breadth
 _PLANE_ERR_RAD = 0.003  # of the slope of a measured plane as large as the robot
 
 
@@ -122,9 +123,9 @@ class StepLimits(NamedTuple):
 class Limits(NamedTuple):
     """The configuration in voxels of one resolution, as the kernels take it.
 
-    `steepest`: slopes above which fitted ground is inclined, nearly steep and steep. `assumes_cliffs`: also where no drop was seen.
-    `steep_margin`: what is too steep begins somewhere in its column, or, where slopes are fitted to a few columns of measured heights, in
-    the one before.
+    `steepest`: slopes above which fitted ground is inclined, nearly steep and steep; and nearly steep in a close look. `assumes_cliffs`:
+    also where no drop was seen. `steep_margin`: what is too steep begins somewhere in its column, or, where slopes are fitted to a few
+    columns of measured heights, in the one before.
     """
 
     resolution: float
@@ -133,7 +134,7 @@ class Limits(NamedTuple):
     clearance: int
     slope_reach: int
     max_slope: float
-    steepest: tuple[float, float, float]
+    steepest: tuple[float, float, float, float]
     max_plane_slope: float
     look: int
     inflation: int
@@ -159,7 +160,7 @@ class Limits(NamedTuple):
             clearance=math.ceil((config.robot_height_m + config.clearance_margin_m) / resolution - 1e-9),
             slope_reach=max(2, round(slope_radius_m / resolution)),
             max_slope=math.tan(config.max_slope_rad),
-            steepest=(inclined, fitted, math.tan(config.max_slope_rad)),
+            steepest=(inclined, fitted, math.tan(config.max_slope_rad), math.tan(config.max_slope_rad - _CLOSE_ERR_RAD)),
             max_plane_slope=math.tan(config.max_slope_rad + _PLANE_ERR_RAD),
             look=max(1, round(config.cliff_look_m / resolution)),
             inflation=math.ceil(largest / resolution - 1e-9),

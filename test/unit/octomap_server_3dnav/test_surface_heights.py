@@ -340,7 +340,7 @@ def test_hands_breadth_that_is_too_steep_is_an_obstacle_within_a_gentler_slope(d
     assert (terrain.label == OBSTACLE).any() != drivable
 
 
-@pytest.mark.parametrize("degrees, drivable", [(24.6, True), (26.2, False)])
+@pytest.mark.parametrize("degrees, drivable", [(24.6, True), (25.7, False)])
 def test_one_column_that_is_too_steep_is_an_obstacle_where_those_beside_it_are_nearly_so(degrees, drivable):
     gentle, steepest, width = np.tan(np.radians(20.0)), np.tan(np.radians(degrees)), 0.2
 
