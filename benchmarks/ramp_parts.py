@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from exploration_evaluation import read_trajectory, trajectory_errors
 from exploration_evaluation.run_files import read_arrays
+from octomap_server_3dnav.terrain_config import TerrainConfig
 from pybullet_simulation import ramp_world
 from rigid_geometry import transform_points
 
@@ -25,7 +26,6 @@ Array = NDArray[np.float64]
 
 PLACE_M = 0.08
 NEAR_M = 0.1  # a surface voxel's middle from a place of a floor that it is part of
-LOW_M = 0.132  # base_link on level ground
 HEAD = "| run | plateau | under it | its ramp | narrow ramp | block | highest on the narrow ramp |\n|---|---|---|---|---|---|---|"
 
 
@@ -62,8 +62,9 @@ def parts() -> dict[str, Array]:
     }
 
 
-def known_of(run: Path) -> tuple[list[float], float]:
-    """The share of each part that is known, and the height of the ground under the robot where it was highest on the narrow ramp."""
+def known_of(run: Path) -> tuple[list[float], float | None]:
+    """The share of each part that is known, and the height of the ground under the robot where it was highest on the narrow ramp, None if
+    it was never there."""
     truth, estimate = read_trajectory(run / "trajectory_truth.txt"), read_trajectory(run / "trajectory.txt")
     terrain, T_world_map = read_arrays(run / "terrain.npz", ("x", "y", "z")), trajectory_errors(*estimate, *truth).T_world_map
     tree = cKDTree(transform_points(T_world_map, np.stack([terrain[axis] for axis in "xyz"], axis=1).astype(np.float64)))
@@ -72,7 +73,7 @@ def known_of(run: Path) -> tuple[list[float], float]:
     low, high = floors["narrow ramp"][:, :2].min(axis=0), floors["narrow ramp"][:, :2].max(axis=0)
     at = truth[1][:, :3, 3]
     on_it = ((at[:, :2] >= low) & (at[:, :2] <= high)).all(axis=1)
-    return shares, float(at[on_it, 2].max(initial=LOW_M)) - LOW_M
+    return shares, float(at[on_it, 2].max()) - TerrainConfig().base_height_m if on_it.any() else None
 
 
 def main() -> None:
@@ -82,7 +83,8 @@ def main() -> None:
     print(HEAD)
     for run in parser.parse_args().runs:
         shares, highest = known_of(run)
-        print(f"| {run.name} | {' | '.join(f'{100 * share:.1f} %' for share in shares)} | {highest:.2f} m |", flush=True)
+        height = "never there" if highest is None else f"{highest:.2f} m"
+        print(f"| {run.name} | {' | '.join(f'{100 * share:.1f} %' for share in shares)} | {height} |", flush=True)
 
 
 if __name__ == "__main__":

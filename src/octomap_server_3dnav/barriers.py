@@ -172,8 +172,9 @@ def barriers_of(
     obstacles to the ground below.
 
     Obstacles are where beams ended in their column from its foot up to the robot's height, cliffs where they ended in their voxel,
-    and those that nobody has hit in the middle of their column, cliffs on assumed floor a voxel nearer. Measured steps begin just before
-    their column; what is too steep where the slopes of two columns tell, rounded cliffs somewhere in theirs.
+    and those that nobody has hit in the middle of their column, cliffs on floor that less than two beams met up to a voxel nearer, and in
+    inner corners where the ground ends. Measured steps begin just before their column; what is too steep where the slopes of two columns
+    tell, rounded cliffs somewhere in theirs.
     """
     column, z, ny = scene.surfaces.column, scene.surfaces.z.astype(np.int64), scene.columns.ny
     steep, rise = np.flatnonzero(label == TerrainClass.OBSTACLE), steps[:0]
