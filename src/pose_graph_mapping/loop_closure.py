@@ -23,6 +23,8 @@ from rigid_geometry import inverse, rotation_angle
 Array = NDArray[np.float64]
 Match = Callable[[PointCloud, PointCloud, Array, Array | None], RegistrationResult]
 
+_AREAS = 2.0  # times `graph_dist_m`: what the widest match of Algorithm 1 looks at
+
 
 def candidate_radii(graph: PoseGraph, last_vertex: int, config: MappingConfig) -> Array:
     """(V,) largest straight distance of a loop candidate: what drift may have added to the true one is allowed on top.
@@ -91,6 +93,21 @@ def find_closest_vertex(graph: PoseGraph, group: Sequence[int], last_vertex: int
     return min(group, key=lambda k: (float(np.linalg.norm(positions[k] - positions[last_vertex])), k))
 
 
+def find_loose_vertex(graph: PoseGraph, last_vertex: int, config: MappingConfig) -> int | None:
+    """The nearest vertex of the area around the last one beyond a leg that is known no better than `loose_sigma_m`, or None.
+
+    Where a match did not hold one direction only odometry does. Loops do not ask vertices that are so near along the graph; yet a sweep
+    from a little farther on may see what holds them.
+    """
+    positions, along = graph.poses()[:, :3, 3], graph.distances_from(last_vertex)
+    straight = np.linalg.norm(positions - positions[last_vertex], axis=1)
+    near = np.flatnonzero((along <= _AREAS * config.graph_dist_m) & (straight <= config.loop_grown_dist_m))
+    legs = range(int(near.min()), last_vertex)
+    loose = [k for k in legs if sigmas(graph.relative_covariance(k, k + 1))[0] > config.loose_sigma_m]
+    beyond = near[(near <= max(loose, default=-1)) & (near < last_vertex - 1)]
+    return int(beyond[np.argmin(straight[beyond])]) if len(beyond) else None
+
+
 def beyond_correction(T_guess: Array, T_found: Array, covariance: Array, config: MappingConfig) -> str | None:
     """Why a match moves its guess more than the guess's covariance (6, 6) and the usual errors allow; None when it does not."""
     moved = inverse(T_guess) @ T_found
@@ -113,7 +130,8 @@ class LoopClosure:
 
 
 def detect_loop_closures(graph: PoseGraph, clouds: Sequence[PointCloud], match: Match, config: MappingConfig) -> list[LoopClosure]:
-    """Algorithm 2 for the last vertex of `graph`; adds the edges, optimises, and returns one entry a group that was matched.
+    """Algorithm 2 for the last vertex of `graph`; adds the edges, optimises, and returns one entry a group that was matched, and one for
+    a vertex of the area that was loose.
 
     clouds: of every vertex, in its body frame. Line numbers below are the algorithm's.
     """
@@ -126,11 +144,16 @@ def detect_loop_closures(graph: PoseGraph, clouds: Sequence[PointCloud], match: 
     for group in find_groups(graph, vertex_set, config.loop_group_neighbours, config.loop_group_dist_m):  # 5, 6
         closest = find_closest_vertex(graph, group, last)  # 7
         if last - closest > config.loop_min_dist_match:  # 8
-            found.append(_try_to_close(graph, clouds, match, config, closest))  # 9 to 21
+            found.append(_try_to_close(graph, clouds, match, config, closest, config.loop_match_success))  # 9 to 21
+    loose = find_loose_vertex(graph, last, config)
+    if loose is not None and loose not in [loop.closest_vertex for loop in found]:
+        found.append(_try_to_close(graph, clouds, match, config, loose, 0.0))  # of the same area: judged as Algorithm 1 does
     return found
 
 
-def _try_to_close(graph: PoseGraph, clouds: Sequence[PointCloud], match: Match, config: MappingConfig, closest: int) -> LoopClosure:
+def _try_to_close(
+    graph: PoseGraph, clouds: Sequence[PointCloud], match: Match, config: MappingConfig, closest: int, least_ratio: float
+) -> LoopClosure:
     """Lines 9 to 21. Both clouds stay in their own frames: the match itself then returns the edge (lines 17 and 18 in one)."""
     last = len(graph) - 1
     delta_estimate = inverse(graph.pose(closest)) @ graph.pose(last)  # 17
@@ -138,7 +161,7 @@ def _try_to_close(graph: PoseGraph, clouds: Sequence[PointCloud], match: Match, 
     result = match(clouds[closest], clouds[last], delta_estimate, covariance)  # 9 to 15
     believed = (
         result.verdict is Verdict.ACCEPTED
-        and result.match_ratio > config.loop_match_success  # 16
+        and result.match_ratio > least_ratio  # 16
         and beyond_correction(delta_estimate, result.T_reference_reading, covariance, config) is None
     )
     if believed:

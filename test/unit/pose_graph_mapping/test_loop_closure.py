@@ -12,6 +12,7 @@ from pose_graph_mapping.loop_closure import (
     detect_loop_closures,
     find_closest_vertex,
     find_groups,
+    find_loose_vertex,
     find_vertices_in_range,
 )
 from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph
@@ -166,3 +167,34 @@ def test_straight_drive_has_no_loops():
     graph, (match, calls) = graph_of([(3.0 * k, 0) for k in range(12)]), matcher()
     assert detect_loop_closures(graph, clouds_of(graph), match, CONFIG) == []
     assert calls == []
+
+
+#   Between two walls the second sweep did not hold the first along them; the third and fourth see their end.
+def graph_with_a_loose_first_leg(legs=3):
+    graph = PoseGraph()
+    for k in range(legs + 1):
+        graph.add_vertex(transform_from_rpy((2.0 * k, 0.0, 0.0)))
+        if k:
+            loose = np.diag([1e-4] * 3 + [0.04, 1e-4, 1e-4]) if k == 1 else COVARIANCE / 10
+            graph.add_edge(k - 1, k, transform_from_rpy((2.0, 0.0, 0.0)), loose, EdgeKind.MATCH)
+    graph.optimise()
+    return graph
+
+
+def test_sweep_beyond_a_leg_that_no_match_held_is_matched_until_it_is_held():
+    graph, (match, calls) = graph_with_a_loose_first_leg(), matcher(ratio=0.4, correction=transform_from_rpy((-0.09, 0.0, 0.0)))
+    found = detect_loop_closures(graph, clouds_of(graph), match, CONFIG)
+    assert [(loop.closest_vertex, loop.closed) for loop in found] == [(0, True)]
+    assert graph.pose(3)[0, 3] - graph.pose(0)[0, 3] == pytest.approx(5.91, abs=0.01)
+    assert find_loose_vertex(graph, 3, CONFIG) is None and len(calls) == 1
+
+
+def test_sweep_that_holds_nothing_either_leaves_the_leg_loose():
+    graph, (match, _) = graph_with_a_loose_first_leg(), matcher(Verdict.DEGENERATE)
+    assert not detect_loop_closures(graph, clouds_of(graph), match, CONFIG)[0].closed
+    assert find_loose_vertex(graph, 3, CONFIG) == 0
+
+
+def test_leg_that_was_just_matched_or_lies_out_of_the_area_is_not_asked():
+    assert find_loose_vertex(graph_with_a_loose_first_leg(1), 1, CONFIG) is None
+    assert find_loose_vertex(graph_with_a_loose_first_leg(8), 8, CONFIG) is None

@@ -135,7 +135,7 @@ def test_three_tries_take_the_area_then_the_last_sweep_then_a_wider_area():
         sizes.append(round(len(reference) / 600, 1))
         return refused(T_guess, "never")
 
-    drive(PoseGraphMapper(MappingConfig(graph_dist_m=4.1, vertex_voxel_m=0.01), match), truth)
+    drive(PoseGraphMapper(MappingConfig(graph_dist_m=4.1, vertex_voxel_m=0.01, loose_sigma_m=10.0), match), truth)
     assert sizes[-3:] == pytest.approx([3.0, 1.0, 5.0], abs=0.1)
 
 
