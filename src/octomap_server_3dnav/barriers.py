@@ -168,7 +168,7 @@ def barriers_of(
     scene: Scene, label: NDArray[np.uint8], obstacles: Ints, steps: Ints, cliff: Ints, heights: SurfaceHeights | None, limits: Limits
 ) -> tuple[Barriers, Barriers]:
     """The places of all barriers as they were measured, and in voxels, where the local costmap has them: of `obstacles` and `steps` as
-    `terrain_kernels.obstacles_seen` and `mark_steps` give them, of the nodes that are obstacles, and of `cliff` nodes, some of which may be
+    `terrain_kernels.barriers_seen` and `mark_steps` give them, of the nodes that are obstacles, and of `cliff` nodes, some of which may be
     obstacles to the ground below.
 
     Obstacles are where beams ended in their column from its foot up to the robot's height, cliffs where they ended in their voxel,

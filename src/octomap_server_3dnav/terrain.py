@@ -21,11 +21,11 @@ from octomap_server_3dnav.terrain_judgement import (
     Departure,
     departure_of,
     first_flood,
-    frontier_edges,
     near_kerbs,
     off_doubtful_floor,
     soft_cost,
     start_candidates,
+    unknown_floor,
 )
 from octomap_server_3dnav.terrain_scene import Scene, scene_around
 from rigid_geometry import as_transform, yaw_of
@@ -180,7 +180,9 @@ def classify(
     label, seen, start = first_flood(scene, start_candidates(scene, T_map_base, config, limits), reach_m, config, limits)
     cliff = np.flatnonzero(label == TerrainClass.CLIFF)
     steps = kernels.mark_steps(label, scene.links.near, scene.links.graph, scene.surfaces.level)
-    obstacles = kernels.obstacles_seen(scene.columns, scene.surfaces, scene.links, label, seen, limits)
+    inside = scene.within(reach_m)
+    obstacles, beyond = kernels.barriers_seen(scene.columns, scene.surfaces, scene.links, label, inside, seen, limits)
+    cliff = np.union1d(cliff, beyond)
     barriers, in_voxels = barriers_of(scene, label, obstacles, steps, cliff, heights, limits)
     narrow = label.copy()
     inflate(
@@ -188,12 +190,13 @@ def classify(
     )
     inflate(scene, label, barriers, turning_radii(config, limits), config.inflation_shape, limits)
     is_narrow = (narrow == TerrainClass.TRAVERSABLE) & (label == TerrainClass.INFLATION)
-    edges = frontier_edges(scene, label, seen, radius_m, limits)
+    unknown = unknown_floor(scene, label, seen, radius_m, limits)
+    edges = unknown.frontiers
     before = departure_of(scene, label, start, config)
     kept_off = _kept_off(scene, in_voxels, edges, config, limits)
     passages = _passages(scene, label, is_narrow, kept_off, before, config, limits)
     passages, before = _over_passages(scene, label, passages, before, config)
-    label, departure = off_doubtful_floor(scene, label, edges, start, before, config, limits)
+    label, departure = off_doubtful_floor(scene, label, unknown, start, before, config, limits)
     passages, departure = _over_passages(scene, label, passages, departure, config)
     if start is not None:
         ways = [way for p in passages for way in (p, p.turned()) if is_narrow[start] or way.is_along(yaw_of(T_map_base))]

@@ -82,21 +82,38 @@ def departure_of(scene: Scene, label: NDArray[np.uint8], start: int | None, conf
     return Departure(nearest, int(hops[nearest]), component == component[nearest])
 
 
+class UnknownFloor(NamedTuple):
+    """Edges (E, 5) beside unknown floor, as `terrain_kernels.unknown_edges` gives them: frontiers, and gaps that no look is taken for."""
+
+    frontiers: NDArray[np.int64]
+    gaps: NDArray[np.int64]
+
+
+def unknown_floor(scene: Scene, label: NDArray[np.uint8], seen: NDArray[np.uint8], radius_m: float | None, limits: Limits) -> UnknownFloor:
+    """searchFrontiers: `terrain_kernels.unknown_edges` from the ground within `radius_m` of the robot."""
+    sources = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
+    if radius_m is not None:
+        sources &= scene.within(radius_m)[scene.surfaces.column]
+    found = kernels.unknown_edges(scene.columns, scene.surfaces, label, scene.links.graph, sources, seen, limits.step)
+    is_gap = found[:, 5].astype(bool)
+    return UnknownFloor(found[~is_gap, :5], found[is_gap, :5])
+
+
 def off_doubtful_floor(
     scene: Scene,
     label: NDArray[np.uint8],
-    edges: NDArray[np.int64],
+    unknown: UnknownFloor,
     start: int | None,
     before: Departure,
     config: TerrainConfig,
     limits: Limits,
 ) -> tuple[NDArray[np.uint8], Departure]:
-    """The labels with ground around those frontier `edges` (E, 5) out of the graph that are not going to be looked at, and the departure.
+    """The labels with ground around that unknown floor out of the graph that is not going to be looked at, and the departure.
 
-    Unknown floor beside inflated ground only may be a cliff, or a side of what stands there. Where nothing is left near the start the robot
-    already stands amid such: labels and departure stay what they were `before`.
+    Frontiers and gaps beside inflated ground only may be a cliff, or a side of what stands there. Where nothing is left near the start the
+    robot already stands amid such: labels and departure stay what they were `before`.
     """
-    doubtful = edges[_is_doubtful(before.reached, edges, scene.columns.ny)] if len(edges) else edges
+    doubtful = np.concatenate([edges[_is_doubtful(before.reached, edges, scene.columns.ny)] for edges in unknown])
     if not len(doubtful):
         return label, before
     kept, places = label.copy(), middles(doubtful[:, 0], doubtful[:, 1], scene.columns.ny)
@@ -112,16 +129,6 @@ def _is_doubtful(reached: NDArray[np.bool_], edges: NDArray[np.int64], ny: int) 
     is_open = np.zeros(len(edges), dtype=bool)
     is_open[place[reached[edges[:, 2]]]] = True
     return np.asarray(~is_open[place])
-
-
-def frontier_edges(
-    scene: Scene, label: NDArray[np.uint8], seen: NDArray[np.uint8], radius_m: float | None, limits: Limits
-) -> NDArray[np.int64]:
-    """searchFrontiers: `terrain_kernels.frontier_edges` from the ground within `radius_m` of the robot."""
-    sources = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
-    if radius_m is not None:
-        sources &= scene.within(radius_m)[scene.surfaces.column]
-    return np.asarray(kernels.frontier_edges(scene.columns, scene.surfaces, label, scene.links.graph, sources, seen, limits.step))
 
 
 def near_kerbs(scene: Scene, label: NDArray[np.uint8], config: TerrainConfig, limits: Limits) -> NDArray[np.bool_]:

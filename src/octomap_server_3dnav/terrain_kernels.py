@@ -177,6 +177,18 @@ def _may_be_side(columns: Any, near: Any, s: Any, c: Any, low: Any, high: Any) -
     return False
 
 
+@lean_njit
+def _may_hide_side(columns: Any, c: Any, z: Any, step: Any, clearance: Any) -> Any:
+    """Whether assumed floor z of column c, over which nothing was seen up to a step, is beside what stands there: the beams that would have
+    met a side of that passed above."""
+    if _is_seen_in(columns.start, columns.z_lo, columns.z_hi, columns.occupied, c, z + 1, z + step):
+        return False
+    for k in range(4):
+        if lowest_occupied(columns, c + DX[k] * columns.ny + DY[k], z + step + 1, z + clearance) != NO_VOXEL:
+            return True
+    return False
+
+
 @njit(cache=True)
 def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limits: Any) -> Any:
     """(N,) uint8 labels of all nodes reached from `first`, UNREACHED elsewhere, the number of traversable ones, and (N, 4) uint8 of
@@ -210,7 +222,9 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
         is_steep = is_steep and not _only_seems_steep(surfaces, columns.ny, links, s, limits)
         low, high = z[s] + limits.step + 1, z[s] + limits.clearance
         is_seen_above = _is_seen_in(runs, z_lo, z_hi, occupied, c, low, high)
-        if is_steep or (not is_seen_above and _may_be_side(columns, near, s, c, low, high)):
+        is_side = not is_seen_above and _may_be_side(columns, near, s, c, low, high)
+        is_side = is_side or (surfaces.bridged[s] and _may_hide_side(columns, c, np.int64(z[s]), limits.step, limits.clearance))
+        if is_steep or is_side:
             label[s] = OBSTACLE
             continue
         traversable += 1
@@ -291,17 +305,17 @@ def _stands_around(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, 
 
 
 @njit(cache=True)
-def obstacles_seen(columns: Any, surfaces: Any, links: Any, label: Any, seen: Any, limits: Any) -> Any:
-    """(M, 4) int64 (column, voxel, level of the ground in front, voxel that stands or hangs in the way) of obstacles beside the
-    traversable ground.
+def barriers_seen(columns: Any, surfaces: Any, links: Any, label: Any, inside: Any, seen: Any, limits: Any) -> Any:
+    """What ends the ground beside the traversable one: (M, 4) int64 (column, voxel, level of the ground in front, voxel that stands or
+    hangs in the way) of obstacles, and (C,) int64 nodes of cliffs that the flood did not reach, some more than once.
 
-    Across unknown ground the view goes on as far as the inflation: a wall behind a strip that was not seen still needs its distance.
-    Unknown ground right before something that stands may be a side of it that no beam has met: an obstacle with NO_VOXEL in the way, and in
-    `seen` from now on.
+    Across unknown ground, and across such as the flood did not reach, the view goes on as far as the inflation: a wall behind a strip that
+    was not seen still needs its distance, and so does a drop, in columns that are `inside` (bool per column). Unknown ground right before
+    something that stands may be a side of it that no beam has met: an obstacle with NO_VOXEL in the way, and in `seen` from now on.
     """
     start, column, z, near, graph = surfaces.start, surfaces.column, surfaces.z, links.near, links.graph
     step, clearance = limits.step, limits.clearance
-    found = []
+    found, cliffs = [], []
     for s in range(z.size):
         if label[s] != TRAVERSABLE:
             continue
@@ -316,7 +330,13 @@ def obstacles_seen(columns: Any, surfaces: Any, links: Any, label: Any, seen: An
                 continue
             for j in range(1, limits.inflation + 1):
                 c = column[s] + j * stride
-                if find_node(start, z, c, level, _limit(j, step, limits.max_slope)) >= 0:
+                n = find_node(start, z, c, level, _limit(j, step, limits.max_slope))
+                if n >= 0:
+                    is_beyond = label[n] == UNREACHED and inside[c]
+                    if is_beyond and not _is_at_drop(columns, surfaces, near, graph, n, c, limits, seen):
+                        continue
+                    if is_beyond:
+                        cliffs.append(np.int64(n))
                     break
                 voxel = blocking_voxel(columns, c, level, step, clearance)
                 if voxel != NO_VOXEL:
@@ -327,7 +347,7 @@ def obstacles_seen(columns: Any, surfaces: Any, links: Any, label: Any, seen: An
     out = np.empty((len(found), 4), np.int64)
     for i in range(len(found)):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = found[i]
-    return out
+    return out, np.array(cliffs, dtype=np.int64)
 
 
 @lean_njit
@@ -422,12 +442,13 @@ def _is_reached(start: Any, z: Any, label: Any, c: Any, level: Any, rise: Any) -
 
 
 @njit(cache=True)
-def frontier_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources: Any, seen: Any, step: Any) -> Any:
-    """(M, 5) int64 (column, z, node it was seen from, direction, what was seen) of frontier voxels beside the `sources` (bool per node).
+def unknown_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources: Any, seen: Any, step: Any) -> Any:
+    """(M, 6) int64 (column, z, node it was seen from, direction, what was seen, whether it is a gap) of unknown floor beside the `sources`
+    (bool per node): frontier voxels, and gaps before ground that the flood has reached some other way, which no look is taken for.
 
-    The two-step test of thesis figure 5.13: no ground in a direction, and nothing known around one step further; where something stands
-    there `obstacles_seen` found a side of it. Ground that the flood did not reach is what the look is for: a deck seen from below only, a
-    slope behind a gap.
+    The two-step test of thesis figure 5.13: no ground in a direction, and for a frontier nothing known around one step further; where
+    something stands there `barriers_seen` found a side of it. Ground that the flood did not reach is what the look is for: a deck seen from
+    below only, a slope behind a gap.
     """
     start, column, z = surfaces.start, surfaces.column, surfaces.z
     found = []
@@ -441,11 +462,10 @@ def frontier_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources:
             ends = _is_reached(start, z, label, c + 2 * stride, level, step + 1)
             for side in range(4):
                 ends = ends or _is_reached(start, z, label, c + 2 * stride + DX[side] * columns.ny + DY[side], level, step + 1)
-            if not ends:
-                found.append((c + stride, level, np.int64(s), np.int64(k), np.int64(seen[s, k])))
-    out = np.empty((len(found), 5), np.int64)
+            found.append((c + stride, level, np.int64(s), np.int64(k), np.int64(seen[s, k]), np.int64(ends)))
+    out = np.empty((len(found), 6), np.int64)
     for i in range(len(found)):
-        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4] = found[i]
+        out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5] = found[i]
     return out
 
 

@@ -50,6 +50,7 @@ class Oracle:
     config: TerrainConfig
     resolution: float
     nodes: dict[Column, list[int]] = field(init=False)
+    assumed: set[Node] = field(init=False)  # floor over holes and pits
     label: dict[Node, int] = field(init=False, default_factory=dict)
     narrow: set[Node] = field(init=False, default_factory=set)  # inflated, and wide enough to drive straight
 
@@ -61,11 +62,15 @@ class Oracle:
             heights.setdefault((x, y), []).append(z)
         self.runs = {c: list(self._runs(c, levels)) for c, levels in heights.items()}
         self.nodes = {c: found for c in self.runs if (found := self._tops(c))}
-        for c, z in self._holes():
+        assumed = {Node(*c, z) for c, z in self._holes()}
+        for c, z in [(s[:2], s.z) for s in assumed]:
             self.nodes.setdefault(c, []).append(z)
         self.nodes = {c: sorted(levels) for c, levels in self.nodes.items()}
         if self.config.hole_bridge_voxels:
-            self.nodes = {c: [self._covered(Node(*c, z)) for z in levels] for c, levels in self.nodes.items()}
+            covered = {s: Node(*s[:2], self._covered(s)) for c, levels in self.nodes.items() for s in (Node(*c, z) for z in levels)}
+            self.nodes = {c: [covered[Node(*c, z)].z for z in levels] for c, levels in self.nodes.items()}
+            assumed = {floor for s, floor in covered.items() if s in assumed or floor != s}
+        self.assumed = assumed
 
     # -- what is known of a column
 
@@ -283,18 +288,19 @@ class Oracle:
                 n = self.near(s, k)
                 if n is not None and self.edge(s, k) is None and n.z > s.z:
                     self.label[n] = OBSTACLE
-        obstacles, before = self._obstacles(), dict(self.label)
+        (obstacles, beyond), before = self._barriers(), dict(self.label)
         barriers = (
             [(c, level) for c, _, level in obstacles],
             [(n[:2], n.z) for n in self._of(OBSTACLE)],
-            [(n[:2], n.z) for n in self._of(CLIFF)],
+            [(n[:2], n.z) for n in [*self._of(CLIFF), *beyond]],
         )
         self._inflate(barriers, narrow_radii(self.config, self.limits))
         wide_enough, self.label = set(self._of(TRAVERSABLE)), before
         self._inflate(barriers, turning_radii(self.config, self.limits))
         self.narrow = wide_enough & set(self._of(INFLATION))
-        unknown = self._frontier_looks()
-        self._keep_off(self._doubtful(unknown, self._reached_from(start)), start)
+        unknown, gaps = self._looks()
+        reached = self._reached_from(start)
+        self._keep_off([*self._doubtful(unknown, reached), *self._doubtful(gaps, reached)], start)
         found = {(*s, label) for s, label in self.label.items()} | {(*c, z, OBSTACLE) for c, z, _ in obstacles}
         return found | {voxel for c, levels in unknown.items() for voxel in self._frontier_voxels(c, levels)}
 
@@ -310,7 +316,7 @@ class Oracle:
             edges = [self.edge(s, k) for k in range(4)]
             if any(self.beside(s, k) == "drop" for k in range(4) if edges[k] is None):
                 self.label[s] = CLIFF
-            elif self.slope(s) > self.limits.steepest[1] or self._may_be_side(s):
+            elif self.slope(s) > self.limits.steepest[1] or self._may_be_side(s) or self._may_hide_side(s):
                 self.label[s] = OBSTACLE
             else:
                 self.label[s] = TRAVERSABLE
@@ -324,26 +330,41 @@ class Oracle:
         around = [(s.x + dx, s.y + dy) for dx in range(-2, 3) for dy in range(-2, 3)]
         return any(self.occupied(c, s.z + self.step + 1, s.z + self.clearance) is not None for c in around)
 
+    def _may_hide_side(self, s: Node) -> bool:
+        """Floor was assumed, nothing was seen over it up to a step, and something stands in a column beside it."""
+        if s not in self.assumed or any((*s[:2], z) in self.voxels for z in range(s.z + 1, s.z + self.step + 1)):
+            return False
+        beside = [moved(s[:2], side) for side in SIDES]
+        return any(self.occupied(c, s.z + self.step + 1, s.z + self.clearance) is not None for c in beside)
+
     def _is_seen_above(self, c: Column, level: int) -> bool:
         return any(self.voxels.get((*c, z)) == FREE for z in range(level + self.step + 1, level + self.clearance + 1))
 
-    def _obstacles(self) -> set[tuple[Column, int, int]]:
-        found = set()
+    def _barriers(self) -> tuple[set[tuple[Column, int, int]], set[Node]]:
+        """Obstacles (column, voxel, level of the ground in front) beside traversable ground, and cliffs that the flood did not reach."""
+        found, cliffs = set(), set()
         for s in self._of(TRAVERSABLE):
             for k in range(4):
                 is_unknown = self.edge(s, k) is None and self.beside(s, k) in ("unknown", "edge")
                 if is_unknown and self._stands_around(moved(s[:2], SIDES[k], 2), s.z):
                     found.add((moved(s[:2], SIDES[k]), s.z, s.z))
-                if self.near(s, k) is None and (seen := self._obstacle_along(s, SIDES[k])) is not None:
+                seen = self._barrier_along(s, SIDES[k]) if self.near(s, k) is None else None
+                if isinstance(seen, Node):
+                    cliffs.add(seen)
+                elif seen is not None:
                     found.add((*seen, s.z))
-        return found
+        return found, cliffs
 
-    def _obstacle_along(self, s: Node, way: Column) -> tuple[Column, int] | None:
+    def _barrier_along(self, s: Node, way: Column) -> tuple[Column, int] | Node | None:
+        """What stands or hangs along a way, or the cliff at which ground beyond the unknown ends."""
         for j in range(1, self.limits.inflation + 1):
             c = moved(s[:2], way, j)
-            if self.find(c, s.z, self.drivable(j)):
+            n = self.find(c, s.z, self.drivable(j))
+            if n is not None and n in self.label:
                 return None
-            voxel = self.blocks(c, s.z)
+            if n is not None and any(self.edge(n, k) is None and self.beside(n, k) == "drop" for k in range(4)):
+                return n
+            voxel = self.blocks(c, s.z) if n is None else None
             if voxel is not None:
                 floor = self.top_near(c, s.z, self.step)
                 return c, voxel if floor is None else floor
@@ -412,18 +433,19 @@ class Oracle:
             steps += 1
         return sorted(s for s in row if self.label[s] == TRAVERSABLE), steps
 
-    def _frontier_looks(self) -> dict[Column, dict[int, bool]]:
-        """Columns of unknown floor, levels from which they were looked at, and whether one of these looks passed over an edge."""
-        found: dict[Column, dict[int, bool]] = {}
+    def _looks(self) -> tuple[dict[Column, dict[int, bool]], dict[Column, dict[int, bool]]]:
+        """Columns of frontiers and of gaps, levels from which they were looked at, and whether one of these looks passed over an edge."""
+        frontiers: dict[Column, dict[int, bool]] = {}
+        gaps: dict[Column, dict[int, bool]] = {}
         for s in [*self._of(TRAVERSABLE), *self._of(INFLATION)]:
             for k in range(4):
                 what, c = "" if self.edge(s, k) else self.beside(s, k), moved(s[:2], SIDES[k])
                 if what not in ("unknown", "edge") or self._stands_around(moved(c, SIDES[k]), s.z):
                     continue
-                if not any(self.find(b, s.z, self.step + 1) in self.label for b in self._around(moved(c, SIDES[k]))):
-                    levels = found.setdefault(c, {})
-                    levels[s.z] = levels.get(s.z, False) or what == "edge"
-        return found
+                is_gap = any(self.find(b, s.z, self.step + 1) in self.label for b in self._around(moved(c, SIDES[k])))
+                levels = (gaps if is_gap else frontiers).setdefault(c, {})
+                levels[s.z] = levels.get(s.z, False) or what == "edge"
+        return frontiers, gaps
 
     def _frontier_voxels(self, c: Column, levels: dict[int, bool]) -> Iterator[tuple[int, int, int, int]]:
         """One frontier voxel for levels of a column that steps part, the highest; a potential cliff when one of them is."""

@@ -30,8 +30,27 @@ def rough_map(rng: np.random.Generator) -> np.ndarray:
         low = rng.integers(0, [SIDE, SIDE, LAYERS])
         high = low + rng.integers(1, [6, 6, 9])
         states[low[0] : high[0], low[1] : high[1], low[2] : high[2]] = state
+    for _ in range(rng.integers(0, 4)):
+        _stand_in_own_shadow(states, z, rng)
+    if rng.random() < 0.4:
+        _hide_strip_before_edge(states, rng)
     speckled = rng.random(states.shape) < rng.choice([0.0, 0.02])
     return np.where(speckled, UNKNOWN, states).astype(np.uint8)
+
+
+def _stand_in_own_shadow(states: np.ndarray, ground: np.ndarray, rng: np.random.Generator) -> None:
+    """A thing on the ground, and a column or two beside it of which nothing was seen up to a step or two."""
+    x, y = rng.integers(2, SIDE - 4, 2)
+    states[x, y : y + 3, ground[x, y] : ground[x, y] + rng.integers(4, 7)] = OCCUPIED
+    for i in range(x + 1, x + 1 + rng.integers(1, 3)):
+        states[i, y : y + 3, : ground[i, y] + rng.integers(1, 4)] = UNKNOWN
+
+
+def _hide_strip_before_edge(states: np.ndarray, rng: np.random.Generator) -> None:
+    """A strip that nobody has seen, ground beyond it, and air where that ends."""
+    x, width = rng.integers(SIDE // 2 + 1, SIDE - 4), rng.integers(1, 4)
+    states[x : x + rng.integers(2, 4)] = UNKNOWN
+    states[x + 2 + width :] = FREE
 
 
 @settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
