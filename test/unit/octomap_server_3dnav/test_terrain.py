@@ -273,6 +273,24 @@ def test_floor_above_which_nothing_was_seen_is_a_side_of_what_stands_within_two_
     assert label_at(terrain_of(states, pose(1.6, 2.4)), 39.5 * RESOLUTION, 30.5 * RESOLUTION, 0.04) == expected
 
 
+def test_drop_behind_a_strip_that_was_not_seen_and_ground_beyond_still_inflates():
+    states = flat()
+    states[36:40] = UNKNOWN
+    states[42:] = FREE
+    assert drawn(terrain_of(states, pose(1.6, 2.4)), 30, 30, 42) == "....oo?      "
+    states[42:] = UNKNOWN  # where that ends in what was not seen either
+    assert drawn(terrain_of(states, pose(1.6, 2.4)), 30, 30, 42) == "......?      "
+
+
+@pytest.mark.parametrize("unseen, expected", [(2, INFLATION), (3, TerrainClass.OBSTACLE)])
+def test_floor_assumed_in_the_shadow_of_a_thing_may_be_a_side_of_it(unseen, expected):
+    """A step is two voxels."""
+    states = flat()
+    states[40, :, BELOW : BELOW + 6] = OCCUPIED
+    states[39, 30, BELOW : BELOW + unseen] = UNKNOWN
+    assert label_at(terrain_of(states, pose(1.6, 2.4)), 39.5 * RESOLUTION, 30.5 * RESOLUTION, 0.04) == expected
+
+
 def test_floor_above_which_nothing_was_seen_anywhere_is_floor():
     states = flat()
     states[40, :, BELOW:] = OCCUPIED
