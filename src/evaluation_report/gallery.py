@@ -87,11 +87,12 @@ def causes(campaign: Campaign, run: Run) -> list[str]:
         found.append(f"fell, tilted by {number(run.number('max_tilt_rad'), 0, 180 / math.pi)} deg")
     if (touches := run.number("collisions")) is not None and touches > 0:
         found.append(f"{counted(int(touches), 'collision')}, at up to {number(run.number('collision_top_speed_mps'), 2)} m/s")
+    found.append(_by_cause(run, "false_safe", "taken for safe", 3, 0.0))
     if run.averaged and not (run.text("stop_reason") or "explored").startswith("explored"):
         found.append("ended before everything reachable was seen")
     if (area := missed_area(run)) is not None and area > _WORTH_NAMING_M2:
         found.append(f"{area:.1f} m² of reachable ground not mapped")
-    found += [_by_cause(run, key, text) for key, text in (("false_unsafe", "taken for closed"), ("false_safe", "taken for safe"))]
+    found.append(_by_cause(run, "false_unsafe", "taken for closed", 1, _WORTH_NAMING_M2))
     if run.verdict is None and run.averaged and not run.error:
         missing = run.summary.get("missing")
         found.append("not judged: " + (str(missing[0]) if isinstance(missing, list) and missing else "the summary has no verdict"))
@@ -115,17 +116,17 @@ def _seconds(limit: object) -> str:
     return f"{limit:.0f} s" if isinstance(limit, (int, float)) else "its limit"
 
 
-def _by_cause(run: Run, key: str, text: str) -> str:
-    """Ground classified wrongly, with the causes that make up most of it."""
+def _by_cause(run: Run, key: str, text: str, decimals: int, least_m2: float) -> str:
+    """Ground classified wrongly, with the causes that make up most of it; nothing for no more than `least_m2`."""
     classification = run.summary.get("classification")
     parts = classification.get(f"{key}_by_cause") if isinstance(classification, dict) else None
     area = run.number(f"classification.{key}_m2")
-    if area is None or area <= _WORTH_NAMING_M2:
+    if area is None or area <= least_m2:
         return ""
     known = {str(c): v for c, v in parts.items() if isinstance(v, (int, float)) and v > 0} if isinstance(parts, dict) else {}
     largest = sorted(known.items(), key=lambda item: (-item[1], item[0]))[:_CAUSES_SHOWN]
-    why = ", ".join(f"{cause.replace('_', ' ')} {value:.1f}" for cause, value in largest)
-    return f"{area:.1f} m² {text}" + (f" ({why})" if why else "")
+    why = ", ".join(f"{cause.replace('_', ' ')} {value:.{decimals}f}" for cause, value in largest)
+    return f"{area:.{decimals}f} m² {text}" + (f" ({why})" if why else "")
 
 
 def _facts(run: Run) -> tuple[tuple[str, str], ...]:

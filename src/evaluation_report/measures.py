@@ -43,7 +43,7 @@ SCORES: tuple[Score, ...] = (
     Score("rpe_translation_m", "RPE", "cm", 100.0, 1),
     Score("rpe_rotation_rad", "RPE rotation", "deg", _DEGREES, 2),
     Score("wrong_edges", "wrong edges of the graph", "", 1.0, 0, "sum"),
-    Score("classification.false_safe_m2", "false safe", "m²", 1.0, 1),
+    Score("classification.false_safe_m2", "false safe", "m²", 1.0, 3),
     Score("classification.false_unsafe_m2", "false unsafe", "m²", 1.0, 1),
     Score("collisions", "collisions", "", 1.0, 0, "sum"),
     Score("max_tilt_rad", "greatest tilt", "deg", _DEGREES, 0, "greatest"),

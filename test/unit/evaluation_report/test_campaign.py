@@ -132,6 +132,14 @@ def test_causes_name_what_went_wrong_and_nothing_else(tmp_path):
     assert told[3] == ["not made"]
 
 
+def test_a_single_voxel_taken_for_safe_is_named_before_all_that_only_costs_ground(tmp_path):
+    folder = write_campaign(tmp_path, seeds=(1,))
+    judged = {"false_safe_m2": 0.0064, "false_safe_by_cause": {"edge": 0.0064}, "false_unsafe_m2": 9.0}
+    write_run(folder, "ramp", 1, classification=judged)
+    campaign = load_campaign(folder)
+    assert causes(campaign, campaign.runs[0])[0] == "0.006 m² taken for safe (edge 0.006)"
+
+
 def test_words():
     assert [clock(t) for t in (None, 59.6, 678.5, 3725.0)] == ["–", "01:00", "11:18", "62:05"]
     assert [clock(t, 1) for t in (1.25, 61.04)] == ["00:01.2", "01:01.0"]
