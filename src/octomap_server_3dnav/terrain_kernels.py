@@ -304,6 +304,23 @@ def _stands_around(columns: Any, surfaces: Any, label: Any, c: Any, level: Any, 
     return False
 
 
+@lean_njit
+def _view_across(columns: Any, surfaces: Any, links: Any, label: Any, inside: Any, s: Any, stride: Any, seen: Any, limits: Any) -> Any:
+    """The column of what stands or hangs in the way of node s in steps of `stride` and -1, or the column and the node of a cliff that the
+    flood did not reach; -1, -1 where neither comes within the inflation and before ground that it did reach."""
+    level = np.int64(surfaces.z[s])
+    for j in range(1, limits.inflation + 1):
+        c = np.int64(surfaces.column[s]) + j * stride
+        n = find_node(surfaces.start, surfaces.z, c, level, _limit(j, limits.step, limits.max_slope))
+        if n < 0 and blocking_voxel(columns, c, level, limits.step, limits.clearance) != NO_VOXEL:
+            return c, np.int64(-1)
+        if n >= 0 and (label[n] != UNREACHED or not inside[c]):
+            break
+        if n >= 0 and _is_at_drop(columns, surfaces, links.near, links.graph, n, c, limits, seen):
+            return c, np.int64(n)
+    return np.int64(-1), np.int64(-1)
+
+
 @njit(cache=True)
 def barriers_seen(columns: Any, surfaces: Any, links: Any, label: Any, inside: Any, seen: Any, limits: Any) -> Any:
     """What ends the ground beside the traversable one: (M, 4) int64 (column, voxel, level of the ground in front, voxel that stands or
@@ -313,7 +330,7 @@ def barriers_seen(columns: Any, surfaces: Any, links: Any, label: Any, inside: A
     was not seen still needs its distance, and so does a drop, in columns that are `inside` (bool per column). Unknown ground right before
     something that stands may be a side of it that no beam has met: an obstacle with NO_VOXEL in the way, and in `seen` from now on.
     """
-    start, column, z, near, graph = surfaces.start, surfaces.column, surfaces.z, links.near, links.graph
+    column, z, near, graph = surfaces.column, surfaces.z, links.near, links.graph
     step, clearance = limits.step, limits.clearance
     found, cliffs = [], []
     for s in range(z.size):
@@ -328,22 +345,14 @@ def barriers_seen(columns: Any, surfaces: Any, links: Any, label: Any, inside: A
                 seen[s, k] = SEES_OBSTACLE
             if near[s, k] >= 0:
                 continue
-            for j in range(1, limits.inflation + 1):
-                c = column[s] + j * stride
-                n = find_node(start, z, c, level, _limit(j, step, limits.max_slope))
-                if n >= 0:
-                    is_beyond = label[n] == UNREACHED and inside[c]
-                    if is_beyond and not _is_at_drop(columns, surfaces, near, graph, n, c, limits, seen):
-                        continue
-                    if is_beyond:
-                        cliffs.append(np.int64(n))
-                    break
-                voxel = blocking_voxel(columns, c, level, step, clearance)
-                if voxel != NO_VOXEL:
-                    floor = top_near(columns, c, level, step)  # under a low ceiling it is the floor that cannot be driven on
-                    way = lowest_occupied(columns, c, level + step + 1, level + clearance)
-                    found.append((np.int64(c), np.int64(voxel if floor == NO_VOXEL else floor), level, np.int64(way)))
-                    break
+            c, n = _view_across(columns, surfaces, links, label, inside, s, stride, seen, limits)
+            if n >= 0:
+                cliffs.append(n)
+            elif c >= 0:
+                voxel, floor = blocking_voxel(columns, c, level, step, clearance), top_near(columns, c, level, step)
+                way = lowest_occupied(columns, c, level + step + 1, level + clearance)
+                # Under a low ceiling it is the floor that cannot be driven on.
+                found.append((c, np.int64(voxel if floor == NO_VOXEL else floor), level, np.int64(way)))
     out = np.empty((len(found), 4), np.int64)
     for i in range(len(found)):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3] = found[i]
