@@ -30,7 +30,7 @@ _FALLING = 0.25  # voxels from one column to the next, 14 degrees: less is the u
 _FEW = 10.0  # voxels, divided by the hits in a column: how far beyond them a part of a thing may stand that none met
 _UNMET = 0.7  # voxels around the middle of a column that a thing may take up which no beam met: it may hang over beside it
 _FLANK = 0.15  # voxels before the rim of a step's column that its flank may begin
-_SURE = 2  # beams that ended on the floor before a cliff: of fewer it may begin up to a voxel nearer
+_SURE = 2  # beams that ended on the floor before a cliff: of fewer it may begin a voxel nearer
 _MANY = 6  # hits whose mean tells whether the ground fills a column
 _ASIDE = 0.25  # voxels that it lies off the middle then where it does not
 _BEFORE = 0.2  # voxels before the middle of its column that a slope gets too steep, where the slopes beside it do not tell
@@ -172,7 +172,7 @@ def barriers_of(
     obstacles to the ground below.
 
     Obstacles are where beams ended in their column from its foot up to the robot's height, cliffs where they ended in their voxel,
-    and those that nobody has hit in the middle of their column, cliffs on floor that less than two beams met up to a voxel nearer, and in
+    and those that nobody has hit in the middle of their column, cliffs on floor that less than two beams met a voxel nearer, and in
     inner corners where the ground ends. Measured steps begin just before their column; what is too steep where the slopes of two columns
     tell, rounded cliffs somewhere in theirs.
     """
@@ -197,7 +197,7 @@ def barriers_of(
     edges = kernels.steep_edges(label, scene.surfaces, scene.links, steep, ny, _BEFORE, limits)
     cliff, cliffs = cliff[~rounded], cliffs[~rounded]
     met = _spread(heights, scene, column[cliff].astype(np.int64), z[cliff], z[cliff])
-    cliffs[:, :2] += met[:, 1:3] - np.maximum(0.0, 1.0 - met[:, :1] / _SURE) * over[~rounded]
+    cliffs[:, :2] += met[:, 1:3] - (met[:, :1] < _SURE) * over[~rounded]
     cliffs = np.concatenate([cliffs, _inner_corners(heights, scene, cliff)])
     rims = _rims(too_high, rise[:, 1])
     reach = np.concatenate([_reach(things, limits.hit_noise), np.tile([0.0, 0.0, _FLANK], (len(rims), 1))])

@@ -17,6 +17,7 @@ DX = np.array([1, 0, -1, 0], dtype=np.int64)
 DY = np.array([0, 1, 0, -1], dtype=np.int64)
 NO_VOXEL = 32767
 _STRIP = 3  # voxels from the end of one strip of a wall to the beginning of the next
+_ASTRAY = 0.7  # voxels between the hits in a surface's voxel and its ground: the few above are beams that went astray
 _SLOPED = np.tan(np.deg2rad(10.0))  # what is less steep is level: a slope that is none leads farther astray than it tells
 
 
@@ -52,6 +53,12 @@ class Surfaces(NamedTuple):
         """The same with measured heights (N, 4) in voxels as `SurfaceHeights.at` gives them, NaN where there are none."""
         level, slope_level, offset, measured = _measured_or(heights, self.level, self.slope_level, self.offset)
         return self._replace(level=level, slope_level=slope_level, offset=offset, measured=measured)
+
+    def ground_voxels(self, nodes: NDArray[np.integer]) -> NDArray[np.int16]:
+        """(K,) voxels in which the ground of some drivable nodes lies: that of the surface, or a lower one if only beams gone astray ended
+        in that."""
+        level, ground = self.level[nodes], self.slope_level[nodes]
+        return np.asarray(np.where(self.measured[nodes] & (level - ground > _ASTRAY), np.floor(ground), self.z[nodes]), dtype=np.int16)
 
 
 @njit(cache=True)

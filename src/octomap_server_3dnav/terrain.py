@@ -84,11 +84,14 @@ def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | N
     seen_from_reached[frontier_of_edge[beside_reached | departure.reached[edges[:, 2]]]] = True
     column = np.concatenate([scene.surfaces.column[keep], beside[:, 0].astype(np.int32)])
     ix, iy = np.divmod(column, np.int32(scene.columns.ny))
+    is_drivable = (label[keep] == TerrainClass.TRAVERSABLE) | (label[keep] == TerrainClass.INFLATION)
     return Terrain(
         resolution=limits.resolution,
         ix=ix + np.int32(scene.key[0]),
         iy=iy + np.int32(scene.key[1]),
-        z=np.concatenate([scene.surfaces.z[keep], beside[:, 1].astype(np.int16)]),
+        z=np.concatenate(
+            [np.where(is_drivable, scene.surfaces.ground_voxels(keep), scene.surfaces.z[keep]), beside[:, 1].astype(np.int16)]
+        ),
         label=np.concatenate([label[keep], _filled(obstacles, TerrainClass.OBSTACLE), kind]),
         bridged=np.concatenate([scene.surfaces.bridged[keep], np.zeros(len(beside), dtype=bool)]),
         reached=np.concatenate([departure.reached[keep], np.zeros(len(obstacles), dtype=bool), seen_from_reached]),

@@ -161,15 +161,8 @@ def _is_seen_in(runs: Any, z_lo: Any, z_hi: Any, occupied: Any, c: Any, low: Any
 
 
 @lean_njit
-def _may_be_side(columns: Any, near: Any, s: Any, c: Any, low: Any, high: Any) -> Any:
-    """Whether node s of column c, above which nothing was seen in low..high, is beside what was seen there and within two columns of what
-    stands there: a side of that, and the beams that met the ground passed by it."""
-    runs, z_lo, z_hi, occupied = columns.start, columns.z_lo, columns.z_hi, columns.occupied
-    is_seen_beside = False
-    for k in range(4):
-        is_seen_beside |= near[s, k] >= 0 and _is_seen_in(runs, z_lo, z_hi, occupied, c + DX[k] * columns.ny + DY[k], low, high)
-    if not is_seen_beside:
-        return False
+def _stands_near(columns: Any, c: Any, low: Any, high: Any) -> Any:
+    """Whether something stands in low..high within two columns of column c."""
     for dx in range(-2, 3):
         for dy in range(-2, 3):
             if lowest_occupied(columns, c + dx * columns.ny + dy, low, high) != NO_VOXEL:
@@ -178,15 +171,20 @@ def _may_be_side(columns: Any, near: Any, s: Any, c: Any, low: Any, high: Any) -
 
 
 @lean_njit
-def _may_hide_side(columns: Any, c: Any, z: Any, step: Any, clearance: Any) -> Any:
-    """Whether assumed floor z of column c, over which nothing was seen up to a step, is beside what stands there: the beams that would have
-    met a side of that passed above."""
-    if _is_seen_in(columns.start, columns.z_lo, columns.z_hi, columns.occupied, c, z + 1, z + step):
-        return False
-    for k in range(4):
-        if lowest_occupied(columns, c + DX[k] * columns.ny + DY[k], z + step + 1, z + clearance) != NO_VOXEL:
-            return True
-    return False
+def _may_be_side(columns: Any, near: Any, s: Any, c: Any, z: Any, step: Any, clearance: Any) -> Any:
+    """Whether node s in voxel z of column c is within two columns of what stands there and may be a side of that, which beams passed by.
+
+    Space in the robot's way was seen above it, but nothing right above, up to a step: the foot of a flank that was met from below or lies
+    in a shadow. Or none was seen, though it was beside.
+    """
+    runs, z_lo, z_hi, occupied, low, high = columns.start, columns.z_lo, columns.z_hi, columns.occupied, z + step + 1, z + clearance
+    if _is_seen_in(runs, z_lo, z_hi, occupied, c, low, high):
+        is_dark = not _is_seen_in(runs, z_lo, z_hi, occupied, c, z + 1, z + step)
+    else:
+        is_dark = False
+        for k in range(4):
+            is_dark |= near[s, k] >= 0 and _is_seen_in(runs, z_lo, z_hi, occupied, c + DX[k] * columns.ny + DY[k], low, high)
+    return is_dark and _stands_near(columns, c, low, high)
 
 
 @njit(cache=True)
@@ -198,7 +196,6 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
     traversable ones are expanded, and only into columns that are `inside` (bool per column).
     """
     column, z, level = surfaces.column, surfaces.z, surfaces.slope_level  # arrays of a tuple are counted at every use
-    runs, z_lo, z_hi, occupied = columns.start, columns.z_lo, columns.z_hi, columns.occupied
     near, graph = links.near, links.graph
     label, seen = np.full(column.size, UNREACHED, np.uint8), np.empty((column.size, 4), np.uint8)
     queued = np.zeros(column.size, np.bool_)
@@ -220,11 +217,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
         kind = steepness_at(links, level, s, reach, steepest)
         is_steep = kind == STEEP or (kind == NEARLY_STEEP and _is_near_steep(surfaces, links, s, limits))
         is_steep = is_steep and not _only_seems_steep(surfaces, columns.ny, links, s, limits)
-        low, high = z[s] + limits.step + 1, z[s] + limits.clearance
-        is_seen_above = _is_seen_in(runs, z_lo, z_hi, occupied, c, low, high)
-        is_side = not is_seen_above and _may_be_side(columns, near, s, c, low, high)
-        is_side = is_side or (surfaces.bridged[s] and _may_hide_side(columns, c, np.int64(z[s]), limits.step, limits.clearance))
-        if is_steep or is_side:
+        if is_steep or _may_be_side(columns, near, s, c, np.int64(z[s]), limits.step, limits.clearance):
             label[s] = OBSTACLE
             continue
         traversable += 1

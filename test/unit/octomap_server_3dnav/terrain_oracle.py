@@ -50,7 +50,6 @@ class Oracle:
     config: TerrainConfig
     resolution: float
     nodes: dict[Column, list[int]] = field(init=False)
-    assumed: set[Node] = field(init=False)  # floor over holes and pits
     label: dict[Node, int] = field(init=False, default_factory=dict)
     narrow: set[Node] = field(init=False, default_factory=set)  # inflated, and wide enough to drive straight
 
@@ -62,15 +61,11 @@ class Oracle:
             heights.setdefault((x, y), []).append(z)
         self.runs = {c: list(self._runs(c, levels)) for c, levels in heights.items()}
         self.nodes = {c: found for c in self.runs if (found := self._tops(c))}
-        assumed = {Node(*c, z) for c, z in self._holes()}
-        for c, z in [(s[:2], s.z) for s in assumed]:
+        for c, z in self._holes():
             self.nodes.setdefault(c, []).append(z)
         self.nodes = {c: sorted(levels) for c, levels in self.nodes.items()}
         if self.config.hole_bridge_voxels:
-            covered = {s: Node(*s[:2], self._covered(s)) for c, levels in self.nodes.items() for s in (Node(*c, z) for z in levels)}
-            self.nodes = {c: [covered[Node(*c, z)].z for z in levels] for c, levels in self.nodes.items()}
-            assumed = {floor for s, floor in covered.items() if s in assumed or floor != s}
-        self.assumed = assumed
+            self.nodes = {c: [self._covered(Node(*c, z)) for z in levels] for c, levels in self.nodes.items()}
 
     # -- what is known of a column
 
@@ -316,26 +311,21 @@ class Oracle:
             edges = [self.edge(s, k) for k in range(4)]
             if any(self.beside(s, k) == "drop" for k in range(4) if edges[k] is None):
                 self.label[s] = CLIFF
-            elif self.slope(s) > self.limits.steepest[1] or self._may_be_side(s) or self._may_hide_side(s):
+            elif self.slope(s) > self.limits.steepest[1] or self._may_be_side(s):
                 self.label[s] = OBSTACLE
             else:
                 self.label[s] = TRAVERSABLE
                 waiting += [n for n in edges if n is not None]
 
     def _may_be_side(self, s: Node) -> bool:
-        """Something stands within two columns, and nothing was seen above the node where it was beside it."""
-        beside = [moved(s[:2], SIDES[k]) for k in range(4) if self.near(s, k) is not None]
-        if self._is_seen_above(s[:2], s.z) or not any(self._is_seen_above(c, s.z) for c in beside):
+        """Something stands within two columns, and nothing was seen right above the node, or above it where it was beside it."""
+        if self._is_seen_above(s[:2], s.z):
+            if any(self.voxels.get((*s[:2], z)) == FREE for z in range(s.z + 1, s.z + self.step + 1)):
+                return False
+        elif not any(self._is_seen_above(moved(s[:2], SIDES[k]), s.z) for k in range(4) if self.near(s, k) is not None):
             return False
         around = [(s.x + dx, s.y + dy) for dx in range(-2, 3) for dy in range(-2, 3)]
         return any(self.occupied(c, s.z + self.step + 1, s.z + self.clearance) is not None for c in around)
-
-    def _may_hide_side(self, s: Node) -> bool:
-        """Floor was assumed, nothing was seen over it up to a step, and something stands in a column beside it."""
-        if s not in self.assumed or any((*s[:2], z) in self.voxels for z in range(s.z + 1, s.z + self.step + 1)):
-            return False
-        beside = [moved(s[:2], side) for side in SIDES]
-        return any(self.occupied(c, s.z + self.step + 1, s.z + self.clearance) is not None for c in beside)
 
     def _is_seen_above(self, c: Column, level: int) -> bool:
         return any(self.voxels.get((*c, z)) == FREE for z in range(level + self.step + 1, level + self.clearance + 1))

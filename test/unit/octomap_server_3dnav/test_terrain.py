@@ -282,12 +282,16 @@ def test_drop_behind_a_strip_that_was_not_seen_and_ground_beyond_still_inflates(
     assert drawn(terrain_of(states, pose(1.6, 2.4)), 30, 30, 42) == "......?      "
 
 
-@pytest.mark.parametrize("unseen, expected", [(2, INFLATION), (3, TerrainClass.OBSTACLE)])
-def test_floor_assumed_in_the_shadow_of_a_thing_may_be_a_side_of_it(unseen, expected):
-    """A step is two voxels."""
+@pytest.mark.parametrize("floor", [OCCUPIED, UNKNOWN])
+@pytest.mark.parametrize(
+    "unseen, wall_at, expected", [(1, 41, INFLATION), (2, 41, TerrainClass.OBSTACLE), (2, 42, INFLATION), (5, 41, TerrainClass.OBSTACLE)]
+)
+def test_floor_right_above_which_nothing_was_seen_is_a_side_of_what_stands_within_two_columns(floor, unseen, wall_at, expected):
+    """A step is two voxels; the floor was hit, or is assumed over a hole."""
     states = flat()
-    states[40, :, BELOW : BELOW + 6] = OCCUPIED
-    states[39, 30, BELOW : BELOW + unseen] = UNKNOWN
+    states[wall_at, :, BELOW : BELOW + 6] = OCCUPIED
+    states[39, 30, BELOW] = floor
+    states[39, 30, BELOW + 1 : BELOW + 1 + unseen] = UNKNOWN
     assert label_at(terrain_of(states, pose(1.6, 2.4)), 39.5 * RESOLUTION, 30.5 * RESOLUTION, 0.04) == expected
 
 
