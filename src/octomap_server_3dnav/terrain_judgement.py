@@ -83,7 +83,8 @@ def departure_of(scene: Scene, label: NDArray[np.uint8], start: int | None, conf
 
 
 class UnknownFloor(NamedTuple):
-    """Edges (E, 5) beside unknown floor, as `terrain_kernels.unknown_edges` gives them: frontiers, and gaps that no look is taken for."""
+    """Edges (E, 5) beside unknown floor, as `terrain_kernels.unknown_edges` gives them: frontiers, and gaps beside things, which no
+    look is taken for."""
 
     frontiers: NDArray[np.int64]
     gaps: NDArray[np.int64]
@@ -94,7 +95,7 @@ def unknown_floor(scene: Scene, label: NDArray[np.uint8], seen: NDArray[np.uint8
     sources = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
     if radius_m is not None:
         sources &= scene.within(radius_m)[scene.surfaces.column]
-    found = kernels.unknown_edges(scene.columns, scene.surfaces, label, scene.links.graph, sources, seen, limits.step)
+    found = kernels.unknown_edges(scene.columns, scene.surfaces, label, scene.links.graph, sources, seen, limits.step, limits.clearance)
     is_gap = found[:, 5].astype(bool)
     return UnknownFloor(found[~is_gap, :5], found[is_gap, :5])
 

@@ -444,9 +444,10 @@ def _is_reached(start: Any, z: Any, label: Any, c: Any, level: Any, rise: Any) -
 
 
 @njit(cache=True)
-def unknown_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources: Any, seen: Any, step: Any) -> Any:
+def unknown_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources: Any, seen: Any, step: Any, clearance: Any) -> Any:
     """(M, 6) int64 (column, z, node it was seen from, direction, what was seen, whether it is a gap) of unknown floor beside the `sources`
-    (bool per node): frontier voxels, and gaps before ground that the flood has reached some other way, which no look is taken for.
+    (bool per node): frontier voxels, and gaps before ground that the flood has reached some other way and within two columns of what
+    stands, which no look is taken for and in which a side of that may be.
 
     The two-step test of thesis figure 5.13: no ground in a direction, and for a frontier nothing known around one step further; where
     something stands there `barriers_seen` found a side of it. Ground that the flood did not reach is what the look is for: a deck seen from
@@ -464,7 +465,8 @@ def unknown_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources: 
             ends = _is_reached(start, z, label, c + 2 * stride, level, step + 1)
             for side in range(4):
                 ends = ends or _is_reached(start, z, label, c + 2 * stride + DX[side] * columns.ny + DY[side], level, step + 1)
-            found.append((c + stride, level, np.int64(s), np.int64(k), np.int64(seen[s, k]), np.int64(ends)))
+            if not ends or _stands_near(columns, c + stride, level + step + 1, level + clearance):
+                found.append((c + stride, level, np.int64(s), np.int64(k), np.int64(seen[s, k]), np.int64(ends)))
     out = np.empty((len(found), 6), np.int64)
     for i in range(len(found)):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5] = found[i]

@@ -324,8 +324,11 @@ class Oracle:
                 return False
         elif not any(self._is_seen_above(moved(s[:2], SIDES[k]), s.z) for k in range(4) if self.near(s, k) is not None):
             return False
-        around = [(s.x + dx, s.y + dy) for dx in range(-2, 3) for dy in range(-2, 3)]
-        return any(self.occupied(c, s.z + self.step + 1, s.z + self.clearance) is not None for c in around)
+        return self._stands_within_two(s[:2], s.z)
+
+    def _stands_within_two(self, c: Column, level: int) -> bool:
+        around = [(c[0] + dx, c[1] + dy) for dx in range(-2, 3) for dy in range(-2, 3)]
+        return any(self.occupied(b, level + self.step + 1, level + self.clearance) is not None for b in around)
 
     def _is_seen_above(self, c: Column, level: int) -> bool:
         return any(self.voxels.get((*c, z)) == FREE for z in range(level + self.step + 1, level + self.clearance + 1))
@@ -424,7 +427,7 @@ class Oracle:
         return sorted(s for s in row if self.label[s] == TRAVERSABLE), steps
 
     def _looks(self) -> tuple[dict[Column, dict[int, bool]], dict[Column, dict[int, bool]]]:
-        """Columns of frontiers and of gaps, levels from which they were looked at, and whether one of these looks passed over an edge."""
+        """Columns of frontiers and of gaps near things, levels from which they were looked at, and whether a look passed over an edge."""
         frontiers: dict[Column, dict[int, bool]] = {}
         gaps: dict[Column, dict[int, bool]] = {}
         for s in [*self._of(TRAVERSABLE), *self._of(INFLATION)]:
@@ -433,6 +436,8 @@ class Oracle:
                 if what not in ("unknown", "edge") or self._stands_around(moved(c, SIDES[k]), s.z):
                     continue
                 is_gap = any(self.find(b, s.z, self.step + 1) in self.label for b in self._around(moved(c, SIDES[k])))
+                if is_gap and not self._stands_within_two(c, s.z):
+                    continue
                 levels = (gaps if is_gap else frontiers).setdefault(c, {})
                 levels[s.z] = levels.get(s.z, False) or what == "edge"
         return frontiers, gaps
