@@ -11,8 +11,8 @@ from exploring import ExploreRun, summary
 from scipy.spatial.transform import Rotation
 
 LIMIT_S = 400.0
-ROOM = (-3.2, 6.4), (-2.6, 2.6)
-FOOT_X, BLOCK_X, BLOCK_Y, BLOCK_M, RAMP_Y = -0.4, (4.08, 6.2), (-1.05, 1.05), 1.2, (-0.5, 0.5)
+ROOM = (-3.2, 5.8), (-2.6, 2.6)
+FOOT_X, BLOCK_X, BLOCK_Y, BLOCK_M, RAMP_Y = -0.4, (4.08, 5.6), (-0.8, 0.8), 1.2, (-0.5, 0.5)
 HIGH_X = FOOT_X + 0.1 / math.tan(math.radians(15.0))  # from where the ramp is 10 cm high
 OUTLINE = np.array([(x, y) for x in np.linspace(-0.495, 0.495, 9) for y in (-0.335, 0.335)])  # of the robot, in base_link
 KEPT_M = 0.05  # from a drop
