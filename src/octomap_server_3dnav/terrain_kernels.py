@@ -171,15 +171,17 @@ def _stands_near(columns: Any, c: Any, low: Any, high: Any) -> Any:
 
 
 @lean_njit
-def _may_be_side(columns: Any, near: Any, s: Any, c: Any, z: Any, step: Any, clearance: Any) -> Any:
-    """Whether node s in voxel z of column c is within two columns of what stands there and may be a side of that, which beams passed by.
+def _may_be_side(columns: Any, surfaces: Any, near: Any, s: Any, c: Any, step: Any, clearance: Any) -> Any:
+    """Whether node s of column c is within two columns of what stands there and may be a side of that, which beams passed by.
 
     Space in the robot's way was seen above it, but nothing right above, up to a step: the foot of a flank that was met from below or lies
-    in a shadow. Or none was seen, though it was beside.
+    in a shadow, unless nobody knows that it was hit: the robot stood there. Or none was seen, though it was beside.
     """
+    z = np.int64(surfaces.z[s])
     runs, z_lo, z_hi, occupied, low, high = columns.start, columns.z_lo, columns.z_hi, columns.occupied, z + step + 1, z + clearance
     if _is_seen_in(runs, z_lo, z_hi, occupied, c, low, high):
-        is_dark = not _is_seen_in(runs, z_lo, z_hi, occupied, c, z + 1, z + step)
+        is_dark = surfaces.measured[s] or surfaces.bridged[s]
+        is_dark = is_dark and not _is_seen_in(runs, z_lo, z_hi, occupied, c, z + 1, z + step)
     else:
         is_dark = False
         for k in range(4):
@@ -195,7 +197,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
     Nodes are cliffs, obstacles (too steep; nearly so at a neighbour, too: alone it is a hit or two gone astray) or traversable. Only
     traversable ones are expanded, and only into columns that are `inside` (bool per column).
     """
-    column, z, level = surfaces.column, surfaces.z, surfaces.slope_level  # arrays of a tuple are counted at every use
+    column, level = surfaces.column, surfaces.slope_level  # arrays of a tuple are counted at every use
     near, graph = links.near, links.graph
     label, seen = np.full(column.size, UNREACHED, np.uint8), np.empty((column.size, 4), np.uint8)
     queued = np.zeros(column.size, np.bool_)
@@ -217,7 +219,7 @@ def flood(columns: Any, surfaces: Any, links: Any, first: Any, inside: Any, limi
         kind = steepness_at(links, level, s, reach, steepest)
         is_steep = kind == STEEP or (kind == NEARLY_STEEP and _is_near_steep(surfaces, links, s, limits))
         is_steep = is_steep and not _only_seems_steep(surfaces, columns.ny, links, s, limits)
-        if is_steep or _may_be_side(columns, near, s, c, np.int64(z[s]), limits.step, limits.clearance):
+        if is_steep or _may_be_side(columns, surfaces, near, s, c, limits.step, limits.clearance):
             label[s] = OBSTACLE
             continue
         traversable += 1

@@ -50,6 +50,7 @@ class Oracle:
     config: TerrainConfig
     resolution: float
     nodes: dict[Column, list[int]] = field(init=False)
+    assumed: set[Node] = field(init=False)  # floor over holes and pits
     label: dict[Node, int] = field(init=False, default_factory=dict)
     narrow: set[Node] = field(init=False, default_factory=set)  # inflated, and wide enough to drive straight
 
@@ -61,11 +62,15 @@ class Oracle:
             heights.setdefault((x, y), []).append(z)
         self.runs = {c: list(self._runs(c, levels)) for c, levels in heights.items()}
         self.nodes = {c: found for c in self.runs if (found := self._tops(c))}
-        for c, z in self._holes():
+        assumed = {Node(*c, z) for c, z in self._holes()}
+        for c, z in [(s[:2], s.z) for s in assumed]:
             self.nodes.setdefault(c, []).append(z)
         self.nodes = {c: sorted(levels) for c, levels in self.nodes.items()}
         if self.config.hole_bridge_voxels:
-            self.nodes = {c: [self._covered(Node(*c, z)) for z in levels] for c, levels in self.nodes.items()}
+            covered = {s: Node(*s[:2], self._covered(s)) for c, levels in self.nodes.items() for s in (Node(*c, z) for z in levels)}
+            self.nodes = {c: [covered[Node(*c, z)].z for z in levels] for c, levels in self.nodes.items()}
+            assumed = {floor for s, floor in covered.items() if s in assumed or floor != s}
+        self.assumed = assumed
 
     # -- what is known of a column
 
@@ -318,9 +323,9 @@ class Oracle:
                 waiting += [n for n in edges if n is not None]
 
     def _may_be_side(self, s: Node) -> bool:
-        """Something stands within two columns, and nothing was seen right above the node, or above it where it was beside it."""
+        """Something stands within two columns, and nothing was seen right above assumed floor, or above a node where it was beside it."""
         if self._is_seen_above(s[:2], s.z):
-            if any(self.voxels.get((*s[:2], z)) == FREE for z in range(s.z + 1, s.z + self.step + 1)):
+            if s not in self.assumed or any(self.voxels.get((*s[:2], z)) == FREE for z in range(s.z + 1, s.z + self.step + 1)):
                 return False
         elif not any(self._is_seen_above(moved(s[:2], SIDES[k]), s.z) for k in range(4) if self.near(s, k) is not None):
             return False
