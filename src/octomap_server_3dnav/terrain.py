@@ -180,10 +180,10 @@ def classify(
     robot = T_map_base[:3, 3]
     reach_m = None if radius_m is None else radius_m + (limits.inflation + 1) * runs.resolution
     scene = scene_around(runs, heights, robot, reach_m, config, limits)
-    label, seen, start = first_flood(scene, start_candidates(scene, T_map_base, config, limits), reach_m, config, limits)
+    inside = scene.within(reach_m)
+    label, seen, start = first_flood(scene, start_candidates(scene, T_map_base, config, limits), inside, config, limits)
     cliff = np.flatnonzero(label == TerrainClass.CLIFF)
     steps = kernels.mark_steps(label, scene.links.near, scene.links.graph, scene.surfaces.level)
-    inside = scene.within(reach_m)
     obstacles, beyond = kernels.barriers_seen(scene.columns, scene.surfaces, scene.links, label, inside, seen, limits)
     cliff = np.union1d(cliff, beyond)
     barriers, in_voxels = barriers_of(scene, label, obstacles, steps, cliff, heights, limits)

@@ -33,10 +33,12 @@ def start_candidates(scene: Scene, T_map_base: Transform, config: TerrainConfig,
 
 
 def first_flood(
-    scene: Scene, candidates: NDArray[np.int64], reach_m: float | None, config: TerrainConfig, limits: Limits
+    scene: Scene, candidates: NDArray[np.int64], inside: NDArray[np.bool_], config: TerrainConfig, limits: Limits
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8], int | None]:
-    """Labels of the first candidate with enough ground around it (algorithm 3 lines 8-16) and what its nodes see, or none and None."""
-    inside = scene.within(reach_m)
+    """Labels of the first candidate with enough ground around it (algorithm 3 lines 8-16) and what its nodes see, or none and None.
+
+    The flood stays in columns that are `inside` (C,).
+    """
     tried = np.zeros(scene.surfaces.z.size, dtype=bool)
     for first in candidates:
         if tried[first]:

@@ -102,8 +102,8 @@ def find_loose_vertex(graph: PoseGraph, last_vertex: int, config: MappingConfig)
     positions, along = graph.poses()[:, :3, 3], graph.distances_from(last_vertex)
     straight = np.linalg.norm(positions - positions[last_vertex], axis=1)
     near = np.flatnonzero((along <= _AREAS * config.graph_dist_m) & (straight <= config.loop_grown_dist_m))
-    legs = range(int(near.min()), last_vertex)
-    loose = [k for k in legs if sigmas(graph.relative_covariance(k, k + 1))[0] > config.loose_sigma_m]
+    legs = near[near < last_vertex]
+    loose = [int(k) for k in legs if sigmas(graph.relative_covariance(int(k), int(k) + 1))[0] > config.loose_sigma_m]
     beyond = near[(near <= max(loose, default=-1)) & (near < last_vertex - 1)]
     return int(beyond[np.argmin(straight[beyond])]) if len(beyond) else None
 

@@ -149,3 +149,14 @@ def test_wall_that_was_hit_in_strips_has_no_top_where_none_was_seen(strips, tops
     occupied = np.arange(len(z_lo)) < len(strips)
     found = tops_of(Columns(1, 1, np.array([0, len(z_lo)], dtype=np.int32), z_lo, z_hi, occupied), CLEARANCE, STEP)
     assert found.z.tolist() == tops
+
+
+def test_ground_lies_below_the_voxel_in_which_a_beam_gone_astray_ended():
+    """Floor that was hit in its own voxel, and twice floor below a stray beam; where no height is measured the voxel stands."""
+    level, ground = np.array([4.4, 4.2, 4.5], np.float32), np.array([4.1, 3.1, 3.0], np.float32)
+    none, z = np.zeros(3, bool), np.full(3, 4, np.int16)
+    surfaces = Surfaces(
+        np.arange(4, dtype=np.int32), np.arange(3, dtype=np.int32), z, none, level, ground, np.zeros((3, 2), np.float32), ~none
+    )
+    assert surfaces.ground_voxels(np.arange(3)).tolist() == [4, 3, 3]
+    assert surfaces._replace(measured=none).ground_voxels(np.arange(3)).tolist() == [4, 4, 4]
