@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
-from octomap_server_3dnav.barriers import Barriers, barriers_of, inflate, middles, narrow_radii, passage_radii, turning_radii, unique_pairs
+from octomap_server_3dnav.barriers import Barriers, barriers_of, inflate, narrow_radii, passage_radii, turning_radii, unique_pairs
 from octomap_server_3dnav.classified_terrain import Terrain, TerrainClass
 from octomap_server_3dnav.column_runs import ColumnRuns
+from octomap_server_3dnav.hit_extent import middles
 from octomap_server_3dnav.passages import Passage, connected_pieces, find_passages
 from octomap_server_3dnav.straight_lines import Ground, KeptOff
 from octomap_server_3dnav.surface_heights import SurfaceHeights

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
-from octomap_server_3dnav.barriers import inflate_around, middles, turning_radii
+from octomap_server_3dnav.barriers import inflate_around, turning_radii
 from octomap_server_3dnav.classified_terrain import TerrainClass
+from octomap_server_3dnav.hit_extent import middles
 from octomap_server_3dnav.surface_graph import kerbs
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 from octomap_server_3dnav.terrain_scene import Scene
