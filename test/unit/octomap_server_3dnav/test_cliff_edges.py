@@ -1,0 +1,51 @@
+"""Where ground ends at cliffs: at edges, in inner corners of them, and where a single beam met the floor."""
+
+import numpy as np
+import pytest
+from terrain_worlds import RESOLUTION, grid_of_heights, pose, runs_of
+
+from octomap_server_3dnav import terrain_kernels as kernels
+from octomap_server_3dnav.cliff_edges import cliff_edges
+from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
+from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig
+from octomap_server_3dnav.terrain_config import Limits
+from octomap_server_3dnav.terrain_judgement import start_candidates
+from octomap_server_3dnav.terrain_scene import scene_around
+
+SIZE = 50
+TOP, BOTTOM = 0.5, -6.0  # of the ground in voxels
+
+
+def edges_of(is_ground, hits_a_column=25):
+    """(M, 2) places in voxels at which the ground ends that `is_ground(x, y)` tells of, met by random beams."""
+    points = np.random.default_rng(3).uniform(0.0, SIZE, (hits_a_column * SIZE**2, 2))
+    on_top = is_ground(*points.T)
+    heights = SurfaceHeights(RESOLUTION)
+    heights.add(HitHeights.of(np.column_stack([points, np.where(on_top, TOP, BOTTOM)]) * RESOLUTION, RESOLUTION))
+    has_ground = np.zeros((SIZE, SIZE), dtype=bool)
+    has_ground[tuple(np.floor(points[on_top]).astype(int).T)] = True
+    states = grid_of_heights(lambda x, y: np.where(has_ground, TOP, BOTTOM) * RESOLUTION, SIZE, SIZE)
+    T_map_base, config = pose(0.8, 0.8), TerrainConfig()
+    limits = Limits.of(config, RESOLUTION, True)
+    scene = scene_around(runs_of(states), heights, T_map_base[:3, 3], None, config, limits)
+    first = start_candidates(scene, T_map_base, config, limits)[0]
+    inside = np.ones(scene.columns.start.size - 1, dtype=bool)
+    label, _, _ = kernels.flood(scene.columns, scene.surfaces, scene.links, first, inside, limits)
+    sharp = cliff_edges(heights, scene, np.flatnonzero(label == TerrainClass.CLIFF)).sharp
+    return sharp[:, :2] + scene.key
+
+
+@pytest.mark.parametrize(("x", "y"), [(30.0, 30.0), (30.2, 30.3), (30.4, 30.4), (30.5, 30.7), (30.3, 30.8)])
+def test_inner_corner_is_no_farther_off_than_what_is_kept_from_edges_makes_up_for(x, y):
+    off = edges_of(lambda px, py: ~((px > x) & (py > y)), hits_a_column=60) - [x, y]
+    beyond = off[np.abs(off).max(axis=1) < 1.5].sum(axis=1) / np.sqrt(2.0)
+    assert -0.75 < beyond.min() < TerrainConfig().cliff_margin_m / RESOLUTION
+
+
+@pytest.mark.parametrize("degrees", [0.0, 20.0, 27.0, 45.0])
+def test_straight_edge_has_no_corners_in_it(degrees):
+    way = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+    before = 35.0 - edges_of(lambda x, y: way[0] * x + way[1] * y < 35.0) @ way
+    assert before.min() > -0.1
+    assert before.mean() < 0.55
+    assert np.percentile(before, 95) < 1.1

@@ -1,0 +1,53 @@
+"""How far what stands in a column extends: strays of a wall, tips of corners, and what few beams met."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from octomap_server_3dnav.hit_extent import of_things, reach_of
+from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
+
+NOISE = 0.125
+SCENE = SimpleNamespace(key=(0, 0), columns=SimpleNamespace(ny=20))
+
+
+def thing_in(column_x, points):
+    """(6,) of what stands in column (column_x, 5), from points (N, 2) in voxels that beams met."""
+    resolution = 0.08
+    heights = SurfaceHeights(resolution)
+    heights.add(HitHeights.of(np.column_stack([points, np.full(len(points), 2.5)]) * resolution, resolution))
+    low, high = np.array([1]), np.array([9])
+    return of_things(heights, SCENE, np.array([column_x * 20 + 5]), low, high, NOISE)[0]
+
+
+def test_beams_that_ended_a_little_before_a_wall_are_of_the_wall():
+    rng = np.random.default_rng(1)
+    wall = np.column_stack([4.9 + NOISE * rng.standard_normal(400), rng.uniform(5.0, 6.0, 400)])
+    assert 5 < (wall[:, 0] > 5.0).sum() < 120
+    thing = thing_in(5, wall)
+    assert thing[0] == 400
+    assert 5.5 + thing[1] == pytest.approx(4.9, abs=0.02)
+
+
+def test_tip_of_a_corner_stays_where_it_was_met_though_there_is_more_behind():
+    rng = np.random.default_rng(2)
+    behind, tip = rng.uniform([4.0, 5.2], [4.5, 5.8], (120, 2)), rng.uniform([5.02, 5.4], [5.12, 5.6], (9, 2))
+    thing = thing_in(5, np.vstack([behind, tip]))
+    assert thing[0] == 129
+    assert thing[1:3] == pytest.approx(tip.mean(axis=0) - [5.5, 5.5], abs=0.02)
+
+
+def test_what_few_beams_met_may_extend_farther_than_they_tell():
+    counts = np.array([0, 5, 20, 28, 40, 100, 1000])
+    things = np.column_stack([counts, np.zeros((counts.size, 5))])
+    unmet = reach_of(things, NOISE)[:, 2]
+    assert (np.diff(unmet) <= 0.0).all()
+    assert unmet[[0, 3, 6]] == pytest.approx([0.6, 0.5, 0.0], abs=1e-3)
+
+
+def test_line_of_hits_extends_to_its_ends_and_noise_does_not():
+    n = 1000
+    line = np.array([[n, 0.0, 0.0, 0.25**2 / 3.0 + NOISE**2, NOISE**2, 0.0]])
+    along_x, along_y, around = reach_of(line, NOISE)[0]
+    assert (along_x, along_y, around) == pytest.approx((0.25, 0.0, 0.0), abs=2e-3)
