@@ -235,10 +235,10 @@ def test_cliff_on_floor_that_is_assumed_over_a_hole_may_be_a_voxel_nearer(is_met
     assert label_at(terrain, 38.5 * RESOLUTION, 38.5 * RESOLUTION, 0.005) == (TRAVERSABLE if is_met else INFLATION)
 
 
-@pytest.mark.parametrize("astray, met, first_inflated", [(1, 20, 34), (40, 20, 33)])
-def test_thing_is_where_most_beams_met_it_not_where_a_few_ended_before_it(astray, met, first_inflated):
-    """It begins in the middle of column 41; some beams ended at the far rim of column 40."""
-    beams = points(np.repeat([40.95, 41.5], [astray, met]) * RESOLUTION, np.full(astray + met, 0.6))
+@pytest.mark.parametrize("begins, astray, met, first_inflated", [(41.3, 1, 20, 34), (41.5, 1, 20, 33), (41.3, 40, 20, 33)])
+def test_thing_is_where_most_beams_met_it_not_where_a_few_ended_before_it(begins, astray, met, first_inflated):
+    """It begins in column 41; some beams ended at the far rim of column 40, but not so far before it that they met something else."""
+    beams = points(np.repeat([40.95, begins], [astray, met]) * RESOLUTION, np.full(astray + met, 0.6))
     found = labels_before(lambda x, y: np.where(x < 40 * RESOLUTION, 0.005, 0.6) + 0 * y, beams, range(30, 36))
     assert found == [TRAVERSABLE if column < first_inflated else INFLATION for column in range(30, 36)]
 
