@@ -1,6 +1,6 @@
 """Small holes between surfaces: floor is assumed where a few columns are unknown and the ground on both sides is one (thesis 5.5).
 
-So it is over a column that is too deep for a step and as deep as that all around: no wheel falls into it.
+So it is over a single column that is deeper than all four beside it: no wheel falls into it.
 
 Second step of `terrain.classify`, over the surfaces of `surface_columns`; everything is in voxels.
 """
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav.lean_kernels import lean_njit
 from octomap_server_3dnav.surface_columns import DX, DY, NO_VOXEL, Columns, Surfaces, blocking_voxel, find_node, seen_down_to, slope_behind
+
+_PIT = 0.9  # voxels by which what was measured at the bottom of a pit lies below the ground around: a thin deck's underside, at least
 
 
 @lean_njit
@@ -197,12 +199,15 @@ def bridge_holes(columns: Columns, surfaces: Surfaces, clearance: int, hole: int
 
 @lean_njit
 def _sides_of_pit(surfaces: Any, s: Any, ny: Any, step: Any, max_step: Any, sides: Any) -> Any:
-    """Whether all four columns beside node s have ground higher by more than `max_step`, of which those across from each other are one;
-    `sides` (4,) is filled with it."""
+    """Whether all four columns beside node s have ground higher by more than `max_step`, or _PIT where that is measured, of which those
+    across from each other are one; `sides` (4,) is filled with it."""
     c, z = np.int64(surfaces.column[s]), np.int64(surfaces.z[s])
     for k in range(4):
         sides[k] = find_node(surfaces.start, surfaces.z, c + DX[k] * ny + DY[k], z, step)
-        if sides[k] < 0 or surfaces.level[sides[k]] - surfaces.level[s] <= max_step:
+        if sides[k] < 0:
+            return False
+        depth = _PIT if surfaces.measured[s] and surfaces.measured[sides[k]] else max_step
+        if surfaces.level[sides[k]] - surfaces.level[s] <= depth:
             return False
     across = surfaces.level[sides[0]] - surfaces.level[sides[2]], surfaces.level[sides[1]] - surfaces.level[sides[3]]
     return max(abs(across[0]), abs(across[1])) <= max_step

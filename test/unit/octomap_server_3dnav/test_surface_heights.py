@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.special import erf
-from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, label_at, pose, runs_of
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, label_at, pose, runs_of
 
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
@@ -216,6 +216,20 @@ def test_inner_corner_of_an_edge_is_kept_off_as_the_edge_is(turned, x, y):
     terrain = measured(height, pose(1.6, 1.2), noise_m=0.003)
     away = np.hypot((terrain.ix + 0.5) * RESOLUTION - x, (terrain.iy + 0.5) * RESOLUTION - y)
     assert away[(terrain.label == TRAVERSABLE) & (terrain.z >= 0)].min() >= 0.6
+
+
+def test_voxel_that_a_thin_deck_lost_is_reported_where_the_deck_is_not_at_its_underside():
+    """In column 40, 30 only the underside is left, 9 cm below the top."""
+    states = grid_of_heights(lambda x, y: 0.005 + 0 * x * y, 80, 60)
+    states[40, 30, BELOW - 2 : BELOW + 1] = OCCUPIED, FREE, FREE
+    floor = points(np.arange(0.005, 80 * RESOLUTION, 0.02), np.full(320, 0.005))
+    is_lost = (np.floor(floor[:, :2] / RESOLUTION) == (40, 30)).all(axis=1)
+    floor[is_lost, 2] = -0.085
+    heights = SurfaceHeights(RESOLUTION)
+    heights.add(HitHeights.of(floor, RESOLUTION))
+    terrain = classify(runs_of(states), pose(1.6, 2.4), TerrainConfig(), None, heights)
+    there = (terrain.ix == 40) & (terrain.iy == 30)
+    assert (terrain.z[there].tolist(), terrain.label[there].tolist()) == ([0], [TRAVERSABLE])
 
 
 @pytest.mark.parametrize("is_met", [True, False])
