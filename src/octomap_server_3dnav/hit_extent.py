@@ -1,6 +1,6 @@
 """Where beams ended in columns, and how far what stands there extends around the mean place of its hits.
 
-Used by `barriers`. All places are in voxels: of the window, or from the middle of a column.
+Used by `barriers` and `cliff_edges`. All places are in voxels: of the window, or from the middle of a column.
 """
 
 import numpy as np

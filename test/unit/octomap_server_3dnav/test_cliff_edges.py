@@ -1,4 +1,4 @@
-"""Where ground ends at cliffs: at edges, in inner corners of them, and where a single beam met the floor."""
+"""Where ground ends at cliffs: along straight edges and in inner corners of them."""
 
 import numpy as np
 import pytest
