@@ -99,6 +99,13 @@ def test_pebble_lower_than_a_step_is_driven_over():
     assert reachable_ground(*join(room(4, 4), pebble), START).area_m2 == pytest.approx(2.8 * 2.8)
 
 
+def test_flank_that_hangs_over_ends_the_floor_where_it_begins():
+    # The flank's first cells, at 3.45 m, lie higher above the floor than a step, and level with each other.
+    flank = ramp(3.44, 0, 3.79, 4, 0.09, 1.09)
+    ground = reachable_ground(*join(room(8, 4), flank), START, RobotShape(circumscribed_radius_m=0.57))
+    assert ground.points[:, 0].max() == pytest.approx(2.85, abs=0.001)  # 0.59 m before the flank
+
+
 def test_winding_does_not_matter():
     vertices, triangles = bridge_world()
     there = reachable_ground(vertices, triangles, (1, 1, 0.132))
