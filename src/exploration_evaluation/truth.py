@@ -91,7 +91,8 @@ class _Nodes:
     """Surfaces with headroom, ordered by column and height; `first[c]:first[c + 1]` are those of column c.
 
     slope is that of the triangle, steepness what the robot feels of it: over its wheelbase, between faces that are none too steep, or in
-    itself and beside itself. A pebble's flank, lower than a step, is steep in itself only; a rock's, from which no ground goes on, is steep.
+    itself and beside itself. A pebble's flank, lower than a step, is steep in itself only; a rock's, from which
+    no ground goes on, is steep.
     """
 
     xyz: Floats
@@ -142,7 +143,8 @@ def _surfaces(scene: RayScene, grid: _Grid, mesh: tuple[Floats, Ints], robot: Ro
     column, z, triangle = _floors(scene, grid.centres(), mesh, robot)
     first, slope = _first_of(column, grid.nx * grid.ny), _slopes(*mesh)[triangle]
     links = _links(grid, column, first, z, robot.max_step_m)
-    goes_on = (links.reshape(-1, 2, 2) >= 0).any(axis=2).all(axis=1)
+    there = links >= 0
+    goes_on = (there[:, 0] | there[:, 1]) & (there[:, 2] | there[:, 3])  # along both axes
     in_itself = np.where(goes_on, np.minimum(slope, _mean_slope(z, links, grid.cell, 1, least=1)), slope)
     half = max(1, round(_HALF_WHEELBASE_M / grid.cell))
     is_face = in_itself > _steepest(robot)

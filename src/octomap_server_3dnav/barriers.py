@@ -96,7 +96,7 @@ def barriers_of(
         return in_voxels, in_voxels
     low, high = (np.where(voxel == NO_VOXEL, NO_VOXEL, level + above) for above in (_FOOT, limits.clearance))
     things = of_things(heights, scene, at, low, high, limits.hit_noise)
-    met, rims, edges = stand.copy(), _rims(too_high, rise[:, 1]), cliff_edges(heights, scene, cliff)
+    met, rims, edges = stand.copy(), _rims(too_high, rise[:, 1]), cliff_edges(heights, scene, cliff, limits)
     met[:, :2] += things[:, 1:3]
     gets_steep = kernels.steep_edges(label, scene.surfaces, scene.links, steep, ny, BEFORE, limits)
     reach = np.concatenate([reach_of(things, limits.hit_noise), np.tile([0.0, 0.0, _FLANK], (len(rims), 1))])

@@ -6,11 +6,11 @@ Used by `barriers`. All places are in voxels of the window.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from octomap_server_3dnav.hit_extent import Floats, Ints, middles, spread
 from octomap_server_3dnav.surface_columns import DX, DY
 from octomap_server_3dnav.surface_heights import SurfaceHeights
+from octomap_server_3dnav.terrain_config import Limits
 from octomap_server_3dnav.terrain_scene import Scene
 
 BEFORE = 0.2  # voxels before the middle of its column that a slope gets too steep, where the slopes beside it do not tell
@@ -27,14 +27,16 @@ class CliffEdges(NamedTuple):
     rounded: Floats
 
 
-def cliff_edges(heights: SurfaceHeights, scene: Scene, cliff: Ints) -> CliffEdges:
+def cliff_edges(heights: SurfaceHeights, scene: Scene, cliff: Ints, limits: Limits) -> CliffEdges:
     """Where the ground ends at `cliff` nodes: where beams ended in their voxel, of those that less than two beams met a voxel nearer; in
-    inner corners, too; of rounded ones before the middle of their column."""
-    is_rounded, over = _is_rounded(scene, cliff), _way_over(scene, cliff)
+    inner corners, too; of rounded ones before the middle of their column, where they get too steep."""
+    (fall, before), over = _falls(scene, cliff), _way_over(scene, cliff)
+    is_rounded = fall > _FALLING
     column, z = scene.surfaces.column[cliff].astype(np.int64), scene.surfaces.z[cliff].astype(np.int64)
     places = middles(column, z, scene.columns.ny)
     rounded = places[is_rounded]
-    rounded[:, :2] -= BEFORE * over[is_rounded]
+    gets_steep = _gets_steep(fall[is_rounded], before[is_rounded], limits.steepest[1])
+    rounded[:, :2] -= gets_steep[:, None] * over[is_rounded]
     sharp, met = places[~is_rounded], spread(heights, scene, column[~is_rounded], z[~is_rounded], z[~is_rounded])
     sharp[:, :2] += met[:, 1:3] - (met[:, :1] < _SURE) * over[~is_rounded]
     return CliffEdges(np.concatenate([sharp, _inner_corners(heights, scene, cliff[~is_rounded])]), rounded)
@@ -46,12 +48,22 @@ def _way_over(scene: Scene, cliff: Ints) -> Floats:
     return np.asarray(beyond / np.maximum(1.0, np.hypot(beyond[:, :1], beyond[:, 1:])))
 
 
-def _is_rounded(scene: Scene, cliff: Ints) -> NDArray[np.bool_]:
-    """(M,) cliffs towards which the ground falls already and beyond which it goes on little lower."""
-    near, graph, level = scene.links.near[cliff], scene.links.graph[cliff], scene.surfaces.level
-    behind = np.roll(graph, 2, axis=1)  # of every direction the node the other way
-    fall = np.where((graph < 0) & (near >= 0) & (behind >= 0), level[behind] - level[cliff, None], -np.inf)
-    return np.asarray(fall.max(axis=1, initial=-np.inf) > _FALLING)
+def _falls(scene: Scene, cliff: Ints) -> tuple[Floats, Floats]:
+    """(M,) by how much the ground falls from the column before to cliffs beyond which it goes on little lower, -inf where it does not, and
+    (M,) by how much to that column from the one before."""
+    near, graph, level = scene.links.near[cliff], scene.links.graph, scene.surfaces.level
+    behind = np.roll(graph[cliff], 2, axis=1)  # of every direction the node the other way
+    last = np.where(behind >= 0, graph[behind, [2, 3, 0, 1]], -1)
+    falls = np.where((graph[cliff] < 0) & (near >= 0) & (behind >= 0), level[behind] - level[cliff, None], -np.inf)
+    most = falls.argmax(axis=1)[:, None]
+    behind, last = np.take_along_axis(behind, most, 1)[:, 0], np.take_along_axis(last, most, 1)[:, 0]
+    return np.take_along_axis(falls, most, 1)[:, 0], np.where(last >= 0, level[last] - level[behind], 0.0)
+
+
+def _gets_steep(fall: Floats, before: Floats, steepest: float) -> Floats:
+    """(M,) voxels before the middle of their columns at which rounded edges get steeper than that, by their last two falls."""
+    turns = np.clip((fall - steepest) / np.maximum(fall - before, 1e-6), 0.0, 1.0)
+    return np.where(fall > steepest, 0.5 + turns, BEFORE)
 
 
 def _inner_corners(heights: SurfaceHeights, scene: Scene, cliff: Ints) -> Floats:

@@ -17,6 +17,8 @@ RIM = 0.5  # voxels from the middle of a column to its rim
 _AT_RIM = 0.4  # where the hits at the rim of a voxel begin
 _FEW = 14.0  # voxels, divided by the hits in a column: how far beyond them a part of a thing may stand that none met
 _UNMET = 0.6  # of them at most, and where none met anything: it may hang over beside its column
+_NOISE_ALONE = 0.8  # of the variance of the noise: hits that are spread less lie on a flat side
+_NO_NOISE = 1e-6  # voxels
 _STRAY = 3.0  # times the noise of the beams: a hit that lies farther beyond the end of a thing is no stray
 
 
@@ -61,15 +63,23 @@ def of_things(heights: SurfaceHeights, scene: Scene, column: Ints, low: Ints, hi
     return found
 
 
+def _extent(variance: Floats, noise: float) -> tuple[Floats, Floats]:
+    """(M,) how far hits of this variance along a line reach from their mean if spread evenly, and (M,) how much of it is no noise."""
+    share = np.clip((variance / max(noise, _NO_NOISE) ** 2 - _NOISE_ALONE) / (1.0 - _NOISE_ALONE), 0.0, 1.0)
+    return np.sqrt(3.0 * np.maximum(variance, 0.0)) * np.sqrt(share), share
+
+
 def reach_of(things: Floats, noise: float) -> Floats:
     """(M, 3) how far things extend around the mean place of their hits, as `terrain_kernels.inflate` takes it: what is spread evenly ends
-    at the root of three standard deviations. The noise of the beams, in voxels, is not part of them.
+    at the root of three standard deviations. Across a flat side the hits are spread by the noise of the beams alone, in voxels, which is
+    not part of the thing. What spreads more is a corner or a flank, of which little may lie in the column: so much farther as the noise.
 
     What few beams met may end where none did: the fewer, the farther, and with the square of that where it is less than half a voxel.
     """
-    xx, yy, xy = 3.0 * things[:, 3:].T
-    mean, off, angle = 0.5 * (xx + yy) - 3.0 * noise**2, np.hypot(0.5 * (xx - yy), xy), 0.5 * np.arctan2(2.0 * xy, xx - yy)
-    length, width = np.sqrt(np.maximum(mean + off, 0.0)), np.sqrt(np.maximum(mean - off, 0.0))
+    xx, yy, xy = things[:, 3:].T
+    mean, off, angle = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy), 0.5 * np.arctan2(2.0 * xy, xx - yy)
+    (length, _), (width, share) = _extent(mean + off, noise), _extent(mean - off, noise)
     few = _FEW / np.maximum(things[:, 0], 1.0)
     unmet = np.minimum(_UNMET, few * np.minimum(1.0, few / RIM))
-    return np.column_stack([(length - width) * np.cos(angle), (length - width) * np.sin(angle), width + unmet])
+    around = width + np.minimum(unmet + share * noise, _UNMET)
+    return np.column_stack([(length - width) * np.cos(angle), (length - width) * np.sin(angle), around])

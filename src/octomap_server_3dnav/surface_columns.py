@@ -54,10 +54,12 @@ class Surfaces(NamedTuple):
         level, slope_level, offset, measured = _measured_or(heights, self.level, self.slope_level, self.offset)
         return self._replace(level=level, slope_level=slope_level, offset=offset, measured=measured)
 
-    def ground_voxels(self, nodes: NDArray[np.integer]) -> NDArray[np.int16]:
+    def ground_voxels(self, nodes: NDArray[np.integer], near: NDArray[np.integer]) -> NDArray[np.int16]:
         """(K,) voxels in which the ground of some drivable nodes lies: that of the surface, or a lower one if only beams gone astray ended
-        in that."""
-        level, ground = self.level[nodes], self.slope_level[nodes]
+        in that. So they did in one that lies higher than all four ground that is `near` (N, 4)."""
+        level, ground, beside = self.level[nodes], self.slope_level[nodes], near[nodes]
+        around = np.where(beside >= 0, self.slope_level[beside], np.inf)
+        ground = np.where(ground - around.max(axis=1) > _ASTRAY, around.mean(axis=1), ground)
         return np.asarray(np.where(self.measured[nodes] & (level - ground > _ASTRAY), np.floor(ground), self.z[nodes]), dtype=np.int16)
 
 

@@ -82,7 +82,7 @@ def _has_equal(near: Any, level: Any, measured: Any, s: Any, tread: Any) -> Any:
 
 @lean_njit
 def _lean(near: Any, level: Any, s: Any, k: Any) -> Any:
-    """Rise from column to column in direction k + 1 of the ground that begins _FACE columns from node s in direction k, 0 where it is level."""
+    """Rise per column in direction k + 1 of the ground that begins _FACE columns from node s in direction k, 0 where it is level."""
     node, total, count = np.int64(s), 0.0, 0
     for j in range(_FACE + _ROWS):
         node = np.int64(near[node, k])
@@ -96,8 +96,8 @@ def _lean(near: Any, level: Any, s: Any, k: Any) -> Any:
 
 @lean_njit
 def _tread(near: Any, surfaces: Any, s: Any, k: Any, lean: Any) -> Any:
-    """Height in line with node s of the ground that begins _FACE columns from it in direction k, three surfaces wide, which leans aside; NaN
-    where it is not flat, or not measured."""
+    """Height, in line with node s, of the ground that begins _FACE columns from it in direction k, three surfaces wide, and leans aside by
+    `lean`; NaN where it is not flat then, or not measured."""
     level, measured = surfaces.slope_level, surfaces.measured
     node, total, tilt = np.int64(s), 0.0, 0.0
     low, high = np.inf, -np.inf

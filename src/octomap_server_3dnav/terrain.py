@@ -91,7 +91,10 @@ def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | N
         ix=ix + np.int32(scene.key[0]),
         iy=iy + np.int32(scene.key[1]),
         z=np.concatenate(
-            [np.where(is_drivable, scene.surfaces.ground_voxels(keep), scene.surfaces.z[keep]), beside[:, 1].astype(np.int16)]
+            [
+                np.where(is_drivable, scene.surfaces.ground_voxels(keep, scene.links.near), scene.surfaces.z[keep]),
+                beside[:, 1].astype(np.int16),
+            ]
         ),
         label=np.concatenate([label[keep], _filled(obstacles, TerrainClass.OBSTACLE), kind]),
         bridged=np.concatenate([scene.surfaces.bridged[keep], np.zeros(len(beside), dtype=bool)]),

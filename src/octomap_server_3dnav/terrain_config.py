@@ -9,6 +9,7 @@ from stage_config import check_ranges, parameter
 _TREADS_ERR_M = 0.002  # of a step between two flat treads: means of a dozen surfaces each, of 1 mm
 
 _INCLINED = 0.8  # of the steepest slope: measured ground that inclines less over two hands' breadths is gentle, whatever one alone does
+_STEEP_MARGIN = 1.225  # voxels before the middle of measured ground that is too steep
 _CLOSE_ERR_RAD = 0.0075  # of the slope of a hand's breadth
 _PLANE_ERR_RAD = 0.003  # of the slope of a measured plane as large as the robot
 
@@ -49,7 +50,7 @@ class TerrainConfig:
     inflation_radius_m: float = parameter(0.60, "m", "distance kept from obstacles by the robot's centre", low=0.0, high=3.0)
     cliff_inflation_radius_m: float = parameter(0.60, "m", "distance kept from cliffs by the robot's centre", low=0.0, high=3.0)
     hit_margin_m: float = parameter(
-        0.018, "m", "kept from obstacles beside their radius where it is measured where they were hit: beams err", low=0.0, high=0.5
+        0.009, "m", "kept from obstacles beside their radius where it is measured where they were hit: beams err", low=0.0, high=0.5
     )
     cliff_margin_m: float = parameter(0.036, "m", "the same from cliffs: floor is hit more sparsely than what stands", low=0.0, high=0.5)
     hit_noise_m: float = parameter(
@@ -151,7 +152,6 @@ class Limits(NamedTuple):
         slope_radius_m, margin = (config.slope_radius_m, config.slope_margin_rad) if is_measured else (config.voxel_slope_radius_m, 0.0)
         fitted = math.tan(config.max_slope_rad - margin)
         inclined = _INCLINED * fitted if is_measured else fitted
-        hit_margin = config.hit_margin_m / resolution if is_measured else 0.0
         largest = max(config.inflation_radius_m, config.cliff_inflation_radius_m)
         return cls(
             resolution=resolution,
@@ -164,10 +164,10 @@ class Limits(NamedTuple):
             max_plane_slope=math.tan(config.max_slope_rad + _PLANE_ERR_RAD),
             look=max(1, round(config.cliff_look_m / resolution)),
             inflation=math.ceil(largest / resolution - 1e-9),
-            hit_margin=hit_margin,
+            hit_margin=config.hit_margin_m / resolution if is_measured else 0.0,
             hit_noise=config.hit_noise_m / resolution,
             cliff_margin=config.cliff_margin_m / resolution if is_measured else 0.0,
-            steep_margin=1.0 + hit_margin if is_measured else 0.5,
+            steep_margin=_STEEP_MARGIN if is_measured else 0.5,
             cliff_area=config.cliff_area_voxels,
             assumes_cliffs=config.cliff_evidence == "assumed",
         )

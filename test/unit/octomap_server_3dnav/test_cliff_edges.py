@@ -5,7 +5,7 @@ import pytest
 from terrain_worlds import RESOLUTION, grid_of_heights, pose, runs_of
 
 from octomap_server_3dnav import terrain_kernels as kernels
-from octomap_server_3dnav.cliff_edges import cliff_edges
+from octomap_server_3dnav.cliff_edges import BEFORE, _gets_steep, cliff_edges
 from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig
 from octomap_server_3dnav.terrain_config import Limits
@@ -31,7 +31,7 @@ def edges_of(is_ground, hits_a_column=25):
     first = start_candidates(scene, T_map_base, config, limits)[0]
     inside = np.ones(scene.columns.start.size - 1, dtype=bool)
     label, _, _ = kernels.flood(scene.columns, scene.surfaces, scene.links, first, inside, limits)
-    sharp = cliff_edges(heights, scene, np.flatnonzero(label == TerrainClass.CLIFF)).sharp
+    sharp = cliff_edges(heights, scene, np.flatnonzero(label == TerrainClass.CLIFF), limits).sharp
     return sharp[:, :2] + scene.key
 
 
@@ -49,3 +49,8 @@ def test_straight_edge_has_no_corners_in_it(degrees):
     assert before.min() > -0.1
     assert before.mean() < 0.55
     assert np.percentile(before, 95) < 1.1
+
+
+def test_rounded_edge_gets_steep_where_its_falls_say_so():
+    fall, before = np.array([0.4, 0.6, 0.6, 0.6]), np.array([0.1, 0.3, 0.5, 0.7])
+    assert _gets_steep(fall, before, 0.45) == pytest.approx([BEFORE, 1.0, 1.5, 1.5])

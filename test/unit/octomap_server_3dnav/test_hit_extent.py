@@ -46,8 +46,25 @@ def test_what_few_beams_met_may_extend_farther_than_they_tell():
     assert unmet[[0, 3, 6]] == pytest.approx([0.6, 0.5, 0.0], abs=1e-3)
 
 
-def test_line_of_hits_extends_to_its_ends_and_noise_does_not():
-    n = 1000
-    line = np.array([[n, 0.0, 0.0, 0.25**2 / 3.0 + NOISE**2, NOISE**2, 0.0]])
+def test_line_of_hits_extends_to_its_ends_and_noise_across_it_does_not():
+    n, across = 1000, 0.85 * NOISE  # a side that is seen from several directions
+    line = np.array([[n, 0.0, 0.0, 0.25**2 / 3.0 + across**2, across**2, 0.0]])
     along_x, along_y, around = reach_of(line, NOISE)[0]
-    assert (along_x, along_y, around) == pytest.approx((0.25, 0.0, 0.0), abs=2e-3)
+    assert 0.25 <= along_x <= 0.25 + NOISE
+    assert (along_y, around) == pytest.approx((0.0, 0.0), abs=2e-3)
+
+
+@pytest.mark.parametrize("arm", [0.15, 0.25, 0.4, 0.8])
+@pytest.mark.parametrize("share", [0.5, 0.8])
+def test_corner_of_which_little_lies_in_the_column_is_within_reach(arm, share):
+    rng = np.random.default_rng(4)
+    n, corner = 1000, np.array([5.1, 5.1])
+    on_x, along = rng.random(n) < share, rng.uniform(0.0, arm, n)
+    points = corner + np.where(on_x[:, None], [1.0, 0.0], [0.0, 1.0]) * along[:, None] + 0.8 * NOISE * rng.standard_normal((n, 2))
+    own = points[(np.floor(points) == 5.0).all(axis=1)]
+    mean, cov = own.mean(axis=0) - 5.5, np.cov(own.T)
+    reach = reach_of(np.array([[len(own), *mean, cov[0, 0], cov[1, 1], cov[0, 1]]]), NOISE)[0]
+    off = corner - 5.5 - mean
+    square = max(reach[0] ** 2 + reach[1] ** 2, 1e-9)
+    line = np.clip(off @ reach[:2] / square, -1.0, 1.0) * reach[:2]
+    assert np.hypot(*(off - line)) - reach[2] < 0.135  # 11 mm

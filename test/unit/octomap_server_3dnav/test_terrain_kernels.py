@@ -158,5 +158,16 @@ def test_ground_lies_below_the_voxel_in_which_a_beam_gone_astray_ended():
     surfaces = Surfaces(
         np.arange(4, dtype=np.int32), np.arange(3, dtype=np.int32), z, none, level, ground, np.zeros((3, 2), np.float32), ~none
     )
-    assert surfaces.ground_voxels(np.arange(3)).tolist() == [4, 3, 3]
-    assert surfaces._replace(measured=none).ground_voxels(np.arange(3)).tolist() == [4, 4, 4]
+    alone = np.full((3, 4), -1)
+    assert surfaces.ground_voxels(np.arange(3), alone).tolist() == [4, 3, 3]
+    assert surfaces._replace(measured=none).ground_voxels(np.arange(3), alone).tolist() == [4, 4, 4]
+
+
+def test_ground_lies_where_it_does_all_around_if_a_beam_alone_ended_higher():
+    level, z, known = np.array([5.1, 3.2, 3.3, 3.1, 3.4], np.float32), np.array([5, 3, 3, 3, 3], np.int16), np.ones(5, bool)
+    near = np.full((5, 4), -1)
+    near[0] = 1, 2, 3, 4
+    surfaces = Surfaces(np.arange(6, dtype=np.int32), np.arange(5, dtype=np.int32), z, ~known, level, level, np.zeros((5, 2)), known)
+    assert surfaces.ground_voxels(np.arange(5), near).tolist() == [3, 3, 3, 3, 3]
+    near[0, 3] = -1  # its end, where it may be the edge of what is as high as it
+    assert surfaces.ground_voxels(np.arange(5), near).tolist() == [5, 3, 3, 3, 3]
