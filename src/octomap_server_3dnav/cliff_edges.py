@@ -16,8 +16,9 @@ from octomap_server_3dnav.terrain_scene import Scene
 BEFORE = 0.2  # voxels before the middle of its column that a slope gets too steep, where the slopes beside it do not tell
 _FALLING = 0.25  # voxels from one column to the next, 14 degrees: less is the unevenness of a floor
 _SURE = 2  # beams that ended on the floor before a cliff: of fewer it may begin a voxel nearer
-_MANY = 6  # hits whose mean tells whether the ground fills a column
+_MANY = 6  # hits whose mean tells whether the ground fills a column; half as many, if clearly
 _ASIDE = 0.12  # voxels that it lies off the middle then where it does not
+_CLEARLY = 0.3
 
 
 class CliffEdges(NamedTuple):
@@ -87,7 +88,8 @@ def _inner_corners(heights: SurfaceHeights, scene: Scene, cliff: Ints) -> Floats
     node, way = np.concatenate(nodes), np.concatenate(ways)
     column, z = scene.surfaces.column[node].astype(np.int64), scene.surfaces.z[node].astype(np.int64)
     met = spread(heights, scene, column, z, z)
-    is_part = (met[:, 0] >= _MANY) & ((met[:, 1:3] * way).sum(axis=1) < -_ASIDE)
+    least = np.where(met[:, 0] >= _MANY, _ASIDE, np.where(met[:, 0] >= _MANY / 2, _CLEARLY, np.inf))
+    is_part = (met[:, 1:3] * way).sum(axis=1) < -least
     places = middles(column, z, scene.columns.ny)
     places[:, :2] += met[:, 1:3]
     return np.asarray(places[is_part | np.concatenate(meet)])

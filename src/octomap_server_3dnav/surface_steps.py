@@ -19,6 +19,8 @@ _DOUBTFUL = 0.7  # of the highest step: a lower one is none, however the ground 
 _FACE = 2  # columns beside an edge in which its face was hit, too
 _ROWS = 4  # of a tread
 _LEANS = 0.05  # voxels from column to column aside: a tread that does not lean more is level
+_LEANS_MOST = 0.4  # 22 degrees: more is no tread, but nearly too steep
+_KERB = 0.5  # voxels between treads that lean: less is no step, but the slope itself
 _FLAT = 0.03  # voxels by which the first half of a tread may be higher or lower than the second, in the mean
 _SPREAD = 0.075  # voxels by which a surface of a tread may lie off its mean
 STEP_REACH = _FACE + _ROWS + 2  # columns from a node that tell whether one can step to its neighbours
@@ -131,7 +133,9 @@ def _treads_around(near: Any, surfaces: Any, s: Any, n: Any, k: Any) -> Any:
     back, level = (k + 2) % 4, surfaces.slope_level
     lean_behind, lean_beyond = _lean(near, level, s, back), _lean(near, level, n, k)
     behind, beyond = _tread(near, surfaces, s, back, lean_behind), _tread(near, surfaces, n, k, lean_beyond)
-    if np.isnan(behind) or np.isnan(beyond):
+    steepest = max(abs(lean_behind), abs(lean_beyond))
+    is_slope = steepest > 0.0 and not abs(behind - beyond) >= _KERB
+    if np.isnan(behind) or np.isnan(beyond) or steepest > _LEANS_MOST or is_slope:
         return np.nan, np.nan, np.nan
     return min(behind, beyond), max(behind, beyond), abs(lean_behind + lean_beyond) / 2.0
 

@@ -114,13 +114,17 @@ def off_doubtful_floor(
 ) -> tuple[NDArray[np.uint8], Departure]:
     """The labels with ground around that unknown floor out of the graph that is not going to be looked at, and the departure.
 
-    Frontiers and gaps beside inflated ground only may be a cliff, or a side of what stands there. Where nothing is left near the start the
-    robot already stands amid such: labels and departure stay what they were `before`.
+    Frontiers and gaps beside inflated ground only may be a cliff, or a side of what stands there; so may floor beside them that is itself
+    assumed over a hole. Where nothing is left near the start the robot already stands amid such: labels and departure stay what they were
+    `before`.
     """
     doubtful = np.concatenate([edges[_is_doubtful(before.reached, edges, scene.columns.ny)] for edges in unknown])
     if not len(doubtful):
         return label, before
-    kept, places = label.copy(), middles(doubtful[:, 0], doubtful[:, 1], scene.columns.ny)
+    seen_from, surfaces, kept = doubtful[:, 2], scene.surfaces, label.copy()
+    assumed = seen_from[surfaces.bridged[seen_from]]
+    beside = middles(surfaces.column[assumed], surfaces.z[assumed], scene.columns.ny)
+    places = np.concatenate([middles(doubtful[:, 0], doubtful[:, 1], scene.columns.ny), beside])
     inflate_around(scene, kept, places, turning_radii(config, limits).cliffs, config.inflation_shape, limits)
     departure = departure_of(scene, kept, start, config)
     is_near = departure.node is not None and departure.steps <= 2 * limits.inflation

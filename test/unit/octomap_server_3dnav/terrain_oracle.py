@@ -382,7 +382,7 @@ class Oracle:
         return dx * dx + dy * dy <= radius * radius + 1e-6
 
     def _doubtful(self, unknown: dict[Column, dict[int, bool]], reached: set[Node]) -> list[tuple[Column, int]]:
-        """All unknown floor of places that no reached ground looks at."""
+        """All unknown floor of places that no reached ground looks at, and assumed floor beside it."""
         left, doubtful = {(*c, z) for c, levels in unknown.items() for z in levels}, []
         while left:
             place, waiting = set(), [left.pop()]
@@ -394,6 +394,8 @@ class Oracle:
                 waiting += beside
             if not any(self._looks_at(s, (x, y)) for x, y, z in place for s in self._sources((x, y), z) if s in reached):
                 doubtful += [((x, y), z) for x, y, z in place]
+                beside = [s for x, y, z in place for s in self._sources((x, y), z) if self._looks_at(s, (x, y))]
+                doubtful += [(s[:2], s.z) for s in beside if s in self.assumed]
         return doubtful
 
     def _reached_from(self, start: Node) -> set[Node]:
