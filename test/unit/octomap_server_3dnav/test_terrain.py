@@ -523,3 +523,15 @@ def test_slope_near_a_point_is_that_of_the_ground(degrees):
     height = (3.5 - 2.0) * math.tan(math.radians(degrees))
     assert terrain.slope_near((3.5, 1.6, min(height, 1.2))) == pytest.approx(math.radians(degrees), abs=math.radians(2.0))
     assert terrain.slope_near((3.5, 1.6, 5.0)) is None
+
+
+def test_floor_that_is_assumed_beside_unseen_floor_keeps_the_robot_off():
+    states = flat()
+    states[20:24, 20, BELOW:] = OCCUPIED
+    states[20:24, 21:26, : BELOW + 3] = UNKNOWN  # a side of the wall, perhaps, and a wider hole than is bridged
+    seen = terrain_of(states, pose(4.0, 1.8))
+    states[24, 23, : BELOW + 1] = UNKNOWN  # a hole in the floor before it
+    assumed = terrain_of(states, pose(4.0, 1.8))
+    assert label_at(assumed, 24.5 * RESOLUTION, 23.5 * RESOLUTION, 0.04) == INFLATION
+    assert drawn(seen, 23, 28, 33) == "ooo..."
+    assert drawn(assumed, 23, 28, 33) == "oooo.."
