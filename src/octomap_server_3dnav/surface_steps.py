@@ -18,9 +18,6 @@ from octomap_server_3dnav.surface_planes import is_gentle_plane
 _DOUBTFUL = 0.7  # of the highest step: a lower one is none, however the ground lies in its voxels
 _FACE = 2  # columns beside an edge in which its face was hit, too
 _ROWS = 4  # of a tread
-_LEANS = 0.05  # voxels from column to column aside: a tread that does not lean more is level
-_LEANS_MOST = 0.4  # 22 degrees: more is no tread, but nearly too steep
-_KERB = 0.5  # voxels between treads that lean: less is no step, but the slope itself
 _FLAT = 0.03  # voxels by which the first half of a tread may be higher or lower than the second, in the mean
 _SPREAD = 0.075  # voxels by which a surface of a tread may lie off its mean
 STEP_REACH = _FACE + _ROWS + 2  # columns from a node that tell whether one can step to its neighbours
@@ -83,23 +80,9 @@ def _has_equal(near: Any, level: Any, measured: Any, s: Any, tread: Any) -> Any:
 
 
 @lean_njit
-def _lean(near: Any, level: Any, s: Any, k: Any) -> Any:
-    """Rise per column in direction k + 1 of the ground that begins _FACE columns from node s in direction k, 0 where it is level."""
-    node, total, count = np.int64(s), 0.0, 0
-    for j in range(_FACE + _ROWS):
-        node = np.int64(near[node, k])
-        if node < 0:
-            return 0.0
-        left, right = near[node, (k + 1) % 4], near[node, (k + 3) % 4]
-        if j >= _FACE and left >= 0 and right >= 0:
-            total, count = total + (level[left] - level[right]) / 2.0, count + 1
-    return total / count if abs(total) > _LEANS * count else 0.0
-
-
-@lean_njit
-def _tread(near: Any, surfaces: Any, s: Any, k: Any, lean: Any) -> Any:
-    """Height, in line with node s, of the ground that begins _FACE columns from it in direction k, three surfaces wide, and leans aside by
-    `lean`; NaN where it is not flat then, or not measured."""
+def _tread(near: Any, surfaces: Any, s: Any, k: Any) -> Any:
+    """Height of the flat ground that begins _FACE columns from node s in direction k, three surfaces wide; NaN where it is not flat, or not
+    measured."""
     level, measured = surfaces.slope_level, surfaces.measured
     node, total, tilt = np.int64(s), 0.0, 0.0
     low, high = np.inf, -np.inf
@@ -110,15 +93,14 @@ def _tread(near: Any, surfaces: Any, s: Any, k: Any, lean: Any) -> Any:
         if j < _FACE:
             continue
         row, wide = 0.0, 0
-        for side in range(-1, 2):
-            n = node if side == 0 else np.int64(near[node, (k + 2 - side) % 4])
+        for side in range(3):
+            n = node if side == 2 else np.int64(near[node, (k + 1 + 2 * side) % 4])
             if n < 0:
                 continue
             if not measured[n]:
                 return np.nan
-            height = level[n] - side * lean
-            row, wide = row + height, wide + 1
-            low, high = min(low, height), max(high, height)
+            row, wide = row + level[n], wide + 1
+            low, high = min(low, level[n]), max(high, level[n])
         row /= wide
         total += row / _ROWS
         tilt += row if 2 * (j - _FACE) >= _ROWS else -row
@@ -128,30 +110,25 @@ def _tread(near: Any, surfaces: Any, s: Any, k: Any, lean: Any) -> Any:
 
 @lean_njit
 def _treads_around(near: Any, surfaces: Any, s: Any, n: Any, k: Any) -> Any:
-    """Heights of the lower and the higher of the flat treads beyond node n in direction k and behind node s, NaN unless both are there; and
-    how much higher the step between them is at one side of their column."""
-    back, level = (k + 2) % 4, surfaces.slope_level
-    lean_behind, lean_beyond = _lean(near, level, s, back), _lean(near, level, n, k)
-    behind, beyond = _tread(near, surfaces, s, back, lean_behind), _tread(near, surfaces, n, k, lean_beyond)
-    steepest = max(abs(lean_behind), abs(lean_beyond))
-    is_slope = steepest > 0.0 and not abs(behind - beyond) >= _KERB
-    if np.isnan(behind) or np.isnan(beyond) or steepest > _LEANS_MOST or is_slope:
-        return np.nan, np.nan, np.nan
-    return min(behind, beyond), max(behind, beyond), abs(lean_behind + lean_beyond) / 2.0
+    """Heights of the lower and the higher of the flat treads beyond node n in direction k and behind node s; NaN unless both are there."""
+    behind, beyond = _tread(near, surfaces, s, (k + 2) % 4), _tread(near, surfaces, n, k)
+    if np.isnan(behind) or np.isnan(beyond):
+        return np.nan, np.nan
+    return min(behind, beyond), max(behind, beyond)
 
 
 @lean_njit
 def _step_of(near: Any, surfaces: Any, s: Any, n: Any, k: Any, treads: Any) -> Any:
     """Height of the step between two treads, if that is what lies around the edge from node s in direction k to node n; NaN where something
     is higher or lower than both, as at a sill or a trench."""
-    low, high, aside = treads
+    low, high = treads
     back, at, onward = (k + 2) % 4, np.int64(s), np.int64(n)
     for _ in range(_FACE + 1):
         for node in (at, onward):
             if node < 0 or not low - _BEYOND <= surfaces.slope_level[node] <= high + _BEYOND:
                 return np.nan
         at, onward = np.int64(near[at, back]), np.int64(near[onward, k])
-    return high - low + aside
+    return high - low
 
 
 @lean_njit

@@ -134,19 +134,6 @@ def test_kerb_may_run_obliquely_to_the_grid(rise, drivable):
     assert (label_at(oblique, 5.4, 2.4, 0.03 + rise) == TRAVERSABLE) == drivable
 
 
-@pytest.mark.parametrize("degrees", [12, 20])
-@pytest.mark.parametrize("foot", [1.6, 1.63])
-def test_side_of_a_ramp_is_a_kerb_as_far_as_it_is_low(degrees, foot):
-    slope = np.tan(np.deg2rad(degrees))
-    terrain = measured(
-        lambda x, y: np.where(x < 3.2, 0.03, 0.03 + np.clip((y - foot) * slope, 0.0, 1.0)), pose(1.6, 1.0, ground=0.03), noise_m=0.005
-    )
-    x, y = (terrain.ix + 0.5) * RESOLUTION, (terrain.iy + 0.5) * RESOLUTION
-    is_end, high = np.isin(terrain.label, (OBSTACLE, CLIFF)) & (abs(x - 3.2) < 0.3) & (y < 4.0), (y - foot) * slope
-    assert not is_end[high < 0.1 - 0.5 * RESOLUTION * slope - 0.01].any()
-    assert set(terrain.iy[is_end]) >= set(terrain.iy[(high > 0.1 + RESOLUTION * slope) & (y < 4.0)])
-
-
 @pytest.mark.parametrize("depth, drivable", [(0.06, True), (0.14, False)])
 def test_trench_between_two_treads_is_no_kerb(depth, drivable):
     trench = measured(
