@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.lean_kernels import lean_njit
 from octomap_server_3dnav.surface_columns import DX, DY, NO_VOXEL, Columns, Surfaces, blocking_voxel, find_node, seen_down_to, slope_behind
 
-_PIT = 0.9  # voxels by which what was measured at the bottom of a pit lies below the ground around: a thin deck's underside, at least
+_PIT = 0.6  # voxels by which what was measured at the bottom of a pit lies below the ground around: a thin deck's underside, at least
 
 
 @lean_njit
@@ -199,14 +199,16 @@ def bridge_holes(columns: Columns, surfaces: Surfaces, clearance: int, hole: int
 
 @lean_njit
 def _sides_of_pit(surfaces: Any, s: Any, ny: Any, step: Any, max_step: Any, sides: Any) -> Any:
-    """Whether all four columns beside node s have ground higher by more than `max_step`, or _PIT where that is measured, of which those
-    across from each other are one; `sides` (4,) is filled with it."""
+    """Whether all four columns beside node s have ground higher by more than `max_step`, or _PIT where that is measured (half a
+    voxel more if its bottom is not), of which those across from each other are one; `sides` (4,) is filled with it."""
     c, z = np.int64(surfaces.column[s]), np.int64(surfaces.z[s])
     for k in range(4):
         sides[k] = find_node(surfaces.start, surfaces.z, c + DX[k] * ny + DY[k], z, step)
         if sides[k] < 0:
             return False
-        depth = _PIT if surfaces.measured[s] and surfaces.measured[sides[k]] else max_step
+        depth = max_step
+        if surfaces.measured[sides[k]]:
+            depth = _PIT if surfaces.measured[s] else _PIT + 0.5
         if surfaces.level[sides[k]] - surfaces.level[s] <= depth:
             return False
     across = surfaces.level[sides[0]] - surfaces.level[sides[2]], surfaces.level[sides[1]] - surfaces.level[sides[3]]

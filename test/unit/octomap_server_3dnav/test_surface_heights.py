@@ -1,5 +1,7 @@
 """Heights of surfaces within their voxels: means of the hits, by voxel, and what they tell of steps and kerbs."""
 
+import math
+
 import numpy as np
 import pytest
 from scipy.special import erf
@@ -218,15 +220,17 @@ def test_inner_corner_of_an_edge_is_kept_off_as_the_edge_is(turned, x, y):
     assert away[(terrain.label == TRAVERSABLE) & (terrain.z >= 0)].min() >= 0.6
 
 
-def test_voxel_that_a_thin_deck_lost_is_reported_where_the_deck_is_not_at_its_underside():
-    """In column 40, 30 only the underside is left, 9 cm below the top."""
-    states = grid_of_heights(lambda x, y: 0.005 + 0 * x * y, 80, 60)
-    states[40, 30, BELOW - 2 : BELOW + 1] = OCCUPIED, FREE, FREE
-    floor = points(np.arange(0.005, 80 * RESOLUTION, 0.02), np.full(320, 0.005))
+@pytest.mark.parametrize(("top", "underside", "is_met"), [(0.005, -0.085, True), (0.065, -0.005, True), (0.065, -0.005, False)])
+def test_voxel_that_a_thin_deck_lost_is_reported_where_the_deck_is_not_at_its_underside(top, underside, is_met):
+    """In column 40, 30 only the underside is left, 7 or 9 cm below the top, and beams that met it perhaps not."""
+    lost = math.floor(underside / RESOLUTION)
+    states = grid_of_heights(lambda x, y: top + 0 * x * y, 80, 60)
+    states[40, 30, BELOW + lost], states[40, 30, BELOW + lost + 1 : BELOW + 1] = OCCUPIED, FREE
+    floor = points(np.arange(0.005, 80 * RESOLUTION, 0.02), np.full(320, top))
     is_lost = (np.floor(floor[:, :2] / RESOLUTION) == (40, 30)).all(axis=1)
-    floor[is_lost, 2] = -0.085
+    floor[is_lost, 2] = underside
     heights = SurfaceHeights(RESOLUTION)
-    heights.add(HitHeights.of(floor, RESOLUTION))
+    heights.add(HitHeights.of(floor if is_met else floor[~is_lost], RESOLUTION))
     terrain = classify(runs_of(states), pose(1.6, 2.4), TerrainConfig(), None, heights)
     there = (terrain.ix == 40) & (terrain.iy == 30)
     assert (terrain.z[there].tolist(), terrain.label[there].tolist()) == ([0], [TRAVERSABLE])
