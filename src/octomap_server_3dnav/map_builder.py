@@ -1,7 +1,7 @@
 """From placed sweeps to an octree that follows the pose graph (thesis 5.5, 6.2.2).
 
 Between pose_graph_mapping and the terrain analysis: each sweep is cropped to the dense cuboid around the robot and inserted; what the
-graph moves by more than half a voxel is drawn anew.
+graph moves by more than an eighth of a voxel is drawn anew.
 """
 
 from collections.abc import Iterable
@@ -17,6 +17,7 @@ from rigid_geometry import as_transforms, rotation_angles, transform_points
 from rigid_geometry.transforms import Transform
 from stage_config import check_ranges, parameter
 
+_MOVED = 0.125  # voxels: of what is kept off things 0.9 cm are for errors, so sweeps must not lie farther off than that
 _LEVER_M = 4.0  # a turned sweep counts as moved by what its points at this distance move
 
 RUNS_MARGIN_M = 2.25  # columns beyond a classified radius that inflation and the look for cliffs read
@@ -74,7 +75,7 @@ class _PlacedSweep:
 class MapBuilder:
     """Owns the octree, the surface heights beside it, and the sweeps they were made of.
 
-    A sweep whose vertex has moved by more than half a voxel is drawn anew, and tree and heights become, bit by bit, those that it was
+    A sweep whose vertex has moved by more than an eighth of a voxel is drawn anew, and tree and heights become, bit by bit, those that it was
     given to there. That is done when what it touches is asked for: a robot that decides by its surroundings does not wait for the rest
     of a large map, and no answer depends on how far the work has come. `heights` are true wherever the tree was asked for.
     """
@@ -154,13 +155,13 @@ class MapBuilder:
         return self._tree.to_binary(T_map_base[:3, 3] - radius_m, T_map_base[:3, 3] + radius_m)
 
     def _moved_by(self, poses: NDArray[np.float64]) -> dict[int, tuple[_PlacedSweep, Transform]]:
-        """The sweeps that the tree has more than half a voxel from where the (V, 4, 4) poses have them, by vertex."""
+        """The sweeps that the tree has more than `_MOVED` voxels from where the (V, 4, 4) poses have them, by vertex."""
         if not self._sweeps:
             return {}
         old, new = np.array([s.T_map_base for s in self._sweeps]), poses[[s.vertex_id for s in self._sweeps]]
         turned = rotation_angles(old[:, :3, :3].transpose(0, 2, 1) @ new[:, :3, :3])
         by_m = np.linalg.norm(old[:, :3, 3] - new[:, :3, 3], axis=1) + _LEVER_M * turned
-        moved = (self._sweeps[i] for i in np.flatnonzero(by_m > 0.5 * self.config.resolution))
+        moved = (self._sweeps[i] for i in np.flatnonzero(by_m > _MOVED * self.config.resolution))
         return {s.vertex_id: (s, poses[s.vertex_id]) for s in moved}
 
     def _moved_within(self, T_map_base: Transform, radius_m: float) -> list[int]:
