@@ -75,7 +75,7 @@ class _PlacedSweep:
 class MapBuilder:
     """Owns the octree, the surface heights beside it, and the sweeps they were made of.
 
-    A sweep whose vertex has moved by more than an eighth of a voxel is drawn anew, and tree and heights become, bit by bit, those that it was
+    A sweep whose vertex has moved by more than `_MOVED` voxels is drawn anew, and tree and heights become, bit by bit, those that it was
     given to there. That is done when what it touches is asked for: a robot that decides by its surroundings does not wait for the rest
     of a large map, and no answer depends on how far the work has come. `heights` are true wherever the tree was asked for.
     """

@@ -184,10 +184,11 @@ def test_beams_and_voxels_of_the_sweeps_are_counted():
     assert 24 * len(wall().points) < built.sweep_bytes < 48 * len(wall().points) + 1_000_000
 
 
-def test_vertices_that_moved_less_than_half_a_voxel_leave_the_tree_as_it_is():
+def test_vertices_that_moved_less_than_a_centimetre_leave_the_tree_as_it_is():
     built = builder()
     built.add_sweep(wall(), 0, [pose()])
-    assert not built.add_sweep(wall(), 1, [pose(0.01), pose(0.2)])
+    assert not built.add_sweep(wall(), 1, [pose(0.009), pose(0.2)])
+    assert built.add_sweep(wall(), 2, [pose(0.011), pose(0.2), pose(0.4)])
 
 
 def test_lost_sweep_is_no_trouble_for_the_next():
