@@ -17,7 +17,7 @@ from rigid_geometry import as_transforms, rotation_angles, transform_points
 from rigid_geometry.transforms import Transform
 from stage_config import check_ranges, parameter
 
-_MOVED = 0.125  # voxels: of what is kept off things 0.8 cm are for errors, so sweeps must not lie farther off than that
+_MOVED = 0.125  # voxels: of what is kept off things 1 cm is for errors, so sweeps must not lie farther off than that
 _LEVER_M = 4.0  # a turned sweep counts as moved by what its points at this distance move
 
 RUNS_MARGIN_M = 2.25  # columns beyond a classified radius that inflation and the look for cliffs read
