@@ -218,11 +218,12 @@ class PathFollower:
         if self._room is not None and self._room.goes_on(around, pose):
             return self._ramped(self._room.motion, dt)  # to its end: half the way would leave hardly room enough
         angle, self._room = turn_by(error, self._turn_side), None
-        for drifting in (True, False):  # where there is no room around the turn, room for the outline must do
-            if around.is_free_turn(pose, angle, drifting=drifting):
+        options = [(drifting, far) for far in (False, True) for drifting in (True, False)]
+        for drifting, far in options:  # where there is no room around the turn, room for the outline must do
+            if not far and around.is_free_turn(pose, angle, drifting=drifting):
                 self._be(FollowerState.TURNING_TO_PATH, f"{angle:.2f} rad to turn")
                 return self._turn(angle, dt)
-            self._room = make_room(self._config, around, pose, error, drifting=drifting)
+            self._room = make_room(self._config, around, pose, error, drifting=drifting, far=far)
             if self._room is not None:
                 self._be(FollowerState.FOLLOWING, "making room for a turn")
                 return self._ramped(self._room.motion, dt)

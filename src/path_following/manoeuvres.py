@@ -13,6 +13,8 @@ from path_following.surroundings import Surroundings, Unknown, arc_poses
 from rigid_geometry import angle_difference
 
 _ARC_DONE_M = 0.02  # an arc with so little left is over
+_NEAR = (0.1, 0.2, 0.3, 0.45), (0.0, 1.5, -1.5)  # lengths in metres and curvatures in 1/m of arcs that make room for a turn
+_FAR = (0.45, 0.7, 1.0), (0.0, 0.5, -0.5)  # and of those beside a wall: only gentle ones get away from it
 
 
 @dataclass(frozen=True)
@@ -49,13 +51,14 @@ class Arc:
         return around.is_free(poses, Unknown.NOT_UNDER_THE_CENTRE)
 
 
-def make_room(config: FollowerConfig, around: Surroundings, pose: Pose, error: float, *, drifting: bool) -> Arc | None:
+def make_room(config: FollowerConfig, around: Surroundings, pose: Pose, error: float, *, drifting: bool, far: bool = False) -> Arc | None:
     """The shortest free arc, forward or backward, after which a heading error of now `error` can be turned away; None if none.
 
-    `drifting`: with room around the turn for more than the robot slides.
+    `drifting`: with room around the turn for more than the robot slides. `far`: longer, gentler arcs, where no short one will do.
     """
-    for length in (0.1, 0.2, 0.3, 0.45):
-        for curvature in (0.0, 1.5, -1.5):
+    lengths, curvatures = _FAR if far else _NEAR
+    for length in lengths:
+        for curvature in curvatures:
             for sign in (1.0, -1.0):
                 poses = arc_poses(pose, sign, curvature, length)
                 x, y, yaw = around.slide.along(poses)[-1]

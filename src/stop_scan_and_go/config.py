@@ -25,7 +25,7 @@ class StopScanAndGoConfig:
     still_speed_mps: float = parameter(0.02, "m/s", "slower than this is still", low=0.0, high=0.5)
     still_turn_rate_radps: float = parameter(0.02, "rad/s", "turning slower than this is still", low=0.0, high=0.5)
     still_rocking_radps: float = parameter(
-        0.03, "rad/s", "rolling and pitching slower than this is still: on rocks a robot tips over onto other wheels", low=0.0, high=0.5
+        0.01, "rad/s", "rolling and pitching slower than this is still: on rocks a robot tips over onto other wheels", low=0.0, high=0.5
     )
     settle_limit_s: float = parameter(
         8.0, "s", "a robot that is not still after this time is swept all the same, and counted", low=0.5, high=120.0

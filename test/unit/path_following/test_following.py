@@ -167,6 +167,14 @@ def test_room_for_a_turn_is_made_beside_a_wall():
     assert run.last.state.value == "reached" and not run.touched
 
 
+@pytest.mark.parametrize("off", [0.4, 0.44, 0.48])
+def test_room_for_a_turn_is_made_though_only_a_gentle_bend_leads_away_from_the_wall(off):
+    world = World()
+    world.lethal[world.cells(-6, 6, -off - 0.5, -off)] = True
+    run = drive(follower(line((0, 0), (2.4, 3.2))), world)
+    assert run.last.state.value == "reached" and not run.touched
+
+
 def test_turn_that_slides_down_a_slope_keeps_its_distance_from_a_wall():
     world = World()
     world.lethal[world.cells(-9, 9, -1.6, -0.68)] = True
@@ -198,7 +206,7 @@ def test_bend_on_a_slope_keeps_room_below_for_what_the_robot_slides(seen_m, touc
     world.lethal[world.cells(-9, 9, -1.6, -0.48)] = True
     driven = follower(line((0, 0), (3, 2.6)), turn_slide_m=seen_m)
     run = drive(driven, world, robot=Robot(slide_m_per_rad=0.2, slope_rad=0.2, feels_slide=False))
-    assert "turning_to_path" not in run.states() and run.touched == touched
+    assert run.last.state.value == "reached" and run.touched == touched
 
 
 def test_room_for_a_turn_is_made_in_one_go():

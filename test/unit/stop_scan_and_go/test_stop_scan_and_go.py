@@ -96,12 +96,13 @@ def test_robot_that_slides_is_swept_after_a_while_and_counted():
     assert script.machine.unsettled_sweeps == 1
 
 
-def test_robot_that_rocks_on_its_wheels_is_not_swept_until_it_has_come_to_rest():
+@pytest.mark.parametrize("pitch_at", [lambda t: 0.04 * math.sin(8.0 * t), lambda t: 0.012 * t], ids=["to and fro", "slowly over"])
+def test_robot_that_rocks_on_its_wheels_is_not_swept_until_it_has_come_to_rest(pitch_at):
     script = Script()
     script.until(DriveState.SETTLING)
     begun = script.t
     while script.sweeps_started == 0:
-        pitch = 0.04 * math.sin(8.0 * (script.t - begun)) if script.t - begun < 1.5 else 0.0
+        pitch = pitch_at(min(script.t - begun, 1.5))
         script.tick(T_odom_base=transform_from_rpy([0.0, 0.0, 0.0], (0.0, pitch, 0.0)))
     assert 1.5 + 0.5 < script.t - begun < 1.5 + 0.5 + 0.3
     assert script.machine.unsettled_sweeps == 0
