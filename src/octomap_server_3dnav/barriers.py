@@ -37,16 +37,18 @@ class Radii(NamedTuple):
 
 class Barriers(NamedTuple):
     """Obstacles, ground that is too steep or too high a step, and cliffs: x, y of the window and level, (M, 3) each; and how far the
-    obstacles extend from there, `reach` (M, 3) as `terrain_kernels.inflate` takes it, or (0, 3) where nothing is known of that."""
+    obstacles and the cliffs extend from there, `reach` and `edge` (M, 3) as `terrain_kernels.inflate` takes it, or (0, 3) where nothing is
+    known of that."""
 
     obstacles: Floats
     steep: Floats
     cliffs: Floats
     reach: Floats
+    edge: Floats
 
     def as_points(self) -> "Barriers":
         """The same without their extent."""
-        return self._replace(reach=_POINTS)
+        return self._replace(reach=_POINTS, edge=_POINTS)
 
 
 def _unique(column: Ints, *numbers: Ints) -> list[Ints]:
@@ -91,16 +93,17 @@ def barriers_of(
         middles(columns, levels, ny)
         for columns, levels in ((at, level), (column[steep], z[steep]), (column[rise[:, 0]], z[rise[:, 0]]), (column[cliff], z[cliff]))
     )
-    in_voxels = Barriers(np.concatenate([stand, too_high]), too_steep, cliffs, _POINTS)
+    in_voxels = Barriers(np.concatenate([stand, too_high]), too_steep, cliffs, _POINTS, _POINTS)
     if heights is None:
         return in_voxels, in_voxels
-    low, high = (np.where(voxel == NO_VOXEL, NO_VOXEL, level + above) for above in (_FOOT, limits.clearance))
+    low, high = (np.where(voxel >= kernels.PASSED, NO_VOXEL, level + above) for above in (_FOOT, limits.clearance))
     things = of_things(heights, scene, at, low, high, limits.hit_noise)
     met, rims, edges = stand.copy(), _rims(too_high, rise[:, 1]), cliff_edges(heights, scene, cliff, limits)
     met[:, :2] += things[:, 1:3]
     gets_steep = kernels.steep_edges(label, scene.surfaces, scene.links, steep, ny, BEFORE, limits)
-    reach = np.concatenate([reach_of(things, limits.hit_noise), np.tile([0.0, 0.0, _FLANK], (len(rims), 1))])
-    measured = Barriers(np.concatenate([met, rims]), np.concatenate([gets_steep, edges.rounded]), edges.sharp, reach)
+    stands_within = np.where(voxel[:, None] == kernels.PASSED, 0.0, reach_of(things, limits.hit_noise))
+    reach = np.concatenate([stands_within, np.tile([0.0, 0.0, _FLANK], (len(rims), 1))])
+    measured = Barriers(np.concatenate([met, rims]), np.concatenate([gets_steep, edges.rounded]), edges.sharp, reach, edges.reach)
     return measured, in_voxels
 
 
@@ -131,7 +134,7 @@ def inflate(scene: Scene, label: NDArray[np.uint8], barriers: Barriers, radii: R
     """addRobotPadding: obstacles and cliffs take the ground around them, at their own level and within `radii`, out of the graph."""
     inflate_around(scene, label, barriers.obstacles, radii.obstacles, shape, limits, barriers.reach)
     inflate_around(scene, label, barriers.steep, radii.steep, shape, limits)
-    inflate_around(scene, label, barriers.cliffs, radii.cliffs, shape, limits)
+    inflate_around(scene, label, barriers.cliffs, radii.cliffs, shape, limits, barriers.edge)
 
 
 def inflate_around(

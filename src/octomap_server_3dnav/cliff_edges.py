@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from octomap_server_3dnav.hit_extent import Floats, Ints, middles, spread
+from octomap_server_3dnav.hit_extent import Floats, Ints, middles, spread, unmet
 from octomap_server_3dnav.surface_columns import DX, DY
 from octomap_server_3dnav.surface_heights import SurfaceHeights
 from octomap_server_3dnav.terrain_config import Limits
@@ -16,20 +16,24 @@ from octomap_server_3dnav.terrain_scene import Scene
 BEFORE = 0.2  # voxels before the middle of its column that a slope gets too steep, where the slopes beside it do not tell
 _FALLING = 0.25  # voxels from one column to the next, 14 degrees: less is the unevenness of a floor
 _SURE = 2  # beams that ended on the floor before a cliff: of fewer it may begin a voxel nearer
+_FEW = 1.0  # voxels, divided by their number, that it may begin nearer else: of few that met a sliver some belong to the floor before it
 _MANY = 6  # hits whose mean tells whether the ground fills a column; half as many, if clearly
 _ASIDE = 0.12  # voxels that it lies off the middle then where it does not
 _CLEARLY = 0.3
+_HALF = 0.5  # voxels that a sharp edge goes on to both sides, as wide as its column
 
 
 class CliffEdges(NamedTuple):
-    """Places (M, 3) of x, y and level: of sharp edges, and of such that are rounded, as at the rim of a crater."""
+    """Places (M, 3) of x, y and level: of sharp edges, and of such that are rounded, as at the rim of a crater; and how far the sharp ones
+    extend, `reach` (M, 3) as `terrain_kernels.inflate` takes it: where two meet in an inner corner no place of either may be at its tip."""
 
     sharp: Floats
     rounded: Floats
+    reach: Floats
 
 
 def cliff_edges(heights: SurfaceHeights, scene: Scene, cliff: Ints, limits: Limits) -> CliffEdges:
-    """Where the ground ends at `cliff` nodes: where beams ended in their voxel, of those that less than two beams met a voxel nearer; in
+    """Where the ground ends at `cliff` nodes: where beams ended in their voxel, nearer if they were few, by a voxel of less than two; in
     inner corners, too; of rounded ones before the middle of their column, where they get too steep."""
     (fall, before), over = _falls(scene, cliff), _way_over(scene, cliff)
     is_rounded = fall > _FALLING
@@ -39,8 +43,12 @@ def cliff_edges(heights: SurfaceHeights, scene: Scene, cliff: Ints, limits: Limi
     gets_steep = _gets_steep(fall[is_rounded], before[is_rounded], limits.steepest[1])
     rounded[:, :2] -= gets_steep[:, None] * over[is_rounded]
     sharp, met = places[~is_rounded], spread(heights, scene, column[~is_rounded], z[~is_rounded], z[~is_rounded])
-    sharp[:, :2] += met[:, 1:3] - (met[:, :1] < _SURE) * over[~is_rounded]
-    return CliffEdges(np.concatenate([sharp, _inner_corners(heights, scene, cliff[~is_rounded])]), rounded)
+    nearer = np.where(met[:, 0] < _SURE, 1.0, unmet(met[:, 0], _FEW))
+    sharp[:, :2] += met[:, 1:3] - nearer[:, None] * over[~is_rounded]
+    corners = _inner_corners(heights, scene, cliff[~is_rounded])
+    reach = np.zeros((len(sharp) + len(corners), 3))
+    reach[: len(sharp), :2] = _HALF * over[~is_rounded][:, ::-1] * (-1.0, 1.0)
+    return CliffEdges(np.concatenate([sharp, corners]), rounded, reach)
 
 
 def _way_over(scene: Scene, cliff: Ints) -> Floats:

@@ -69,17 +69,22 @@ def _extent(variance: Floats, noise: float) -> tuple[Floats, Floats]:
     return np.sqrt(3.0 * np.maximum(variance, 0.0)) * np.sqrt(share), share
 
 
+def unmet(hits: Floats, few: float) -> Floats:
+    """(M,) voxels beyond its hits that a part of something may lie that none met: `few` divided by their number, with the square of that
+    where it is less than half a voxel."""
+    share = few / np.maximum(hits, 1.0)
+    return np.asarray(np.minimum(_UNMET, share * np.minimum(1.0, share / RIM)))
+
+
 def reach_of(things: Floats, noise: float) -> Floats:
     """(M, 3) how far things extend around the mean place of their hits, as `terrain_kernels.inflate` takes it: what is spread evenly ends
     at the root of three standard deviations. Across a flat side the hits are spread by the noise of the beams alone, in voxels, which is
     not part of the thing. What spreads more is a corner or a flank, of which little may lie in the column: so much farther as the noise.
 
-    What few beams met may end where none did: the fewer, the farther, and with the square of that where it is less than half a voxel.
+    What few beams met may end where none did.
     """
     xx, yy, xy = things[:, 3:].T
     mean, off, angle = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy), 0.5 * np.arctan2(2.0 * xy, xx - yy)
     (length, _), (width, share) = _extent(mean + off, noise), _extent(mean - off, noise)
-    few = _FEW / np.maximum(things[:, 0], 1.0)
-    unmet = np.minimum(_UNMET, few * np.minimum(1.0, few / RIM))
-    around = width + np.minimum(unmet + share * noise, _UNMET)
+    around = width + np.minimum(unmet(things[:, 0], _FEW) + share * noise, _UNMET)
     return np.column_stack([(length - width) * np.cos(angle), (length - width) * np.sin(angle), around])

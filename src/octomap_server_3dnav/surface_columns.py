@@ -56,10 +56,12 @@ class Surfaces(NamedTuple):
 
     def ground_voxels(self, nodes: NDArray[np.integer], near: NDArray[np.integer]) -> NDArray[np.int16]:
         """(K,) voxels in which the ground of some drivable nodes lies: that of the surface, or a lower one if only beams gone astray ended
-        in that. So they did in one that lies higher than all four ground that is `near` (N, 4)."""
+        in that. So they did in one that lies higher than all four ground that is `near` (N, 4); in one that lies lower, a thin deck's,
+        those that are below its own ended at the underside."""
         level, ground, beside = self.level[nodes], self.slope_level[nodes], near[nodes]
-        around = np.where(beside >= 0, self.slope_level[beside], np.inf)
-        ground = np.where(ground - around.max(axis=1) > _ASTRAY, around.mean(axis=1), ground)
+        around, is_inside = self.slope_level[beside], (beside >= 0).all(axis=1)
+        is_astray = is_inside & ((ground - around.max(axis=1) > _ASTRAY) | (around.min(axis=1) - ground > _ASTRAY))
+        ground = np.where(is_astray, around.mean(axis=1), ground)
         return np.asarray(np.where(self.measured[nodes] & (level - ground > _ASTRAY), np.floor(ground), self.z[nodes]), dtype=np.int16)
 
 

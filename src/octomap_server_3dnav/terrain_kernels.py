@@ -28,6 +28,7 @@ from octomap_server_3dnav.surface_steps import step_between_treads
 
 UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = 255, 0, 1, 2, 3, 4, 5
 SEES_UNKNOWN, SEES_OBSTACLE, SEES_DROP, SEES_EDGE = 0, 1, 2, 3
+PASSED = NO_VOXEL - 1  # what hangs in the way where no beam ended, but some passed: it reaches no farther than the middle of its column
 _UNSURE = 0.15  # voxels by which two surfaces may be higher or lower than measured where the laser's lines lie far apart
 _SEEMS_STEEP = 1.2  # times the steepest slope; what seems steeper than that is
 ROW_LAST = (0, 2, 1, 3)  # a stack filled in this order is worked off along y, where neighbours are neighbours in memory
@@ -316,6 +317,19 @@ def _view_across(columns: Any, surfaces: Any, links: Any, label: Any, inside: An
     return np.int64(-1), np.int64(-1)
 
 
+@lean_njit
+def _may_hang_over(columns: Any, c: Any, low: Any, high: Any) -> Any:
+    """Whether within low..high of column c something between free space is unknown, beside what stands or hangs at that height."""
+    for r in range(columns.start[c] + 1, columns.start[c + 1]):
+        bottom, top = np.int64(columns.z_hi[r - 1]) + 1, np.int64(columns.z_lo[r]) - 1
+        if top < bottom or bottom < low or top > high or columns.occupied[r - 1] or columns.occupied[r]:
+            continue
+        for k in range(4):
+            if lowest_occupied(columns, c + DX[k] * columns.ny + DY[k], bottom - 1, top + 1) != NO_VOXEL:
+                return True
+    return False
+
+
 @njit(cache=True)
 def barriers_seen(columns: Any, surfaces: Any, links: Any, label: Any, inside: Any, seen: Any, limits: Any) -> Any:
     """What ends the ground beside the traversable one: (M, 4) int64 (column, voxel, level of the ground in front, voxel that stands or
@@ -324,6 +338,7 @@ def barriers_seen(columns: Any, surfaces: Any, links: Any, label: Any, inside: A
     Across unknown ground, and across such as the flood did not reach, the view goes on as far as the inflation: a wall behind a strip that
     was not seen still needs its distance, and so does a drop, in columns that are `inside` (bool per column). Unknown ground right before
     something that stands may be a side of it that no beam has met: an obstacle with NO_VOXEL in the way, and in `seen` from now on.
+    Ground over which the end of a bar may hang is one with PASSED.
     """
     column, z, near, graph = surfaces.column, surfaces.z, links.near, links.graph
     step, clearance = limits.step, limits.clearance
@@ -332,6 +347,8 @@ def barriers_seen(columns: Any, surfaces: Any, links: Any, label: Any, inside: A
         if label[s] != TRAVERSABLE:
             continue
         level = np.int64(z[s])
+        if _may_hang_over(columns, np.int64(column[s]), level + step + 1, level + clearance):
+            found.append((np.int64(column[s]), level, level, np.int64(PASSED)))
         for k in range(4):
             stride = DX[k] * columns.ny + DY[k]
             is_unknown = graph[s, k] < 0 and (seen[s, k] == SEES_UNKNOWN or seen[s, k] == SEES_EDGE)

@@ -17,7 +17,7 @@ TOP, BOTTOM = 0.5, -6.0  # of the ground in voxels
 
 
 def edges_of(is_ground, hits_a_column=25):
-    """(M, 2) places in voxels at which the ground ends that `is_ground(x, y)` tells of, met by random beams."""
+    """(M, 2) places in voxels at which the ground ends that `is_ground(x, y)` tells of, met by random beams, and (M, 2) how far each extends."""
     points = np.random.default_rng(3).uniform(0.0, SIZE, (hits_a_column * SIZE**2, 2))
     on_top = is_ground(*points.T)
     heights = SurfaceHeights(RESOLUTION)
@@ -31,13 +31,14 @@ def edges_of(is_ground, hits_a_column=25):
     first = start_candidates(scene, T_map_base, config, limits)[0]
     inside = np.ones(scene.columns.start.size - 1, dtype=bool)
     label, _, _ = kernels.flood(scene.columns, scene.surfaces, scene.links, first, inside, limits)
-    sharp = cliff_edges(heights, scene, np.flatnonzero(label == TerrainClass.CLIFF), limits).sharp
-    return sharp[:, :2] + scene.key
+    edges = cliff_edges(heights, scene, np.flatnonzero(label == TerrainClass.CLIFF), limits)
+    return edges.sharp[:, :2] + scene.key, edges.reach[:, :2]
 
 
 @pytest.mark.parametrize(("x", "y"), [(30.0, 30.0), (30.2, 30.3), (30.4, 30.4), (30.5, 30.7), (30.3, 30.8)])
 def test_inner_corner_is_no_farther_off_than_what_is_kept_from_edges_makes_up_for(x, y):
-    off = edges_of(lambda px, py: ~((px > x) & (py > y)), hits_a_column=60) - [x, y]
+    places, reach = edges_of(lambda px, py: ~((px > x) & (py > y)), hits_a_column=60)
+    off = np.concatenate([places - reach, places, places + reach]) - [x, y]
     beyond = off[np.abs(off).max(axis=1) < 1.5].sum(axis=1) / np.sqrt(2.0)
     assert -0.75 < beyond.min() < TerrainConfig().cliff_margin_m / RESOLUTION
 
@@ -45,7 +46,7 @@ def test_inner_corner_is_no_farther_off_than_what_is_kept_from_edges_makes_up_fo
 @pytest.mark.parametrize("degrees", [0.0, 20.0, 27.0, 45.0])
 def test_straight_edge_has_no_corners_in_it(degrees):
     way = np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
-    before = 35.0 - edges_of(lambda x, y: way[0] * x + way[1] * y < 35.0) @ way
+    before = 35.0 - edges_of(lambda x, y: way[0] * x + way[1] * y < 35.0)[0] @ way
     assert before.min() > -0.1
     assert before.mean() < 0.55
     assert np.percentile(before, 95) < 1.1
