@@ -319,15 +319,16 @@ def _view_across(columns: Any, surfaces: Any, links: Any, label: Any, inside: An
 
 @lean_njit
 def _may_hang_over(columns: Any, c: Any, low: Any, high: Any) -> Any:
-    """Whether within low..high of column c something between free space is unknown, beside what stands or hangs at that height."""
+    """Lowest voxel within low..high of column c that is unknown between free space, beside what stands or hangs at that height; NO_VOXEL
+    when there is none."""
     for r in range(columns.start[c] + 1, columns.start[c + 1]):
         bottom, top = np.int64(columns.z_hi[r - 1]) + 1, np.int64(columns.z_lo[r]) - 1
         if top < bottom or bottom < low or top > high or columns.occupied[r - 1] or columns.occupied[r]:
             continue
         for k in range(4):
             if lowest_occupied(columns, c + DX[k] * columns.ny + DY[k], bottom - 1, top + 1) != NO_VOXEL:
-                return True
-    return False
+                return bottom
+    return NO_VOXEL
 
 
 @njit(cache=True)
@@ -338,7 +339,7 @@ def barriers_seen(columns: Any, surfaces: Any, links: Any, label: Any, inside: A
     Across unknown ground, and across such as the flood did not reach, the view goes on as far as the inflation: a wall behind a strip that
     was not seen still needs its distance, and so does a drop, in columns that are `inside` (bool per column). Unknown ground right before
     something that stands may be a side of it that no beam has met: an obstacle with NO_VOXEL in the way, and in `seen` from now on.
-    Ground over which the end of a bar may hang is one with PASSED.
+    So is what may hang over ground as the end of a bar, with PASSED.
     """
     column, z, near, graph = surfaces.column, surfaces.z, links.near, links.graph
     step, clearance = limits.step, limits.clearance
@@ -347,8 +348,9 @@ def barriers_seen(columns: Any, surfaces: Any, links: Any, label: Any, inside: A
         if label[s] != TRAVERSABLE:
             continue
         level = np.int64(z[s])
-        if _may_hang_over(columns, np.int64(column[s]), level + step + 1, level + clearance):
-            found.append((np.int64(column[s]), level, level, np.int64(PASSED)))
+        hangs = _may_hang_over(columns, np.int64(column[s]), level + step + 1, level + clearance)
+        if hangs != NO_VOXEL:
+            found.append((np.int64(column[s]), np.int64(hangs), level, np.int64(PASSED)))
         for k in range(4):
             stride = DX[k] * columns.ny + DY[k]
             is_unknown = graph[s, k] < 0 and (seen[s, k] == SEES_UNKNOWN or seen[s, k] == SEES_EDGE)

@@ -3,6 +3,7 @@
 Without measured heights, from a start that is given. It shares no code with `octomap_server_3dnav.terrain` but its numbers (`Limits`).
 """
 
+import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
@@ -342,6 +343,7 @@ class Oracle:
         """Obstacles (column, voxel, level of the ground in front) beside traversable ground, and cliffs that the flood did not reach."""
         found, cliffs = set(), set()
         for s in self._of(TRAVERSABLE):
+            found |= {(s[:2], z, s.z) for z in self._may_hang_over(s)}
             for k in range(4):
                 is_unknown = self.edge(s, k) is None and self.beside(s, k) in ("unknown", "edge")
                 if is_unknown and self._stands_around(moved(s[:2], SIDES[k], 2), s.z):
@@ -352,6 +354,16 @@ class Oracle:
                 elif seen is not None:
                     found.add((*seen, s.z))
         return found, cliffs
+
+    def _may_hang_over(self, s: Node) -> list[int]:
+        """The lowest voxel at the robot's height that is unknown between free space beside something that stands or hangs."""
+        for below, above in itertools.pairwise(self.runs.get(s[:2], [])):
+            low, high = below.high + 1, above.low - 1
+            is_between = low <= high and not below.occupied and not above.occupied
+            if is_between and s.z + self.step < low and high <= s.z + self.clearance:
+                if any(self.occupied(moved(s[:2], way), low - 1, high + 1) is not None for way in SIDES):
+                    return [low]
+        return []
 
     def _barrier_along(self, s: Node, way: Column) -> tuple[Column, int] | Node | None:
         """What stands or hangs along a way, or the cliff at which ground beyond the unknown ends."""
