@@ -197,7 +197,9 @@ def test_ground_of_a_thin_deck_does_not_lie_at_its_underside():
     level, z, known = np.array([2.3, 3.2, 3.3, 3.1, 3.4], np.float32), np.array([2, 3, 3, 3, 3], np.int16), np.ones(5, bool)
     with_underside, near = np.array([1.4, *level[1:]], np.float32), np.full((5, 4), -1)
     near[0] = 1, 2, 3, 4
-    surfaces = Surfaces(np.arange(6, dtype=np.int32), np.arange(5, dtype=np.int32), z, ~known, level, with_underside, np.zeros((5, 2)), known)
+    surfaces = Surfaces(
+        np.arange(6, dtype=np.int32), np.arange(5, dtype=np.int32), z, ~known, level, with_underside, np.zeros((5, 2)), known
+    )
     assert surfaces.ground_voxels(np.arange(5), near).tolist() == [2, 3, 3, 3, 3]
     near[0, 3] = -1
     assert surfaces.ground_voxels(np.arange(5), near).tolist() == [1, 3, 3, 3, 3]
