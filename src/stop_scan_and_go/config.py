@@ -28,7 +28,7 @@ class StopScanAndGoConfig:
         0.01, "rad/s", "rolling and pitching slower than this is still: on rocks a robot tips over onto other wheels", low=0.0, high=0.5
     )
     settle_limit_s: float = parameter(
-        8.0, "s", "a robot that is not still after this time is swept all the same, and counted", low=0.5, high=120.0
+        20.0, "s", "a robot that is not still after this time is swept all the same, and counted", low=0.5, high=120.0
     )
     level_tilt_rad: float = parameter(0.02, "rad", "the laser is horizontal within this angle", low=0.001, high=0.2)
     level_rate_radps: float = parameter(0.04, "rad/s", "and stands when it tilts slower: a sweep passes the horizon", low=0.0, high=1.0)
