@@ -318,15 +318,25 @@ def _view_across(columns: Any, surfaces: Any, links: Any, label: Any, inside: An
 
 
 @lean_njit
+def _hangs(columns: Any, c: Any, low: Any, high: Any) -> Any:
+    """Whether something within low..high of column c hangs over free space."""
+    for r in range(columns.start[c] + 1, columns.start[c + 1]):
+        is_within = columns.z_lo[r] <= high and columns.z_hi[r] >= low
+        if is_within and columns.occupied[r] and not columns.occupied[r - 1] and columns.z_hi[r - 1] >= columns.z_lo[r] - 2:
+            return True
+    return False
+
+
+@lean_njit
 def _may_hang_over(columns: Any, c: Any, low: Any, high: Any) -> Any:
-    """Lowest voxel within low..high of column c that is unknown between free space, beside what stands or hangs at that height; NO_VOXEL
-    when there is none."""
+    """Lowest voxel within low..high of column c that is unknown between free space, beside what hangs at that height; NO_VOXEL when there
+    is none."""
     for r in range(columns.start[c] + 1, columns.start[c + 1]):
         bottom, top = np.int64(columns.z_hi[r - 1]) + 1, np.int64(columns.z_lo[r]) - 1
         if top < bottom or bottom < low or top > high or columns.occupied[r - 1] or columns.occupied[r]:
             continue
         for k in range(4):
-            if lowest_occupied(columns, c + DX[k] * columns.ny + DY[k], bottom - 1, top + 1) != NO_VOXEL:
+            if _hangs(columns, c + DX[k] * columns.ny + DY[k], bottom - 1, top + 1):
                 return bottom
     return NO_VOXEL
 

@@ -356,14 +356,21 @@ class Oracle:
         return found, cliffs
 
     def _may_hang_over(self, s: Node) -> list[int]:
-        """The lowest voxel at the robot's height that is unknown between free space beside something that stands or hangs."""
+        """The lowest voxel at the robot's height that is unknown between free space beside something that hangs."""
         for below, above in itertools.pairwise(self.runs.get(s[:2], [])):
             low, high = below.high + 1, above.low - 1
             is_between = low <= high and not below.occupied and not above.occupied
             if is_between and s.z + self.step < low and high <= s.z + self.clearance:
-                if any(self.occupied(moved(s[:2], way), low - 1, high + 1) is not None for way in SIDES):
+                if any(self._hangs(moved(s[:2], way), low - 1, high + 1) for way in SIDES):
                     return [low]
         return []
+
+    def _hangs(self, c: Column, low: int, high: int) -> bool:
+        """Something is there over free space, a voxel of which may be unknown."""
+        for below, run in itertools.pairwise(self.runs.get(c, [])):
+            if run.occupied and run.low <= high and run.high >= low and not below.occupied and below.high >= run.low - 2:
+                return True
+        return False
 
     def _barrier_along(self, s: Node, way: Column) -> tuple[Column, int] | Node | None:
         """What stands or hangs along a way, or the cliff at which ground beyond the unknown ends."""

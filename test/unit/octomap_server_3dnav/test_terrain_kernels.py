@@ -154,19 +154,21 @@ def test_wall_that_was_hit_in_strips_has_no_top_where_none_was_seen(strips, tops
 @pytest.mark.parametrize(
     ("beside", "own", "hangs"),
     [
-        ((4, 5, True), [(1, 3), (6, 20)], 4),
-        ((7, 7, True), [(1, 3), (6, 20)], NO_VOXEL),
-        ((4, 5, True), [(1, 20)], NO_VOXEL),
-        ((4, 5, True), [(1, 3)], NO_VOXEL),
-        ((4, 15, True), [(1, 3), (16, 20)], NO_VOXEL),
-        ((1, 2, True), [(3, 20)], NO_VOXEL),
+        ([(1, 3, False), (4, 5, True)], [(1, 3), (6, 20)], 4),
+        ([(-9, 5, True)], [(1, 3), (6, 20)], NO_VOXEL),
+        ([(1, 6, False), (7, 7, True)], [(1, 3), (6, 20)], NO_VOXEL),
+        ([(1, 3, False), (4, 5, True)], [(1, 20)], NO_VOXEL),
+        ([(1, 3, False), (4, 5, True)], [(1, 3)], NO_VOXEL),
+        ([(1, 3, False), (4, 15, True)], [(1, 3), (16, 20)], NO_VOXEL),
+        ([(0, 0, False), (1, 2, True)], [(0, 0), (3, 20)], NO_VOXEL),
     ],
-    ids=["end of a bar", "gap at another height", "seen free", "unknown up to the sky", "up to above the robot", "below a step"],
+    ids=["end of a bar", "gap beside a wall", "gap at another height", "seen free", "unknown up to the sky", "too high", "below a step"],
 )
 def test_bar_may_hang_over_ground_where_nothing_was_seen_between_free_space(beside, own, hangs):
-    runs, start = [(lo, hi, False) for lo, hi in own], np.zeros(10, dtype=np.int32)
-    start[5:], start[6:] = len(runs), len(runs) + 1  # the bar's column comes after that in the middle of three by three
-    z_lo, z_hi, occupied = (np.array(numbers) for numbers in zip(*runs, beside, strict=True))
+    """Beside it, at the robot's height, hangs what was seen; the columns are those in the middle of three by three, and at its side."""
+    runs, start = [*((lo, hi, False) for lo, hi in own), *beside], np.zeros(10, dtype=np.int32)
+    start[5:], start[6:] = len(own), len(runs)
+    z_lo, z_hi, occupied = (np.array(numbers) for numbers in zip(*runs, strict=True))
     columns = Columns(3, 3, start, z_lo.astype(np.int16), z_hi.astype(np.int16), occupied)
     assert terrain_kernels._may_hang_over(columns, 4, STEP + 1, CLEARANCE) == hangs
 
