@@ -38,8 +38,10 @@ class OdometryConfig:
     quiet_rate: float = parameter(0.25, "rad/s", "nor does one measured while turning faster", low=0.0)
     still_wheel_mps: float = parameter(0.005, "m/s", "wheels stand below this forward velocity", low=0.0)
     still_wheel_rate: float = parameter(0.01, "rad/s", "and below this yaw rate", low=0.0)
-    still_gyro_rate: float = parameter(0.03, "rad/s", "and the body is still below this rate, bias removed", low=0.0)
-    still_delay_s: float = parameter(0.2, "s", "for how long before the robot counts as standing", low=0.0)
+    still_gyro_rate: float = parameter(
+        0.01, "rad/s", "and the body is still below this rate, bias removed, or below three sigmas of that and of noise", low=0.0
+    )
+    still_delay_s: float = parameter(0.5, "s", "for how long both before the robot counts as standing: one that rocks turns back", low=0.0)
     still_velocity_sigma_mps: float = parameter(1e-3, "m/s", "noise of the zero velocity while standing", low=1e-6)
     still_rate_sigma: float = parameter(2e-4, "rad/s", "noise of the zero rate while standing, beside the gyroscope's own", low=1e-7)
     up_sigma_floor_rad: float = parameter(5e-4, "rad", "the direction of gravity is never trusted more than this", low=0.0)

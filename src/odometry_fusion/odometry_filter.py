@@ -75,11 +75,12 @@ class _Anchor:
 
 @dataclass(frozen=True, eq=False)
 class _Track:
-    """All that is known at the latest processed instant."""
+    """All that is known at the latest processed instant; `rocked_s`: when the body last moved."""
 
     state: State
     wheels: _Wheels
     rate: FloatArray
+    rocked_s: float
     rest: _Rest | None
     anchor: _Anchor | None
 
@@ -196,7 +197,7 @@ class OdometryFilter:
         disturbance = abs(strength - self._config.gravity_mps2) + (0.0 if still else self._config.gravity_driving_sigma)
         duration_s = max(float(np.ptp(stamps[before])), 0.01)
         state = measurements.level(wheels.stamp_s, force, duration_s, disturbance, still, self._config)
-        return _Track(state, wheels, rows[before, :3][-1], None, None)
+        return _Track(state, wheels, rows[before, :3][-1], -math.inf, None, None)
 
     def _advanced(self, track: _Track, wheels: _Wheels) -> _Track:
         """The track at the next wheel message, with its measurements."""
@@ -204,13 +205,16 @@ class OdometryFilter:
         self._count_gaps(interval, wheels.stamp_s - track.wheels.stamp_s)
         if self._stands(track, interval, wheels):
             state = measurements.stand_still(rest(track.state, interval.duration_s, self._noise), interval, self._config)
-            return _Track(_at(state, wheels.stamp_s), wheels, interval.rates[-1], _longer(track.rest, interval), track.anchor)
+            return replace(
+                track, state=_at(state, wheels.stamp_s), wheels=wheels, rate=interval.rates[-1], rest=_longer(track.rest, interval)
+            )
         track = _anchored(track)
         state = self._driven(track.state, interval)
         state = measurements.roll_wheels(state, interval, wheels.forward_mps, wheels.yaw_rate, self._config)
         forward_accel = (wheels.forward_mps - track.wheels.forward_mps) / interval.duration_s
         state = measurements.feel_gravity(state, interval, forward_accel, self._config)
-        return _Track(_at(state, wheels.stamp_s), wheels, interval.rates[-1], None, track.anchor)
+        rocked_s = track.rocked_s if self._quiet(track, interval) else wheels.stamp_s
+        return _Track(_at(state, wheels.stamp_s), wheels, interval.rates[-1], rocked_s, None, track.anchor)
 
     def _between(self, track: _Track, stamp_s: float, following: _Wheels) -> _Track:
         """The track at a time before the wheel message that follows, which only tells whether the robot stands."""
@@ -221,13 +225,18 @@ class OdometryFilter:
         return replace(track, state=_at(self._driven(track.state, interval), stamp_s), rate=interval.rates[-1])
 
     def _stands(self, track: _Track, interval: ImuInterval, wheels: _Wheels) -> bool:
-        """Wheels stood for long enough, at both ends of the interval, and the body is quiet."""
-        config = self._config
+        """Wheels stood for long enough, at both ends of the interval, and so did the body."""
         since = wheels.still_since_s
-        if since is None or track.wheels.still_since_s is None or interval.longest_gap_s > config.max_imu_gap_s:
+        if since is None or track.wheels.still_since_s is None or interval.longest_gap_s > self._config.max_imu_gap_s:
             return False
-        quiet = float(np.linalg.norm(interval.mean_rate - track.state.gyro_bias)) < config.still_gyro_rate
-        return quiet and interval.end_stamp_s - since >= config.still_delay_s
+        still_s = interval.end_stamp_s - max(since, track.rocked_s)
+        return still_s >= self._config.still_delay_s and self._quiet(track, interval)
+
+    def _quiet(self, track: _Track, interval: ImuInterval) -> bool:
+        """The body turns no faster than `still_gyro_rate`, or than the gyroscope's noise and its bias, as far as known, explain."""
+        variance = np.trace(track.state.covariance[GYRO_BIAS, GYRO_BIAS]) + 3.0 * self._config.gyro_noise**2 / interval.duration_s
+        limit = max(self._config.still_gyro_rate, 3.0 * math.sqrt(variance))
+        return float(np.linalg.norm(interval.mean_rate - track.state.gyro_bias)) < limit
 
     def _driven(self, state: State, interval: ImuInterval) -> State:
         turning = abs(float(interval.mean_rate[2] - state.gyro_bias[2]))

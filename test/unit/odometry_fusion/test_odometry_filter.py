@@ -179,13 +179,24 @@ def test_covariance_grows_while_driving_and_not_while_standing():
 def test_standing_is_told_only_when_wheels_and_body_are_still():
     data = drive([REST, Motion(2.0, 0.3), REST])
     flags = np.array([e.standing for e in estimates(data)])
-    assert not flags[:3].any() and flags[10:40].all() and not flags[42:86].any() and flags[-20:].all()
-    rocking = OdometryFilter(OdometryConfig())
-    for i in range(1, 101):
-        rocking.add_imu(i * 0.01, [0.0, 0.1, 0.0], [0.0, 0.0, 9.81])
-        if i % 5 == 0:
-            rocking.add_wheels(i * 0.01, 0.0, 0.0)
-    assert not rocking.estimate(1.0).standing
+    assert not flags[:9].any() and flags[12:40].all() and not flags[42:92].any() and flags[-20:].all()
+
+
+def test_a_robot_that_rocks_on_still_wheels_is_followed():
+    """Over fast, at 0.025 rad/s, and back slowly, at 0.01: what is slow counts as much."""
+    beats = [Motion(0.2, 0.0, 0.0, 0.025), Motion(0.4, 0.0, 0.0, -0.01)] * 8
+    data = drive([REST, *beats, Motion(0.3), REST], Errors(gyro_bias=np.array([0.001, -0.002, 0.001])))
+    found = estimates(data)
+    assert not any(e.standing for e in found[42:130]) and found[-1].standing
+    tilt = np.array([(pose_error(data, e) - pose_error(data, found[39]))[3:5] for e in found[40:]])
+    assert np.linalg.norm(tilt, axis=1).max() < math.radians(0.03)
+
+
+def test_an_unknown_bias_is_no_rocking():
+    """1.5 times the sigma that the filter expects, on each axis: it stands, and learns it."""
+    data = drive([REST, REST], Errors(gyro_bias=np.full(3, 0.0075), gyro_noise=0.005))
+    found = estimates(data)
+    assert found[12].standing and found[-1].standing
 
 
 def test_direction_of_gravity_is_given_only_while_standing():
