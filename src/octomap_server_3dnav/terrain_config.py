@@ -50,7 +50,7 @@ class TerrainConfig:
     inflation_radius_m: float = parameter(0.60, "m", "distance kept from obstacles by the robot's centre", low=0.0, high=3.0)
     cliff_inflation_radius_m: float = parameter(0.60, "m", "distance kept from cliffs by the robot's centre", low=0.0, high=3.0)
     hit_margin_m: float = parameter(
-        0.01, "m", "kept from obstacles beside their radius where it is measured where they were hit: beams err", low=0.0, high=0.5
+        0.012, "m", "kept from obstacles beside their radius where it is measured where they were hit: beams err", low=0.0, high=0.5
     )
     cliff_margin_m: float = parameter(0.025, "m", "the same from cliffs: floor is hit more sparsely than what stands", low=0.0, high=0.5)
     hit_noise_m: float = parameter(
