@@ -3,9 +3,10 @@
 Used by `barriers`. All places are in voxels of the window.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 
 from octomap_server_3dnav.hit_extent import Floats, Ints, middles, spread, unmet
 from octomap_server_3dnav.surface_columns import DX, DY
@@ -80,24 +81,33 @@ def _inner_corners(heights: SurfaceHeights, scene: Scene, cliff: Ints) -> Floats
 
     Another edge begins there at a right angle, or the hits in the column say that ground does not fill it.
     """
-    graph, ahead, is_cliff = scene.links.graph, np.stack([DX, DY], axis=1), np.zeros(len(scene.links.graph) + 1, np.bool_)
-    is_cliff[cliff] = True  # and the last, that of no node, is none
-    nodes, ways, meet = [], [], []
-    for k in range(4):
-        edge = cliff[graph[cliff, k] < 0]
-        for aside in ((k + 1) % 4, (k + 3) % 4):
-            back, beside = (aside + 2) % 4, graph[edge, aside]
-            is_one = (beside >= 0) & ~is_cliff[beside]
-            node, last = beside[is_one].astype(np.int64), edge[is_one]
-            other = graph[node, k]
-            nodes.append(node)
-            ways.append(np.tile(ahead[k] - ahead[aside], (len(node), 1)))
-            meet.append(is_cliff[other] & (graph[other, back] < 0) & (graph[other, k] >= 0) & (graph[last, back] >= 0))
-    node, way = np.concatenate(nodes), np.concatenate(ways)
+    node, way, meet = _ends_of_edges(cliff, scene.links.graph)
     column, z = scene.surfaces.column[node].astype(np.int64), scene.surfaces.z[node].astype(np.int64)
     met = spread(heights, scene, column, z, z)
     least = np.where(met[:, 0] >= _MANY, _ASIDE, np.where(met[:, 0] >= _MANY / 2, _CLEARLY, np.inf))
     is_part = (met[:, 1:3] * way).sum(axis=1) < -least
     places = middles(column, z, scene.columns.ny)
     places[:, :2] += met[:, 1:3]
-    return np.asarray(places[is_part | np.concatenate(meet)])
+    return np.asarray(places[is_part | meet])
+
+
+@njit(cache=True)
+def _ends_of_edges(cliff: Any, graph: Any) -> Any:
+    """Nodes that are no `cliff` but beside the last of an edge, (C,); the way (C, 2) from them over the edge and on along it; and whether
+    another edge begins beyond them at a right angle, (C,)."""
+    is_cliff, ends = np.zeros(len(graph), np.bool_), 8 * cliff.size
+    node, way, meet = np.empty(ends, np.int64), np.empty((ends, 2), np.float64), np.empty(ends, np.bool_)
+    is_cliff[cliff] = True
+    count = 0
+    for last in cliff:
+        for k in range(4):
+            for aside in ((k + 1) % 4, (k + 3) % 4):
+                beside = graph[last, aside]
+                if graph[last, k] >= 0 or beside < 0 or is_cliff[beside]:
+                    continue
+                back, other = (aside + 2) % 4, graph[beside, k]
+                node[count], way[count, 0], way[count, 1] = beside, DX[k] - DX[aside], DY[k] - DY[aside]
+                goes_on = other >= 0 and is_cliff[other] and graph[other, back] < 0 and graph[other, k] >= 0
+                meet[count] = goes_on and graph[last, back] >= 0
+                count += 1
+    return node[:count], way[:count], meet[:count]

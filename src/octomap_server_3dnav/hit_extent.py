@@ -24,7 +24,11 @@ _STRAY = 3.0  # times the noise of the beams: a hit that lies farther beyond the
 
 def middles(column: NDArray[np.integer], level: NDArray[np.integer], ny: int) -> Floats:
     """(M, 3) the middles of some columns, at their levels."""
-    return np.column_stack([column // ny + 0.5, column % ny + 0.5, level])
+    places = np.empty((len(column), 3))
+    places[:, 0], places[:, 1] = np.divmod(column, ny)
+    places[:, :2] += RIM
+    places[:, 2] = level
+    return places
 
 
 def spread(heights: SurfaceHeights, scene: Scene, column: Ints, low: Ints, high: Ints) -> Floats:

@@ -58,11 +58,28 @@ class Surfaces(NamedTuple):
         """(K,) voxels in which the ground of some drivable nodes lies: that of the surface, or a lower one if only beams gone astray ended
         in that. So they did in one that lies higher than all four ground that is `near` (N, 4); in one that lies lower, a thin deck's,
         those that are below its own ended at the underside."""
-        level, ground, beside = self.level[nodes], self.slope_level[nodes], near[nodes]
-        around, is_inside = self.slope_level[beside], (beside >= 0).all(axis=1)
-        is_astray = is_inside & ((ground - around.max(axis=1) > _ASTRAY) | (around.min(axis=1) - ground > _ASTRAY))
-        ground = np.where(is_astray, around.mean(axis=1), ground)
-        return np.asarray(np.where(self.measured[nodes] & (level - ground > _ASTRAY), np.floor(ground), self.z[nodes]), dtype=np.int16)
+        return np.asarray(_ground_voxels(nodes, near, self.z, self.level, self.slope_level, self.measured))
+
+
+@njit(cache=True)
+def _ground_voxels(nodes: Any, near: Any, z: Any, level: Any, slope_level: Any, measured: Any) -> Any:
+    """What `Surfaces.ground_voxels` tells."""
+    voxel = np.empty(nodes.size, np.int16)
+    for k, node in enumerate(nodes):
+        voxel[k] = z[node]
+        if not measured[node]:
+            continue
+        ground = np.float64(slope_level[node])
+        inside, lowest, highest, total = 0, np.inf, -np.inf, 0.0
+        for beside in near[node]:
+            if beside >= 0:
+                height = np.float64(slope_level[beside])
+                inside, lowest, highest, total = inside + 1, min(lowest, height), max(highest, height), total + height
+        if inside == near.shape[1] and (ground - highest > _ASTRAY or lowest - ground > _ASTRAY):
+            ground = total / inside
+        if level[node] - ground > _ASTRAY:
+            voxel[k] = np.floor(ground)
+    return voxel
 
 
 @njit(cache=True)

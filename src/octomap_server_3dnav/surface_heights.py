@@ -226,6 +226,6 @@ class SurfaceHeights:
 
 def _stretches(numbers: NDArray[np.int64]) -> Iterator[tuple[int, slice]]:
     """Every stretch of equal numbers, and where it lies."""
-    ends = np.flatnonzero(np.diff(numbers, append=-1)) + 1  # no number is negative
-    for begin, end in pairwise([0, *ends.tolist()]):
+    ends = np.flatnonzero(numbers[1:] != numbers[:-1]) + 1
+    for begin, end in pairwise([0, *ends.tolist(), numbers.size] if numbers.size else []):
         yield int(numbers[begin]), slice(begin, end)
