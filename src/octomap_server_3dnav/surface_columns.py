@@ -70,7 +70,7 @@ def _ground_voxels(nodes: Any, near: Any, z: Any, level: Any, slope_level: Any, 
         if not measured[node]:
             continue
         ground = np.float64(slope_level[node])
-        inside, lowest, highest, total = 0, np.inf, -np.inf, 0.0
+        inside, lowest, highest, total = 0, np.float64(np.inf), np.float64(-np.inf), np.float64(0.0)
         for beside in near[node]:
             if beside >= 0:
                 height = np.float64(slope_level[beside])
