@@ -14,6 +14,7 @@ from path_following.pursuit import Steering, approached, lookahead_m, regulated_
 from path_following.reference_path import Pose, Projection, ReferencePath, Stretch
 from path_following.straight_driving import StraightDrive, WayOut
 from path_following.surroundings import Slide, Surroundings, Unknown, arc_poses, footprint_lattice
+from path_following.trail import Trail
 from rigid_geometry import angle_difference, yaw_of
 
 _STAND = Motion(0.0, 0.0)
@@ -34,6 +35,7 @@ class PathFollower:
         self._config = config
         length, width, more = config.footprint_length_m, config.footprint_width_m, 2 * config.turn_margin_m
         self._footprints = footprint_lattice(length, width, 0.05), footprint_lattice(length + more, width + more, 0.05)
+        self._trail = Trail()
         self.clear("no path yet")
 
     @property
@@ -86,7 +88,8 @@ class PathFollower:
         T = observation.T_map_base
         pose = (float(T[0, 3]), float(T[1, 3]), yaw_of(T))
         slide = Slide((float(T[0, 2]), float(T[1, 2])), self._config.turn_slide_m)
-        around = Surroundings(observation.costmap, *self._footprints, slide)
+        self._trail.add(pose)
+        around = Surroundings(observation.costmap, *self._footprints, slide, self._trail)
         if not around.contains(pose):
             self._sit_out(dt)
             return self._output(_STAND, f"the costmap does not contain the robot at ({pose[0]:.2f}, {pose[1]:.2f})")

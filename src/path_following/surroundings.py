@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from path_following.interface import CostGrid
 from path_following.reference_path import Pose
+from path_following.trail import Trail
 from rigid_geometry import slide_per_rad
 
 _INSCRIBED, _LETHAL, _UNKNOWN = 253, 254, 255
 _STEP_M, _STEP_RAD = 0.05, 0.1
+_GRAZED = 0.02  # of the outline's points: a cell of 8 cm at its border, in which the edge of a ramp lies
 
 
 class Unknown(enum.IntEnum):
@@ -79,10 +81,14 @@ class Surroundings:
         footprint: NDArray[np.float64],
         turning_footprint: NDArray[np.float64],
         slide: Slide = LEVEL,
+        trail: Trail | None = None,
     ) -> None:
-        """Both footprints (P, 2) are points of base_link; the second, for turns on the spot, is the larger by what the robot drifts."""
+        """Both footprints (P, 2) are points of base_link; the second, for turns on the spot, is the larger by what the robot drifts.
+
+        `trail`: where the robot came from.
+        """
         self._cost, self._footprint, self._turning_footprint = costmap.cost, footprint, turning_footprint
-        self.slide = slide
+        self.slide, self._trail = slide, trail
         self._corner = np.array([costmap.origin_xy[0], costmap.origin_xy[1], costmap.resolution], dtype=np.float64)
 
     def contains(self, pose: Pose) -> bool:
@@ -96,12 +102,25 @@ class Surroundings:
 
         What it touches already it may leave, but not touch more of; a centre in an inscribed cell may leave, but not enter again.
         """
-        return bool(_is_free(self._cost, self._corner, self._footprint, self.slide.along(poses), int(unknown)))
+        return self._is_free(self.slide.along(poses), unknown)
+
+    def _is_free(self, slid: NDArray[np.float64], unknown: Unknown) -> bool:
+        return bool(_is_free(self._cost, self._corner, self._footprint, slid, int(unknown)))
 
     def is_clear(self, poses: NDArray[np.float64]) -> bool:
-        """The same for (K, 3) poses where every centimetre counts: it may touch nothing more than now, not by a point of its outline."""
-        touched = [_touched(self._cost, self._corner, self._footprint, pose, False) for pose in self.slide.along(poses)]
-        return self.is_free(poses, Unknown.NOT_UNDER_THE_CENTRE) and max(touched) <= touched[0]
+        """The same for (K, 3) poses where every centimetre counts: it may touch nothing more than now, not by a point of its outline.
+
+        But back the way that it came it may, as long as that grazes no more than a cell's breadth: along a slope the cells of its edge lie
+        deeper and less deep in the outline, and a robot that stands there must get out again.
+        """
+        poses = self.slide.along(poses)
+        touched = np.array([_touched(self._cost, self._corner, self._footprint, pose, False) for pose in poses])
+        if self._is_free(poses, Unknown.NOT_UNDER_THE_CENTRE) and touched.max() <= touched[0]:
+            return True
+        if self._trail is None or touched.max() > _GRAZED * len(self._footprint):
+            return False
+        is_new = ~self._trail.holds(poses)
+        return not touched[is_new].any() and (not is_new.any() or self._is_free(poses[is_new], Unknown.NOT_UNDER_THE_CENTRE))
 
     def is_free_turn(self, pose: Pose, angle: float, *, drifting: bool) -> bool:
         """True when the robot may turn on the spot by `angle` radians; `drifting`: with room around it for more than it slides."""

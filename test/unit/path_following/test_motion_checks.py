@@ -14,17 +14,26 @@ from path_following import surroundings
 from path_following.pursuit import approached, steering_to
 from path_following.reference_path import ReferencePath
 from path_following.surroundings import Surroundings, Unknown, arc_poses, footprint_lattice, turn_poses
+from path_following.trail import Trail
 
 LATTICE = footprint_lattice(0.99, 0.67, 0.05)
 
 
-def around(*lethal: tuple[float, float], unknown: tuple[float, float] | None = None) -> Surroundings:
+def around(*lethal: tuple[float, float], unknown: tuple[float, float] | None = None, trail: Trail | None = None) -> Surroundings:
     cost = np.zeros((125, 125), dtype=np.uint8)
     for x, y in lethal:
         cost[math.floor((y + 5) / 0.08), math.floor((x + 5) / 0.08)] = 254
     if unknown:
         cost[math.floor((unknown[1] + 5) / 0.08), math.floor((unknown[0] + 5) / 0.08)] = 255
-    return Surroundings(Grid(cost, (-5.0, -5.0)), LATTICE, LATTICE)
+    return Surroundings(Grid(cost, (-5.0, -5.0)), LATTICE, LATTICE, trail=trail)
+
+
+def trail_from(x: float, yaw: float = 0.0) -> Trail:
+    """Along x up to the origin."""
+    trail = Trail()
+    for at in np.arange(x, 0.001, 0.01):
+        trail.add((float(at), 0.0, yaw))
+    return trail
 
 
 def test_lattice_covers_the_outline_without_gaps():
@@ -149,3 +158,27 @@ def test_nothing_that_a_driving_robot_asks_compiles_what_was_not_compiled_before
     assert there.cost_under(pose) >= 0 and there.mean_cost(turn_poses(pose, 1.0)) >= 0.0
     assert there.is_free_turn(pose, 1.0, drifting=True) in (True, False) and there.is_clear(arc_poses(pose, 1.0, 0.2, 0.5)) in (True, False)
     assert signatures() == before and all(before.values())
+
+
+def test_back_the_way_it_came_the_robot_may_graze_a_cell_of_an_edge():
+    back, edge = arc_poses((0.0, 0.0, 0.0), -1.0, 0.0, 0.8), (-0.8, 0.34)
+    assert not around(edge).is_clear(back)
+    assert around(edge, trail=trail_from(-1.0)).is_clear(back)
+    assert not around(edge, trail=trail_from(-0.1)).is_clear(back)  # it was not so far back
+    assert not around(edge, trail=trail_from(-1.0, yaw=0.2)).is_clear(back)  # nor turned so
+    beside = [(x, 0.34) for x in np.arange(-1.6, -0.6, 0.08)]
+    assert not around(*beside, trail=trail_from(-1.0)).is_clear(back)  # a wall along it
+    behind = [(-0.8, y) for y in np.arange(-0.3, 0.31, 0.08)]
+    assert not around(*behind, trail=trail_from(-1.0)).is_clear(back)  # something that came since
+
+
+def test_trail_ends_where_the_robot_was_carried_away():
+    trail = trail_from(-1.0)
+    assert trail.holds(np.array([[-0.5, 0.02, 0.03], [-0.5, 0.05, 0.0], [-0.5, 0.0, 0.1], [-1.5, 0.0, 0.0]])).tolist() == [
+        True,
+        False,
+        False,
+        False,
+    ]
+    trail.add((0.5, 0.0, 0.0))
+    assert trail.holds(np.array([[-0.5, 0.0, 0.0], [0.5, 0.0, 2 * math.pi]])).tolist() == [False, True]

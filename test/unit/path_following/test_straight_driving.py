@@ -122,6 +122,20 @@ def test_door_that_is_blocked_while_the_robot_is_in_it_is_left_the_way_it_came()
     assert "backing_off" in done.states()
 
 
+def test_robot_on_a_narrow_ramp_whose_edges_turn_out_to_graze_it_gets_out_the_way_it_came():
+    """As on `ramp` 1 of 7a61683: from above, the cells of the edge lie a finger's breadth farther in than from below."""
+    world, follower = world_with_door(0.88), follower_on((-3.0, 0.0), (2.5, 1.0))
+
+    def see_edges(t: float) -> None:
+        world.lethal[world.cells(1.0, 1.3, -1.0, 1.0)] |= t > 13.0
+        for x in (-0.9, -0.4, 0.1):
+            world.lethal[world.cells(x, x + 0.08, 0.3, 0.36)] |= t > 13.0
+
+    done = drive(follower, world, (-3.0, 0.0, 0.0), each_tick=see_edges)
+    assert done.poses[:, 0].max() > -0.4 and done.last.state is FollowerState.BLOCKED
+    assert done.poses[-1, 0] < -1.3
+
+
 def test_passage_that_is_not_free_is_not_entered():
     world = world_with_door(0.88)
     world.lethal[world.cells(0.5, 0.6, -0.3, 0.3)] = True

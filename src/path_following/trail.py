@@ -1,0 +1,41 @@
+"""Where the robot came from: there it fits, also where the costmap says that its outline grazes something."""
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from path_following.reference_path import Pose
+from rigid_geometry import angle_difference
+
+_EVERY_M, _EVERY_RAD = 0.02, 0.05
+_MOST = 500  # poses: ten metres of driving
+_JUMP_M = 0.3  # farther from one to the next the map has moved, or the robot
+_BESIDE_M, _TURNED_RAD = 0.03, 0.05  # a pose like one that the robot had
+
+
+class Trail:
+    """The latest poses of the robot in map."""
+
+    def __init__(self) -> None:
+        self._poses: deque[Pose] = deque(maxlen=_MOST)
+
+    def add(self, pose: Pose) -> None:
+        """The robot stands at x, y, yaw in map now."""
+        if self._poses:
+            x, y, yaw = self._poses[-1]
+            moved = math.hypot(pose[0] - x, pose[1] - y)
+            if moved < _EVERY_M and abs(angle_difference(pose[2], yaw)) < _EVERY_RAD:
+                return
+            if moved > _JUMP_M:
+                self._poses.clear()
+        self._poses.append(pose)
+
+    def holds(self, poses: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(K,) which of (K, 3) poses the robot had, to a few centimetres and degrees."""
+        if not self._poses:
+            return np.zeros(len(poses), dtype=bool)
+        x, y, yaw = (np.subtract.outer(column, had) for column, had in zip(poses.T, np.array(self._poses).T, strict=True))
+        is_turned = np.abs((yaw + math.pi) % (2 * math.pi) - math.pi) > _TURNED_RAD
+        return np.asarray(((np.hypot(x, y) <= _BESIDE_M) & ~is_turned).any(axis=1))
