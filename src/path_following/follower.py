@@ -74,6 +74,7 @@ class PathFollower:
         self._room: Arc | None = None
         self._entered: Stretch | None = None
         self._after_recovery = (FollowerState.STUCK, "")
+        self._has_stood = True
 
     def step(self, observation: FollowerObservation) -> FollowerOutput:
         """The command for this moment; zero, with the reason, whenever something that it needs is not known."""
@@ -83,11 +84,15 @@ class PathFollower:
         missing = self._missing(observation)
         if missing or observation.held:
             self._sit_out(dt)
+            self._has_stood = True
             return self._output(_STAND, missing or ("held" if observation.held else self._reason))
         assert observation.T_map_base is not None and observation.costmap is not None
         T = observation.T_map_base
         pose = (float(T[0, 3]), float(T[1, 3]), yaw_of(T))
         slide = Slide((float(T[0, 2]), float(T[1, 2])), self._config.turn_slide_m)
+        if self._has_stood:  # for a sweep, perhaps, that corrected the map
+            self._trail.carry_to(pose)
+        self._has_stood = False
         self._trail.add(pose)
         around = Surroundings(observation.costmap, *self._footprints, slide, self._trail)
         if not around.contains(pose):

@@ -11,7 +11,7 @@ from rigid_geometry import angle_difference
 
 _EVERY_M, _EVERY_RAD = 0.02, 0.05
 _MOST = 500  # poses: ten metres of driving
-_JUMP_M = 0.3  # farther from one to the next the map has moved, or the robot
+_JUMP_M = 0.3  # farther from one to the next the robot was carried
 _BESIDE_M, _TURNED_RAD = 0.03, 0.05  # a pose like one that the robot had
 
 
@@ -31,6 +31,20 @@ class Trail:
             if moved > _JUMP_M:
                 self._poses.clear()
         self._poses.append(pose)
+
+    def carry_to(self, pose: Pose) -> None:
+        """The robot stood while its place in map was corrected, to x, y, yaw: what lies behind it lies as far behind as before."""
+        if not self._poses:
+            return
+        x, y, yaw = self._poses[-1]
+        if math.hypot(pose[0] - x, pose[1] - y) > _JUMP_M:
+            self._poses.clear()
+            return
+        turned = angle_difference(pose[2], yaw)
+        c, s = math.cos(turned), math.sin(turned)
+        for k, (px, py, heading) in enumerate(self._poses):
+            dx, dy = px - x, py - y
+            self._poses[k] = (pose[0] + c * dx - s * dy, pose[1] + s * dx + c * dy, heading + turned)
 
     def holds(self, poses: NDArray[np.float64]) -> NDArray[np.bool_]:
         """(K,) which of (K, 3) poses the robot had, to a few centimetres and degrees."""

@@ -182,3 +182,12 @@ def test_trail_ends_where_the_robot_was_carried_away():
     ]
     trail.add((0.5, 0.0, 0.0))
     assert trail.holds(np.array([[-0.5, 0.0, 0.0], [0.5, 0.0, 2 * math.pi]])).tolist() == [False, True]
+
+
+def test_trail_goes_along_where_the_map_is_corrected():
+    trail = trail_from(-1.0)
+    trail.carry_to((0.02, 0.08, 0.1))
+    behind = (0.02 - 0.5 * math.cos(0.1), 0.08 - 0.5 * math.sin(0.1), 0.1)
+    assert trail.holds(np.array([behind, (-0.5, 0.0, 0.0)])).tolist() == [True, False]
+    trail.carry_to((2.0, 0.0, 0.0))
+    assert not trail.holds(np.array([behind, (2.0, 0.0, 0.0)])).any()
