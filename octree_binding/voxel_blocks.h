@@ -60,13 +60,15 @@ class VoxelBlocks {
   static bool test(const BlockBits& bits, unsigned bit) { return bits[bit >> 6] >> (bit & 63) & 1; }
   static void set(BlockBits& bits, unsigned bit) { bits[bit >> 6] |= std::uint64_t{1} << (bit & 63); }
 
-  void mark_through();  // sets `through` of all blocks
+  void add_free(const VoxelBlocks& other);  // what is `free` there is here, too
+  void mark_through();                      // sets `through` of all blocks
   // The blocks that hold something, in the octree's order; nothing is left.
   std::vector<VoxelBlock> take_sorted();
 
  private:
   static constexpr std::uint32_t kNone = 0xffffffff;
   static std::uint64_t position(const Voxel& v);
+  VoxelBlock& at(std::uint64_t wanted);
   const VoxelBlock* beside(std::uint64_t position, int axis, int way) const;
   std::size_t slot_of(std::uint64_t position) const;
   void grow();
