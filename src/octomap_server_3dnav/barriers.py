@@ -85,9 +85,10 @@ def barriers_of(
     it; cliffs as `cliff_edges` tells. Measured steps begin just before their column, what is too steep where two slopes tell.
     """
     column, z, ny = scene.surfaces.column, scene.surfaces.z.astype(np.int64), scene.columns.ny
-    steep, rise = np.flatnonzero(label == TerrainClass.OBSTACLE), steps[:0]
+    is_steep, rise = label == TerrainClass.OBSTACLE, steps[:0]
     if heights is not None:
-        steep, rise = np.setdiff1d(steep, steps[:, 0]), steps
+        is_steep[steps[:, 0]], rise = False, steps
+    steep = np.flatnonzero(is_steep)
     at, level, voxel = _unique(obstacles[:, 0], obstacles[:, 2], obstacles[:, 3])
     stand, too_steep, too_high, cliffs = (
         middles(columns, levels, ny)
@@ -101,7 +102,8 @@ def barriers_of(
     met, rims, edges = stand.copy(), _rims(too_high, rise[:, 1]), cliff_edges(heights, scene, cliff, limits)
     met[:, :2] += things[:, 1:3]
     gets_steep = kernels.steep_edges(label, scene.surfaces, scene.links, steep, ny, BEFORE, limits)
-    stands_within = np.where(voxel[:, None] == kernels.PASSED, 0.0, reach_of(things, limits.hit_noise))
+    stands_within = reach_of(things, limits.hit_noise)
+    stands_within[voxel == kernels.PASSED] = 0.0
     reach = np.concatenate([stands_within, np.tile([0.0, 0.0, _FLANK], (len(rims), 1))])
     measured = Barriers(np.concatenate([met, rims]), np.concatenate([gets_steep, edges.rounded]), edges.sharp, reach, edges.reach)
     return measured, in_voxels

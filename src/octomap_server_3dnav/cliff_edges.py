@@ -36,7 +36,7 @@ class CliffEdges(NamedTuple):
 def cliff_edges(heights: SurfaceHeights, scene: Scene, cliff: Ints, limits: Limits) -> CliffEdges:
     """Where the ground ends at `cliff` nodes: where beams ended in their voxel, nearer if they were few, by a voxel of less than two; in
     inner corners, too; of rounded ones before the middle of their column, where they get too steep."""
-    (fall, before), over = _falls(scene, cliff), _way_over(scene, cliff)
+    fall, before, over = _ways_over(cliff, scene.links.near, scene.links.graph, scene.surfaces.level)
     is_rounded = fall > _FALLING
     column, z = scene.surfaces.column[cliff].astype(np.int64), scene.surfaces.z[cliff].astype(np.int64)
     places = middles(column, z, scene.columns.ny)
@@ -44,30 +44,40 @@ def cliff_edges(heights: SurfaceHeights, scene: Scene, cliff: Ints, limits: Limi
     gets_steep = _gets_steep(fall[is_rounded], before[is_rounded], limits.steepest[1])
     rounded[:, :2] -= gets_steep[:, None] * over[is_rounded]
     sharp, met = places[~is_rounded], spread(heights, scene, column[~is_rounded], z[~is_rounded], z[~is_rounded])
-    nearer = np.where(met[:, 0] < _SURE, 1.0, unmet(met[:, 0], _FEW))
-    sharp[:, :2] += met[:, 1:3] - nearer[:, None] * over[~is_rounded]
+    _move_to_hits(sharp, met, over[~is_rounded])
     corners = _inner_corners(heights, scene, cliff[~is_rounded])
     reach = np.zeros((len(sharp) + len(corners), 3))
     reach[: len(sharp), :2] = _HALF * over[~is_rounded][:, ::-1] * (-1.0, 1.0)
     return CliffEdges(np.concatenate([sharp, corners]), rounded, reach)
 
 
-def _way_over(scene: Scene, cliff: Ints) -> Floats:
-    """(M, 2) the last voxel before the edge of cliffs."""
-    beyond = (scene.links.graph[cliff] < 0).astype(np.float64) @ np.stack([DX, DY], axis=1)
-    return np.asarray(beyond / np.maximum(1.0, np.hypot(beyond[:, :1], beyond[:, 1:])))
+@njit(cache=True)
+def _ways_over(cliff: Any, near: Any, graph: Any, level: Any) -> Any:
+    """Of cliffs (M,): by how much the ground falls from the column before to them, if it goes on little lower beyond, -inf where it does
+    not; by how much to that column from the one before; and (M, 2) the last voxel before the edge."""
+    fall, before, over = np.full(cliff.size, -np.inf), np.zeros(cliff.size), np.zeros((cliff.size, 2))
+    for i, s in enumerate(cliff):
+        for k in range(4):
+            if graph[s, k] >= 0:
+                continue
+            over[i, 0], over[i, 1] = over[i, 0] + DX[k], over[i, 1] + DY[k]
+            back = (k + 2) % 4
+            behind = graph[s, back]
+            if near[s, k] < 0 or behind < 0 or level[behind] - level[s] <= fall[i]:
+                continue
+            last = graph[behind, back]
+            fall[i], before[i] = level[behind] - level[s], level[last] - level[behind] if last >= 0 else 0.0
+        over[i] /= max(1.0, np.hypot(over[i, 0], over[i, 1]))
+    return fall, before, over
 
 
-def _falls(scene: Scene, cliff: Ints) -> tuple[Floats, Floats]:
-    """(M,) by how much the ground falls from the column before to cliffs beyond which it goes on little lower, -inf where it does not, and
-    (M,) by how much to that column from the one before."""
-    near, graph, level = scene.links.near[cliff], scene.links.graph, scene.surfaces.level
-    behind = np.roll(graph[cliff], 2, axis=1)  # of every direction the node the other way
-    last = np.where(behind >= 0, graph[behind, [2, 3, 0, 1]], -1)
-    falls = np.where((graph[cliff] < 0) & (near >= 0) & (behind >= 0), level[behind] - level[cliff, None], -np.inf)
-    most = falls.argmax(axis=1)[:, None]
-    behind, last = np.take_along_axis(behind, most, 1)[:, 0], np.take_along_axis(last, most, 1)[:, 0]
-    return np.take_along_axis(falls, most, 1)[:, 0], np.where(last >= 0, level[last] - level[behind], 0.0)
+@njit(cache=True)
+def _move_to_hits(places: Any, met: Any, over: Any) -> None:
+    """Moves edges (M, 3) from the middle of their column to where beams met it, less what few may have missed on the way `over` it."""
+    for i in range(len(places)):
+        nearer = 1.0 if met[i, 0] < _SURE else unmet(met[i, 0], _FEW)
+        places[i, 0] += met[i, 1] - nearer * over[i, 0]
+        places[i, 1] += met[i, 2] - nearer * over[i, 1]
 
 
 def _gets_steep(fall: Floats, before: Floats, steepest: float) -> Floats:

@@ -3,9 +3,13 @@
 Used by `barriers` and `cliff_edges`. All places are in voxels: of the window, or from the middle of a column.
 """
 
+from typing import Any
+
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.lean_kernels import lean_njit
 from octomap_server_3dnav.surface_columns import DX, DY
 from octomap_server_3dnav.surface_heights import SurfaceHeights
 from octomap_server_3dnav.terrain_scene import Scene
@@ -37,12 +41,47 @@ def spread(heights: SurfaceHeights, scene: Scene, column: Ints, low: Ints, high:
     return heights.spread(column // ny + scene.key[0], column % ny + scene.key[1], low, high)
 
 
-def _together(hits: Floats, more: Floats) -> Floats:
-    """(M, 6) the spread of two groups of hits as of one."""
-    count, share = hits[:, :1] + more[:, :1], more[:, :1] / (hits[:, :1] + more[:, :1])
-    off = more[:, 1:3] - hits[:, 1:3]
-    between = share * (1 - share) * off[:, [0, 1, 0]] * off[:, [0, 1, 1]]
-    return np.concatenate([count, hits[:, 1:3] + share * off, (1 - share) * hits[:, 3:] + share * more[:, 3:] + between], axis=1)
+@lean_njit
+def _is_tip(own: Any, beyond: Any, k: Any, noise: Any) -> Any:
+    """Whether the hits of a column lie farther before the end of those `beyond` its rim k than beams err; (6,) each."""
+    axis, sign = k % 2, DX[k] + DY[k]
+    apart = (beyond[1 + axis] + sign - own[1 + axis]) * sign
+    return apart - np.sqrt(3.0 * max(beyond[3 + axis] - noise**2, 0.0)) >= _STRAY * noise
+
+
+@lean_njit
+def _join(own: Any, beyond: Any, k: Any, is_tip: Any, out: Any) -> None:
+    """Writes into `out` (6,) the spread of the hits of a column and those `beyond` its rim k as of one group; of a tip only how many."""
+    out[0] = own[0] + beyond[0]
+    share = 0.0 if is_tip else beyond[0] / out[0]
+    dx, dy = beyond[1] + DX[k] - own[1], beyond[2] + DY[k] - own[2]
+    out[1], out[2] = own[1] + share * dx, own[2] + share * dy
+    for i, between in ((3, dx * dx), (4, dy * dy), (5, dx * dy)):
+        out[i] = (1.0 - share) * own[i] + share * beyond[i] + share * (1.0 - share) * between
+
+
+@njit(cache=True)
+def _at_rims(found: Any) -> Any:
+    """(R,) which of the columns (M, 6) have their hits at a rim, and (R,) at which, by its direction."""
+    which, direction, n = np.empty(4 * len(found), np.int64), np.empty(4 * len(found), np.int64), 0
+    for i in range(len(found)):
+        for k in range(4):
+            if found[i, 1] * DX[k] + found[i, 2] * DY[k] > _AT_RIM:
+                which[n], direction[n] = i, k
+                n += 1
+    return which[:n], direction[:n]
+
+
+@njit(cache=True)
+def _with_beyond(found: Any, which: Any, direction: Any, beyond: Any, noise: Any) -> Any:
+    """(M, 6) the columns `found`, those `which` are at a rim with what lies `beyond` (R, 6), if more beams met that: the most of two."""
+    out, most = found.copy(), np.zeros(len(found))
+    for r in range(len(which)):
+        i, k = which[r], direction[r]
+        if beyond[r, 0] >= max(found[i, 0], most[i]):
+            most[i] = beyond[r, 0]
+            _join(found[i], beyond[r], k, _is_tip(found[i], beyond[r], k, noise), out[i])
+    return out
 
 
 def of_things(heights: SurfaceHeights, scene: Scene, column: Ints, low: Ints, high: Ints, noise: float) -> Floats:
@@ -51,44 +90,40 @@ def of_things(heights: SurfaceHeights, scene: Scene, column: Ints, low: Ints, hi
     What sticks a centimetre into a column, beside one that as many beams met, are the beams that ended too soon: the hits of both are of
     one thing. But the tip of a corner, which lies farther beyond the end of that than beams err, stays where it is.
     """
-    found, ahead = spread(heights, scene, column, low, high), np.stack([DX, DY], axis=1)
-    at_rim, k = np.nonzero(found[:, 1:3] @ ahead.T > _AT_RIM)
-    beyond = spread(heights, scene, column[at_rim] + DX[k] * scene.columns.ny + DY[k], low[at_rim], high[at_rim])
-    beyond[:, 1:3] += ahead[k]
-    many = np.flatnonzero(beyond[:, 0] >= found[at_rim, 0])
-    many = many[np.argsort(beyond[many, 0], kind="stable")]  # of two the one with more hits is written last
-    own, beyond, ahead = found[at_rim[many]], beyond[many], ahead[k[many]]
-    one = _together(own, beyond)
-    apart = ((beyond[:, 1:3] - own[:, 1:3]) * ahead).sum(axis=1)
-    end = np.sqrt(3.0 * np.maximum((beyond[:, 3:5] * np.abs(ahead)).sum(axis=1) - noise**2, 0.0))
-    is_tip = apart - end >= _STRAY * noise
-    one[is_tip, 1:] = own[is_tip, 1:]
-    found[at_rim[many]] = one
-    return found
+    found = spread(heights, scene, column, low, high)
+    which, k = _at_rims(found)
+    beyond = spread(heights, scene, column[which] + DX[k] * scene.columns.ny + DY[k], low[which], high[which])
+    return np.asarray(_with_beyond(found, which, k, beyond, noise))
 
 
-def _extent(variance: Floats, noise: float) -> tuple[Floats, Floats]:
-    """(M,) how far hits of this variance along a line reach from their mean if spread evenly, and (M,) how much of it is no noise."""
-    share = np.clip((variance / max(noise, _NO_NOISE) ** 2 - _NOISE_ALONE) / (1.0 - _NOISE_ALONE), 0.0, 1.0)
-    return np.sqrt(3.0 * np.maximum(variance, 0.0)) * np.sqrt(share), share
+@lean_njit
+def _extent(variance: Any, noise: Any) -> Any:
+    """How far hits of this variance along a line reach from their mean if spread evenly, and how much of it is no noise."""
+    share = min(1.0, max(0.0, (variance / max(noise, _NO_NOISE) ** 2 - _NOISE_ALONE) / (1.0 - _NOISE_ALONE)))
+    return np.sqrt(3.0 * max(variance, 0.0)) * np.sqrt(share), share
 
 
-def unmet(hits: Floats, few: float) -> Floats:
-    """(M,) voxels beyond its hits that a part of something may lie that none met: `few` divided by their number, with the square of that
+@lean_njit
+def unmet(hits: Any, few: Any) -> Any:
+    """Voxels beyond its hits that a part of something may lie that none met: `few` divided by their number, with the square of that
     where it is less than half a voxel."""
-    share = few / np.maximum(hits, 1.0)
-    return np.asarray(np.minimum(_UNMET, share * np.minimum(1.0, share / RIM)))
+    share = few / max(hits, 1.0)
+    return min(_UNMET, share * min(1.0, share / RIM))
 
 
-def reach_of(things: Floats, noise: float) -> Floats:
+@njit(cache=True)
+def reach_of(things: Any, noise: Any) -> Any:
     """(M, 3) how far things extend around the mean place of their hits, as `terrain_kernels.inflate` takes it: what is spread evenly ends
     at the root of three standard deviations. Across a flat side the hits are spread by the noise of the beams alone, in voxels, which is
     not part of the thing. What spreads more is a corner or a flank, of which little may lie in the column: so much farther as the noise.
 
     What few beams met may end where none did.
     """
-    xx, yy, xy = things[:, 3:].T
-    mean, off, angle = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy), 0.5 * np.arctan2(2.0 * xy, xx - yy)
-    (length, _), (width, share) = _extent(mean + off, noise), _extent(mean - off, noise)
-    around = width + np.minimum(unmet(things[:, 0], _FEW) + share * noise, _UNMET)
-    return np.column_stack([(length - width) * np.cos(angle), (length - width) * np.sin(angle), around])
+    out = np.empty((len(things), 3))
+    for i in range(len(things)):
+        xx, yy, xy = things[i, 3], things[i, 4], things[i, 5]
+        mean, off, angle = 0.5 * (xx + yy), np.hypot(0.5 * (xx - yy), xy), 0.5 * np.arctan2(2.0 * xy, xx - yy)
+        (length, _), (width, share) = _extent(mean + off, noise), _extent(mean - off, noise)
+        out[i, 0], out[i, 1] = (length - width) * np.cos(angle), (length - width) * np.sin(angle)
+        out[i, 2] = width + min(unmet(things[i, 0], _FEW) + share * noise, _UNMET)
+    return out

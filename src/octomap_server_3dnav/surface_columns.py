@@ -54,32 +54,25 @@ class Surfaces(NamedTuple):
         level, slope_level, offset, measured = _measured_or(heights, self.level, self.slope_level, self.offset)
         return self._replace(level=level, slope_level=slope_level, offset=offset, measured=measured)
 
-    def ground_voxels(self, nodes: NDArray[np.integer], near: NDArray[np.integer]) -> NDArray[np.int16]:
-        """(K,) voxels in which the ground of some drivable nodes lies: that of the surface, or a lower one if only beams gone astray ended
-        in that. So they did in one that lies higher than all four ground that is `near` (N, 4); in one that lies lower, a thin deck's,
-        those that are below its own ended at the underside."""
-        return np.asarray(_ground_voxels(nodes, near, self.z, self.level, self.slope_level, self.measured))
 
+@lean_njit
+def ground_voxel(node: Any, near: Any, surfaces: Any) -> Any:
+    """The voxel in which the ground of a drivable node lies: that of the surface, or a lower one if only beams gone astray ended in that.
 
-@njit(cache=True)
-def _ground_voxels(nodes: Any, near: Any, z: Any, level: Any, slope_level: Any, measured: Any) -> Any:
-    """What `Surfaces.ground_voxels` tells."""
-    voxel = np.empty(nodes.size, np.int16)
-    for k, node in enumerate(nodes):
-        voxel[k] = z[node]
-        if not measured[node]:
-            continue
-        ground = np.float64(slope_level[node])
-        inside, lowest, highest, total = 0, np.float64(np.inf), np.float64(-np.inf), np.float64(0.0)
-        for beside in near[node]:
-            if beside >= 0:
-                height = np.float64(slope_level[beside])
-                inside, lowest, highest, total = inside + 1, min(lowest, height), max(highest, height), total + height
-        if inside == near.shape[1] and (ground - highest > _ASTRAY or lowest - ground > _ASTRAY):
-            ground = total / inside
-        if level[node] - ground > _ASTRAY:
-            voxel[k] = np.floor(ground)
-    return voxel
+    So they did in one that lies higher than all four ground that is `near` (N, 4); in one that lies lower, a thin deck's, those that are
+    below its own ended at the underside.
+    """
+    if not surfaces.measured[node]:
+        return surfaces.z[node]
+    ground = np.float64(surfaces.slope_level[node])
+    inside, lowest, highest, total = 0, np.float64(np.inf), np.float64(-np.inf), np.float64(0.0)
+    for k in range(4):
+        if near[node, k] >= 0:
+            height = np.float64(surfaces.slope_level[near[node, k]])
+            inside, lowest, highest, total = inside + 1, min(lowest, height), max(highest, height), total + height
+    if inside == 4 and (ground - highest > _ASTRAY or lowest - ground > _ASTRAY):
+        ground = total / inside
+    return np.int16(np.floor(ground)) if surfaces.level[node] - ground > _ASTRAY else surfaces.z[node]
 
 
 @njit(cache=True)

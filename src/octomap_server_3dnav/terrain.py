@@ -4,19 +4,18 @@ After the octree took in a sweep, before a goal is chosen. Free, occupied and un
 cliff, a hole of a few unknown voxels is floor, and any other unknown floor is a frontier, worth a look.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
-from octomap_server_3dnav.barriers import Barriers, barriers_of, inflate, narrow_radii, passage_radii, turning_radii, unique_pairs
+from octomap_server_3dnav.barriers import Barriers, barriers_of, inflate, narrow_radii, passage_radii, turning_radii
 from octomap_server_3dnav.classified_terrain import Terrain, TerrainClass
 from octomap_server_3dnav.column_runs import ColumnRuns
 from octomap_server_3dnav.hit_extent import middles
 from octomap_server_3dnav.passages import Passage, connected_pieces, find_passages
 from octomap_server_3dnav.straight_lines import Ground, KeptOff
 from octomap_server_3dnav.surface_heights import SurfaceHeights
+from octomap_server_3dnav.terrain_assembly import Judged, assemble
 from octomap_server_3dnav.terrain_config import Limits, TerrainConfig
 from octomap_server_3dnav.terrain_judgement import (
     Departure,
@@ -33,87 +32,6 @@ from rigid_geometry import as_transform, yaw_of
 from rigid_geometry.transforms import Transform
 
 __all__ = ["Terrain", "TerrainClass", "TerrainConfig", "classify"]
-
-
-def _unique_frontiers(edges: NDArray[np.int64], step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(F, 2) column and z of the frontier voxels, one a column and level, and (M,) which one each edge leads to."""
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    column, z = edges[order, 0], edges[order, 1]
-    new = np.r_[True, (np.diff(column) != 0) | (np.diff(z) > step + 1)] if order.size else np.zeros(0, dtype=bool)
-    group_sorted = np.cumsum(new) - 1
-    group = np.empty(order.size, dtype=np.int64)
-    group[order] = group_sorted
-    highest = np.r_[new[1:], True] if order.size else new
-    return np.stack([column[highest], z[highest]], axis=1), group
-
-
-def _filled(voxels: NDArray[np.int64], terrain_class: TerrainClass) -> NDArray[np.uint8]:
-    return np.full(len(voxels), terrain_class, dtype=np.uint8)
-
-
-class _Judged(NamedTuple):
-    """What is known of the (N,) nodes of a scene, the obstacles (M, 3) and frontier edges (E, 5) beside them, and the ways over them.
-
-    `beside_reached` (E,): edges seen from ground that is reached, whatever the ground beside doubtful floor is.
-    """
-
-    label: NDArray[np.uint8]
-    narrow: NDArray[np.bool_]
-    near_kerb: NDArray[np.bool_]
-    cost: NDArray[np.float32]
-    obstacles: NDArray[np.int64]
-    edges: NDArray[np.int64]
-    beside_reached: NDArray[np.bool_]
-    start: int | None
-    departure: Departure
-    passages: list[Passage]
-    kept_off: KeptOff
-
-
-def _assemble(scene: Scene, judged: _Judged, limits: Limits, radius_m: float | None, robot: NDArray[np.float64]) -> Terrain:
-    label, narrow, near_kerb, cost, obstacles, edges, beside_reached, start, departure, passages, kept_off = judged
-    keep, number = kernels.number_nodes(label)
-    obstacles = unique_pairs(obstacles[:, 0], obstacles[:, 1])
-    frontiers, frontier_of_edge = _unique_frontiers(edges, limits.step)
-    beside = np.concatenate([obstacles, frontiers])
-    neighbours = kernels.drivable_neighbours(label, scene.links.graph, keep, number, len(beside))
-    parents = neighbours[len(neighbours) - len(frontiers) :]
-    parents[frontier_of_edge, (edges[:, 3] + 2) % 4] = number[edges[:, 2]]
-    kind = _filled(frontiers, TerrainClass.FRONTIER)
-    kind[frontier_of_edge[edges[:, 4] == kernels.SEES_EDGE]] = TerrainClass.POTENTIAL_CLIFF
-    seen_from_reached = np.zeros(len(frontiers), dtype=bool)
-    seen_from_reached[frontier_of_edge[beside_reached | departure.reached[edges[:, 2]]]] = True
-    column = np.concatenate([scene.surfaces.column[keep], beside[:, 0].astype(np.int32)])
-    ix, iy = np.divmod(column, np.int32(scene.columns.ny))
-    is_drivable = (label[keep] == TerrainClass.TRAVERSABLE) | (label[keep] == TerrainClass.INFLATION)
-    return Terrain(
-        resolution=limits.resolution,
-        ix=ix + np.int32(scene.key[0]),
-        iy=iy + np.int32(scene.key[1]),
-        z=np.concatenate(
-            [
-                np.where(is_drivable, scene.surfaces.ground_voxels(keep, scene.links.near), scene.surfaces.z[keep]),
-                beside[:, 1].astype(np.int16),
-            ]
-        ),
-        label=np.concatenate([label[keep], _filled(obstacles, TerrainClass.OBSTACLE), kind]),
-        bridged=np.concatenate([scene.surfaces.bridged[keep], np.zeros(len(beside), dtype=bool)]),
-        reached=np.concatenate([departure.reached[keep], np.zeros(len(obstacles), dtype=bool), seen_from_reached]),
-        near_kerb=np.concatenate([near_kerb[keep], np.zeros(len(beside), dtype=bool)]),
-        narrow=np.concatenate([narrow[keep], np.zeros(len(beside), dtype=bool)]),
-        cost=np.concatenate([cost[keep], np.full(len(beside), np.inf, dtype=np.float32)]),
-        neighbours=neighbours,
-        start=None if start is None else int(number[start]),
-        departure=None if departure.node is None else int(number[departure.node]),
-        radius_m=radius_m,
-        robot_xyz=(float(robot[0]), float(robot[1]), float(robot[2])),
-        surface_count=int(keep.size),
-        window_key=scene.key,
-        column_start=kernels.column_starts(scene.surfaces.start, number),
-        columns=scene.columns,
-        passages=tuple(Passage((int(number[p.nodes[0]]), int(number[p.nodes[1]])), p.line) for p in passages),
-        kept_off=kept_off,
-    )
 
 
 def _pieces(scene: Scene, label: NDArray[np.uint8], departure: int, config: TerrainConfig) -> tuple[NDArray[np.int32], int]:
@@ -186,11 +104,11 @@ def classify(
     scene = scene_around(runs, heights, robot, reach_m, config, limits)
     inside = scene.within(reach_m)
     label, seen, start = first_flood(scene, start_candidates(scene, T_map_base, config, limits), inside, config, limits)
-    cliff = np.flatnonzero(label == TerrainClass.CLIFF)
+    is_cliff = label == TerrainClass.CLIFF
     steps = kernels.mark_steps(label, scene.links.near, scene.links.graph, scene.surfaces.level)
     obstacles, beyond = kernels.barriers_seen(scene.columns, scene.surfaces, scene.links, label, inside, seen, limits)
-    cliff = np.union1d(cliff, beyond)
-    barriers, in_voxels = barriers_of(scene, label, obstacles, steps, cliff, heights, limits)
+    is_cliff[beyond] = True
+    barriers, in_voxels = barriers_of(scene, label, obstacles, steps, np.flatnonzero(is_cliff), heights, limits)
     narrow = label.copy()
     inflate(
         scene, narrow, barriers._replace(steep=in_voxels.steep).as_points(), narrow_radii(config, limits), config.inflation_shape, limits
@@ -211,5 +129,5 @@ def classify(
     near_kerb = near_kerbs(scene, label, config, limits)
     cost = soft_cost(scene, label, near_kerb, edges, config, limits)
     beside_reached = before.reached[edges[:, 2]]
-    judged = _Judged(label, is_narrow, near_kerb, cost, obstacles, edges, beside_reached, start, departure, passages, kept_off)
-    return _assemble(scene, judged, limits, radius_m, robot)
+    judged = Judged(label, is_narrow, near_kerb, cost, obstacles, edges, beside_reached, start, departure, passages, kept_off)
+    return assemble(scene, judged, limits, radius_m, robot)

@@ -1,8 +1,9 @@
 """The judgements of the terrain analysis, in the order of algorithm 3: start, flood, inflation, departure, frontiers, costs."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav import terrain_kernels as kernels
@@ -95,10 +96,8 @@ class UnknownFloor(NamedTuple):
 
 def unknown_floor(scene: Scene, label: NDArray[np.uint8], seen: NDArray[np.uint8], radius_m: float | None, limits: Limits) -> UnknownFloor:
     """searchFrontiers: `terrain_kernels.unknown_edges` from the ground within `radius_m` of the robot."""
-    sources = (label == TerrainClass.TRAVERSABLE) | (label == TerrainClass.INFLATION)
-    if radius_m is not None:
-        sources &= scene.within(radius_m)[scene.surfaces.column]
-    found = kernels.unknown_edges(scene.columns, scene.surfaces, label, scene.links.graph, sources, seen, limits.step, limits.clearance)
+    inside = scene.within(radius_m)
+    found = kernels.unknown_edges(scene.columns, scene.surfaces, label, scene.links.graph, inside, seen, limits.step, limits.clearance)
     is_gap = found[:, 5].astype(bool)
     return UnknownFloor(found[~is_gap, :5], found[is_gap, :5])
 
@@ -156,16 +155,26 @@ def soft_cost(
     limits: Limits,
 ) -> NDArray[np.float32]:
     """Cost factor of every node: 1 in the open, more towards inflation, kerbs and the unknown, inf in it and on what cannot be driven."""
-    width = max(1, round(config.soft_clearance_m / limits.resolution))
-    free = label == TerrainClass.TRAVERSABLE
-    hops = kernels.hops_from(label == TerrainClass.INFLATION, free, scene.links.graph, width)
-    cost_at = 1.0 + config.soft_clearance_weight * (1.0 - np.arange(width + 1) / width)
-    cost: NDArray[np.float32] = cost_at.astype(np.float32)[hops]
-    cost[near_kerb] *= np.float32(config.kerb_weight)
-    beside = round(config.unknown_margin_m / limits.resolution)
-    seen_from = np.zeros(label.size, dtype=bool)
+    width, beside = max(1, round(config.soft_clearance_m / limits.resolution)), round(config.unknown_margin_m / limits.resolution)
+    free, graph = label == TerrainClass.TRAVERSABLE, scene.links.graph
+    inflated, seen_from = label == TerrainClass.INFLATION, np.zeros(label.size, dtype=bool)
     seen_from[edges[:, 2]] = True
-    near_unknown = kernels.hops_from(seen_from, free | (label == TerrainClass.INFLATION), scene.links.graph, beside + 1) <= beside
-    cost[near_unknown] = (cost_at * config.unknown_weight).astype(np.float32)[hops[near_unknown]]
-    cost[~free] = np.inf
+    hops = kernels.hops_from(inflated, free, graph, width)
+    near_unknown = kernels.hops_from(seen_from, free | inflated, graph, beside + 1) <= beside
+    cost_at = 1.0 + config.soft_clearance_weight * (1.0 - np.arange(width + 1) / width)
+    at_unknown = (cost_at * config.unknown_weight).astype(np.float32)
+    return np.asarray(_costs(free, hops, near_unknown, near_kerb, cost_at.astype(np.float32), at_unknown, np.float32(config.kerb_weight)))
+
+
+@njit(cache=True)
+def _costs(free: Any, hops: Any, near_unknown: Any, near_kerb: Any, cost_at: Any, at_unknown: Any, kerb_weight: Any) -> Any:
+    """(N,) float32: of free nodes `cost_at` their number of hops from the inflation, more near kerbs and `at_unknown`; inf of others."""
+    cost = np.full(free.size, np.inf, np.float32)
+    for s in range(free.size):
+        if not free[s]:
+            continue
+        if near_unknown[s]:
+            cost[s] = at_unknown[hops[s]]
+        else:
+            cost[s] = cost_at[hops[s]] * kerb_weight if near_kerb[s] else cost_at[hops[s]]
     return cost

@@ -475,10 +475,10 @@ def _is_reached(start: Any, z: Any, label: Any, c: Any, level: Any, rise: Any) -
 
 
 @njit(cache=True)
-def unknown_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources: Any, seen: Any, step: Any, clearance: Any) -> Any:
-    """(M, 6) int64 (column, z, node it was seen from, direction, what was seen, whether it is a gap) of unknown floor beside the `sources`
-    (bool per node): frontier voxels, and gaps before ground that the flood has reached some other way and within two columns of what
-    stands, which no look is taken for and in which a side of that may be.
+def unknown_edges(columns: Any, surfaces: Any, label: Any, graph: Any, inside: Any, seen: Any, step: Any, clearance: Any) -> Any:
+    """(M, 6) int64 (column, z, node it was seen from, direction, what was seen, whether it is a gap) of unknown floor beside drivable
+    ground in columns that are `inside` (bool per column): frontier voxels, and gaps before ground that the flood has reached some other way
+    and within two columns of what stands, which no look is taken for and in which a side of that may be.
 
     The two-step test of thesis figure 5.13: no ground in a direction, and for a frontier nothing known around one step further; where
     something stands there `barriers_seen` found a side of it. Ground that the flood did not reach is what the look is for: a deck seen from
@@ -487,7 +487,7 @@ def unknown_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources: 
     start, column, z = surfaces.start, surfaces.column, surfaces.z
     found = []
     for s in range(z.size):
-        if not sources[s]:
+        if (label[s] != TRAVERSABLE and label[s] != INFLATION) or not inside[column[s]]:
             continue
         for k in range(4):
             if graph[s, k] >= 0 or (seen[s, k] != SEES_UNKNOWN and seen[s, k] != SEES_EDGE):
@@ -501,45 +501,4 @@ def unknown_edges(columns: Any, surfaces: Any, label: Any, graph: Any, sources: 
     out = np.empty((len(found), 6), np.int64)
     for i in range(len(found)):
         out[i, 0], out[i, 1], out[i, 2], out[i, 3], out[i, 4], out[i, 5] = found[i]
-    return out
-
-
-@njit(cache=True)
-def number_nodes(label: Any) -> Any:
-    """(K,) the nodes that the flood reached, and (N + 1,) the number of every node among them, -1 for the others and at the end."""
-    node, number = np.empty(np.count_nonzero(label != UNREACHED), np.int64), np.full(label.size + 1, -1, np.int32)
-    n = 0
-    for s in range(label.size):
-        if label[s] != UNREACHED:
-            node[n], number[s] = s, n
-            n += 1
-    return node, number
-
-
-@njit(cache=True)
-def column_starts(start: Any, number: Any) -> Any:
-    """(C + 1,) int64 number of the first kept node of each column or after it."""
-    out = np.empty(start.size, np.int64)
-    following = np.int64(number.max()) + 1
-    s = number.size - 1
-    for c in range(start.size - 1, -1, -1):
-        while s > start[c]:
-            s -= 1
-            if number[s] >= 0:
-                following = np.int64(number[s])
-        out[c] = following
-    return out
-
-
-@njit(cache=True)
-def drivable_neighbours(label: Any, graph: Any, node: Any, number: Any, more: Any) -> Any:
-    """(K + more, 4) int32 neighbours of the kept nodes by their new numbers, -1 unless both are drivable; -1 in the `more` rows."""
-    out = np.full((node.size + more, 4), -1, np.int32)
-    for i in range(node.size):
-        s = node[i]
-        if label[s] == TRAVERSABLE or label[s] == INFLATION:
-            for k in range(4):
-                n = graph[s, k]
-                if n >= 0 and (label[n] == TRAVERSABLE or label[n] == INFLATION):
-                    out[i, k] = number[n]
     return out

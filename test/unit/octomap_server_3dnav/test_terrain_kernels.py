@@ -10,7 +10,16 @@ from terrain_worlds import grid_of_heights, runs_of
 
 from octomap_server_3dnav import terrain_kernels, terrain_scene
 from octomap_server_3dnav.column_runs import VoxelState
-from octomap_server_3dnav.surface_columns import NO_VOXEL, Columns, Surfaces, crop_columns, find_node, lowest_occupied, tops_of
+from octomap_server_3dnav.surface_columns import (
+    NO_VOXEL,
+    Columns,
+    Surfaces,
+    crop_columns,
+    find_node,
+    ground_voxel,
+    lowest_occupied,
+    tops_of,
+)
 from octomap_server_3dnav.surface_graph import (
     UNFITTED,
     nearest_neighbours,
@@ -181,8 +190,8 @@ def test_ground_lies_below_the_voxel_in_which_a_beam_gone_astray_ended():
         np.arange(4, dtype=np.int32), np.arange(3, dtype=np.int32), z, none, level, ground, np.zeros((3, 2), np.float32), ~none
     )
     alone = np.full((3, 4), -1)
-    assert surfaces.ground_voxels(np.arange(3), alone).tolist() == [4, 3, 3]
-    assert surfaces._replace(measured=none).ground_voxels(np.arange(3), alone).tolist() == [4, 4, 4]
+    assert [ground_voxel(n, alone, surfaces) for n in range(3)] == [4, 3, 3]
+    assert [ground_voxel(n, alone, surfaces._replace(measured=none)) for n in range(3)] == [4, 4, 4]
 
 
 def test_ground_lies_where_it_does_all_around_if_a_beam_alone_ended_higher():
@@ -190,9 +199,9 @@ def test_ground_lies_where_it_does_all_around_if_a_beam_alone_ended_higher():
     near = np.full((5, 4), -1)
     near[0] = 1, 2, 3, 4
     surfaces = Surfaces(np.arange(6, dtype=np.int32), np.arange(5, dtype=np.int32), z, ~known, level, level, np.zeros((5, 2)), known)
-    assert surfaces.ground_voxels(np.arange(5), near).tolist() == [3, 3, 3, 3, 3]
+    assert [ground_voxel(n, near, surfaces) for n in range(5)] == [3, 3, 3, 3, 3]
     near[0, 3] = -1  # its end, where it may be the edge of what is as high as it
-    assert surfaces.ground_voxels(np.arange(5), near).tolist() == [5, 3, 3, 3, 3]
+    assert [ground_voxel(n, near, surfaces) for n in range(5)] == [5, 3, 3, 3, 3]
 
 
 def test_ground_of_a_thin_deck_does_not_lie_at_its_underside():
@@ -202,6 +211,6 @@ def test_ground_of_a_thin_deck_does_not_lie_at_its_underside():
     surfaces = Surfaces(
         np.arange(6, dtype=np.int32), np.arange(5, dtype=np.int32), z, ~known, level, with_underside, np.zeros((5, 2)), known
     )
-    assert surfaces.ground_voxels(np.arange(5), near).tolist() == [2, 3, 3, 3, 3]
+    assert [ground_voxel(n, near, surfaces) for n in range(5)] == [2, 3, 3, 3, 3]
     near[0, 3] = -1
-    assert surfaces.ground_voxels(np.arange(5), near).tolist() == [1, 3, 3, 3, 3]
+    assert [ground_voxel(n, near, surfaces) for n in range(5)] == [1, 3, 3, 3, 3]
