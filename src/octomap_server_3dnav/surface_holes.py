@@ -151,39 +151,61 @@ def _on_line(at_a: Any, at_b: Any, share: Any) -> Any:
     return at_a + share * (at_b - at_a)
 
 
+@lean_njit
+def _place_of(surfaces: Any, bridge: Any) -> Any:
+    """The node before which a bridge comes."""
+    n, c = np.int64(surfaces.start[int(bridge[0])]), int(bridge[0])
+    while n < surfaces.start[c + 1] and surfaces.z[n] <= bridge[1]:
+        n += 1
+    return n
+
+
+@lean_njit
+def _copy_nodes(old: Any, first: Any, end: Any, shift: Any, new: Any) -> None:
+    """Writes the nodes from `first` to before `end` into `new`, so much farther on."""
+    for s in range(first, end):
+        n = s + shift
+        new.column[n], new.z[n], new.bridged[n], new.measured[n] = old.column[s], old.z[s], old.bridged[s], old.measured[s]
+        new.level[n], new.slope_level[n] = old.level[s], old.slope_level[s]
+        new.offset[n, 0], new.offset[n, 1] = old.offset[s, 0], old.offset[s, 1]
+
+
+@lean_njit
+def _write_bridge(old: Any, bridge: Any, n: Any, new: Any) -> None:
+    """Writes a bridge as node n: where it is, and how high if both its ends are measured."""
+    a, b, share = int(bridge[3]), int(bridge[4]), bridge[5]
+    new.column[n], new.z[n], new.bridged[n], new.measured[n] = bridge[0], bridge[1], True, old.measured[a] and old.measured[b]
+    new.level[n] = new.slope_level[n] = bridge[1] + 0.5
+    new.offset[n, 0] = new.offset[n, 1] = 0.0
+    if new.measured[n]:
+        new.level[n] = _on_line(old.level[a], old.level[b], share)
+        new.slope_level[n] = _on_line(old.slope_level[a], old.slope_level[b], share)
+        for axis in range(2):
+            new.offset[n, axis] = _on_line(old.offset[a, axis], old.offset[b, axis], share)
+
+
 @njit(cache=True)
-def _with_holes(surfaces: Any, found: Any) -> Any:
-    """The fields of `Surfaces` with the (H, 7) sorted holes among them."""
-    old_start, old_column, old_z, old_bridged, old_level, old_slope_level, old_offset, old_measured = surfaces
-    holes, size = found.shape[0], old_z.size + found.shape[0]
-    hole_column, hole_z = np.full(holes + 1, -1, np.int32), np.zeros(holes + 1, np.int16)
-    for h in range(holes):
-        hole_column[h], hole_z[h] = found[h, 0], found[h, 1]
-    start, column, z, bridged = np.empty_like(old_start), np.empty(size, np.int32), np.empty(size, np.int16), np.zeros(size, np.bool_)
-    level, slope_level = np.empty(size, np.float32), np.empty(size, np.float32)
-    offset, measured = np.zeros((size, 2), np.float32), np.zeros(size, np.bool_)
-    s, h = 0, 0
-    for c in range(old_start.size - 1):
-        start[c], end = s + h, old_start[c + 1]
-        while s < end or hole_column[h] == c:
-            n = s + h
-            column[n] = c
-            if hole_column[h] != c or (s < end and hole_z[h] >= old_z[s]):
-                z[n], bridged[n], level[n], slope_level[n] = old_z[s], old_bridged[s], old_level[s], old_slope_level[s]
-                offset[n, 0], offset[n, 1], measured[n] = old_offset[s, 0], old_offset[s, 1], old_measured[s]
-                s += 1
-                continue
-            a, b, share = int(found[h, 3]), int(found[h, 4]), found[h, 5]
-            z[n], bridged[n], measured[n] = found[h, 1], True, old_measured[a] and old_measured[b]
-            level[n] = slope_level[n] = found[h, 1] + 0.5
-            if measured[n]:
-                level[n] = _on_line(old_level[a], old_level[b], share)
-                slope_level[n] = _on_line(old_slope_level[a], old_slope_level[b], share)
-                for axis in range(2):
-                    offset[n, axis] = _on_line(old_offset[a, axis], old_offset[b, axis], share)
-            h += 1
-    start[-1] = size
-    return start, column, z, bridged, level, slope_level, offset, measured
+def _fill_holes(surfaces: Any, found: Any, new: Any) -> None:
+    """Writes the surfaces and the (H, 7) sorted holes among them into `new`, which has room for both."""
+    first, column = 0, 0
+    for h in range(len(found) + 1):
+        is_last = h == len(found)
+        end = surfaces.z.size if is_last else _place_of(surfaces, found[h])
+        _copy_nodes(surfaces, first, end, h, new)
+        if not is_last:
+            _write_bridge(surfaces, found[h], end + h, new)
+        following = surfaces.start.size if is_last else int(found[h, 0]) + 1
+        for c in range(column, following):
+            new.start[c] = surfaces.start[c] + h
+        first, column = end, following
+
+
+def _with_holes(surfaces: Surfaces, found: NDArray[np.float64]) -> Surfaces:
+    """The surfaces with the (H, 7) sorted holes among them."""
+    size = surfaces.z.size + len(found)
+    new = Surfaces(np.empty_like(surfaces.start), *(np.empty((size, *of.shape[1:]), of.dtype) for of in surfaces[1:]))
+    _fill_holes(surfaces, found, new)
+    return new
 
 
 def bridge_holes(columns: Columns, surfaces: Surfaces, clearance: int, hole: int, step: int, max_measured_step: float) -> Surfaces:
@@ -194,7 +216,7 @@ def bridge_holes(columns: Columns, surfaces: Surfaces, clearance: int, hole: int
         out = np.empty((count, 7))
         _bridges(columns, surfaces, limits, out)
     found = out[:count]
-    return Surfaces(*_with_holes(surfaces, _one_per_hole(found, step))) if len(found) else surfaces
+    return _with_holes(surfaces, _one_per_hole(found, step)) if len(found) else surfaces
 
 
 @lean_njit
@@ -221,8 +243,8 @@ def _pits(surfaces: Any, nx: Any, ny: Any, step: Any, max_step: Any) -> Any:
     found, beside, sides = [0 for _ in range(0)], [0 for _ in range(0)], np.empty(4, np.int64)
     for s in range(surfaces.z.size):
         c = np.int64(surfaces.column[s])
-        inside = 0 < c // ny < nx - 1 and 0 < c % ny < ny - 1
-        if inside and _sides_of_pit(surfaces, s, ny, step, max_step, sides):
+        is_in_row = ny <= c < (nx - 1) * ny
+        if is_in_row and _sides_of_pit(surfaces, s, ny, step, max_step, sides) and 0 < c % ny < ny - 1:
             found.append(s)
             beside.extend(sides)
     return np.array(found, np.int64), np.array(beside, np.int64).reshape(-1, 4)
