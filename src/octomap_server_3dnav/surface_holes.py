@@ -129,20 +129,28 @@ def _goes_before(bridge: Any, other: Any) -> Any:
 @njit(cache=True)
 def _best_of(found: Any, order: Any, step: Any) -> Any:
     """One of the (M, 7) bridges where some meet in one column at one level; `order` (M,) sorts them by column and height."""
-    out, n = np.empty_like(found), 0
+    best, n = np.empty(order.size, np.int64), 0
     for i in range(order.size):
         bridge = found[order[i]]
         meets = i > 0 and bridge[0] == found[order[i - 1], 0] and bridge[1] - found[order[i - 1], 1] <= step
         n += not meets
-        if not meets or _goes_before(bridge, out[n - 1]):
-            out[n - 1] = bridge
-    return out[:n]
+        if not meets or _goes_before(bridge, found[best[n - 1]]):
+            best[n - 1] = order[i]
+    return found[best[:n]]
+
+
+@njit(cache=True)
+def _sort_keys(found: Any) -> Any:
+    """(M,) int64 that sort bridges by column and height."""
+    out = np.empty(len(found), np.int64)
+    for i in range(len(found)):
+        out[i] = (np.int64(found[i, 0]) << 16) + np.int64(found[i, 1])
+    return out
 
 
 def _one_per_hole(found: NDArray[np.float64], step: int) -> NDArray[np.float64]:
     """Those of the bridges that stay, sorted; as single numbers they sort faster than by two keys."""
-    column, z = found[:, :2].astype(np.int64).T
-    return np.asarray(_best_of(found, np.argsort((column << 16) + z, kind="stable"), step))
+    return np.asarray(_best_of(found, np.argsort(_sort_keys(found), kind="stable"), step))
 
 
 @lean_njit

@@ -188,10 +188,21 @@ def steppable_neighbours(near: Any, surfaces: Any, limits: Any) -> Any:
 
 
 @njit(cache=True)
+def _lacking(near: Any, graph: Any) -> Any:
+    """The nodes with fewer edges in the `graph` than `near`."""
+    every, left, out, n = near.reshape(-1), graph.reshape(-1), np.empty(len(near), np.int64), 0
+    for s in range(len(near)):
+        out[n] = s
+        same = (every[4 * s] == left[4 * s]) & (every[4 * s + 1] == left[4 * s + 1])
+        n += not (same & (every[4 * s + 2] == left[4 * s + 2]) & (every[4 * s + 3] == left[4 * s + 3]))
+    return out[:n]
+
+
+@njit(cache=True)
 def restore_on_planes(near: Any, graph: Any, surfaces: Any, ny: Any, limits: Any) -> None:
     """Puts those edges back into the `graph`, there and back, that begin or end on a measured plane which the robot drives on: where its
     hits lie far apart heights are off by up to 2 cm."""
-    for s in range(surfaces.z.size):
+    for s in _lacking(near, graph):
         is_plane, is_asked = False, False
         for k in range(4):
             n = near[s, k]

@@ -384,14 +384,24 @@ def barriers_seen(columns: Any, surfaces: Any, links: Any, label: Any, inside: A
 
 
 @lean_njit
-def _is_within(dx: Any, dy: Any, radius: Any, reach: Any) -> Any:
-    """Whether a place dx, dy from the middle of a thing is within `radius` of it."""
-    square = reach[0] ** 2 + reach[1] ** 2
-    along = min(1.0, max(-1.0, (dx * reach[0] + dy * reach[1]) / square)) if square > 0.0 else 0.0
-    return (dx - along * reach[0]) ** 2 + (dy - along * reach[1]) ** 2 <= (radius + reach[2] + 1e-6) ** 2
+def _is_within(dx: Any, dy: Any, most: Any, along_x: Any, along_y: Any, per_square: Any) -> Any:
+    """Whether a place dx, dy from the middle of a line is within `most` of it; `per_square` is 1 by the square of its half length."""
+    along = min(1.0, max(-1.0, (dx * along_x + dy * along_y) * per_square))
+    off_x, off_y = dx - along * along_x, dy - along * along_y
+    return off_x * off_x + off_y * off_y <= most * most
 
 
 @lean_njit
+def _extent_of(reach: Any, i: Any) -> Any:
+    """How far barrier i extends: x and y to the end of a line from its middle, 1 by the square of that, and how far around it."""
+    if len(reach) == 0:
+        return 0.0, 0.0, 0.0, 0.0
+    x, y = reach[i, 0], reach[i, 1]
+    square = x * x + y * y
+    return x, y, 1.0 / square if square > 0.0 else 0.0, reach[i, 2]
+
+
+@njit(cache=True)
 def inflate(label: Any, surfaces: Any, places: Any, reach: Any, radius: Any, square: Any, band: Any, nx: Any, ny: Any) -> None:
     """Turn traversable nodes into inflation whose column's middle is within `radius` of a barrier, at most `band` voxels up or down.
 
@@ -401,15 +411,17 @@ def inflate(label: Any, surfaces: Any, places: Any, reach: Any, radius: Any, squ
     start, column, z, slack = surfaces.start, surfaces.column, surfaces.z, 1e-6
     for i in range(len(places)):
         x, y, level = places[i, 0] - 0.5, places[i, 1] - 0.5, places[i, 2]
-        extends = len(reach) > 0
-        most = radius + np.hypot(reach[i, 0], reach[i, 1]) + reach[i, 2] if extends else radius
+        along_x, along_y, per_square, around = _extent_of(reach, i)
+        is_line = per_square > 0.0 and not square
+        near = radius + around
+        most = near + np.hypot(along_x, along_y)
         for jx in range(max(0, int(np.ceil(x - most - slack))), min(nx, int(np.floor(x + most + slack)) + 1)):
             dx = jx - x
             half = slack + (most if square else np.sqrt(max(0.0, most**2 - dx**2)))
             first, end = max(0, int(np.ceil(y - half))), min(ny, int(np.floor(y + half)) + 1)
             for n in range(start[jx * ny + first], start[jx * ny + end]):
                 if label[n] == TRAVERSABLE and abs(z[n] - level) <= band:
-                    if not extends or square or _is_within(dx, column[n] - jx * ny - y, radius, reach[i]):
+                    if not is_line or _is_within(dx, column[n] - jx * ny - y, near + slack, along_x, along_y, per_square):
                         label[n] = INFLATION
 
 
