@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.barriers import unique_pairs
+from octomap_server_3dnav.barriers import distinct_rows
 from octomap_server_3dnav.classified_terrain import Terrain, TerrainClass
 from octomap_server_3dnav.passages import Passage
 from octomap_server_3dnav.straight_lines import KeptOff
@@ -61,7 +61,8 @@ def _unique_frontiers(edges: NDArray[np.int64], step: int) -> tuple[NDArray[np.i
 def _obstacles_and_frontiers(judged: Judged, step: int) -> tuple[_Beside, int, NDArray[np.int64]]:
     """The obstacles and after them the frontiers, how many obstacles these are, and (E,) which frontier each edge leads to."""
     edges = judged.edges
-    obstacles = unique_pairs(judged.obstacles[:, 0], judged.obstacles[:, 1])
+    column, z = judged.obstacles[:, :2].T
+    obstacles = distinct_rows(column, z, z)[:, :2]
     frontiers, frontier_of_edge = _unique_frontiers(edges, step)
     of_edge, voxels = frontier_of_edge + len(obstacles), np.concatenate([obstacles, frontiers])
     label, reached = np.full(len(voxels), TerrainClass.OBSTACLE, dtype=np.uint8), np.zeros(len(voxels), dtype=bool)

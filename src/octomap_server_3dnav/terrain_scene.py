@@ -34,8 +34,7 @@ class Scene:
 
     def nodes_within(self, radius_m: float) -> NDArray[np.int64]:
         """The surface nodes of those columns, ascending."""
-        columns = np.flatnonzero(self.within(radius_m))
-        return np.asarray(_nodes_of(columns, self.surfaces.start))
+        return np.asarray(_nodes_of(_spans_within(self.x, self.y, radius_m), self.y.size, self.surfaces.start))
 
 
 @njit(cache=True)
@@ -48,12 +47,14 @@ def _columns_of(spans: Any, ny: Any) -> Any:
 
 
 @njit(cache=True)
-def _nodes_of(columns: Any, start: Any) -> Any:
-    """The nodes of some columns, in their order."""
-    out = np.empty((start[columns + 1] - start[columns]).sum(), np.int64)
-    n = 0
-    for c in columns:
-        for s in range(start[c], start[c + 1]):
+def _nodes_of(spans: Any, ny: Any, start: Any) -> Any:
+    """The nodes of the columns of the spans."""
+    first, end = np.empty(len(spans), np.int64), np.empty(len(spans), np.int64)
+    for ix in range(len(spans)):
+        first[ix], end[ix] = start[ix * ny + spans[ix, 0]], start[ix * ny + spans[ix, 1]]
+    out, n = np.empty((end - first).sum(), np.int64), 0
+    for ix in range(len(spans)):
+        for s in range(first[ix], end[ix]):
             out[n] = s
             n += 1
     return out
@@ -117,11 +118,21 @@ def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: Limits
     return surfaces, Links(near, graph, slope)
 
 
+@njit(cache=True)
+def _indices_of(column: Any, ny: Any, key: Any) -> Any:
+    """(N,) int32 ix and iy of ascending columns of a window of index `key`."""
+    ix, iy, x, first = np.empty(column.size, np.int32), np.empty(column.size, np.int32), 0, 0
+    for i in range(column.size):
+        while column[i] >= first + ny:
+            x, first = x + 1, first + ny
+        ix[i], iy[i] = key[0] + x, key[1] + column[i] - first
+    return ix, iy
+
+
 def _surfaces(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | None, config: TerrainConfig, limits: Limits) -> Surfaces:
     surfaces = tops_of(columns, limits.clearance, limits.step)
     if heights is not None:
-        ix, iy = np.divmod(surfaces.column, np.int32(columns.ny))
-        surfaces = surfaces.at_heights(heights.at(ix + key[0], iy + key[1], surfaces.z))
+        surfaces = surfaces.at_heights(heights.at(*_indices_of(surfaces.column, columns.ny, key), surfaces.z))
     if config.hole_bridge_voxels == 0:
         return surfaces
     surfaces = bridge_holes(columns, surfaces, limits.clearance, config.hole_bridge_voxels, limits.step, limits.steps.measured)
