@@ -176,17 +176,13 @@ def steepness_at(links: Any, level: Any, s: Any, reach: Any, steepest: Any) -> A
     return INCLINED if closely > steepest[1] else GENTLE
 
 
-@njit(cache=True)
-def _worth_fitting(start: Any) -> Any:
-    """How many sheets have enough nodes: the lowest surfaces of all columns are the first, those above these the next."""
-    count = np.zeros(64, np.int64)
+@lean_njit
+def _is_worth_fitting(start: Any, rank: Any) -> Any:
+    """Whether so many columns have a surface that is number `rank` from below that it pays to fit these as one sheet."""
+    count = np.int32(0)
     for c in range(start.size - 1):
-        for rank in range(min(start[c + 1] - start[c], count.size)):
-            count[rank] += 1
-    sheets = 0
-    while sheets < count.size and count[sheets] * _WORTH > start.size:
-        sheets += 1
-    return sheets
+        count += start[c + 1] - start[c] > rank
+    return count * _WORTH > start.size
 
 
 @njit(cache=True)
@@ -281,7 +277,9 @@ def slopes_of_open_ground(start: Any, level: Any, graph: Any, ny: Any, spans: An
     """`Links.slope`: sheet by sheet, of those with so many nodes that it pays."""
     slope = np.zeros(level.size, np.uint8)
     height, edges = np.empty(start.size - 1, np.float32), np.empty(start.size - 1, np.uint8)
-    for rank in range(_worth_fitting(start)):
+    rank = 0
+    while _is_worth_fitting(start, rank):
         _sheet(start, level, graph, ny, spans, rank, height, edges)
         _fit_sheet(start, rank, height, _both_ways(edges, ny), ny, reach, steepest, slope)
+        rank += 1
     return slope

@@ -37,9 +37,10 @@ __all__ = ["Terrain", "TerrainClass", "TerrainConfig", "classify"]
 def _pieces(scene: Scene, label: NDArray[np.uint8], departure: int, config: TerrainConfig) -> tuple[NDArray[np.int32], int]:
     """(N,) number of the piece of traversable ground of each node, -1 in none, and how many there are; small ones do not count."""
     piece, sizes = kernels.components(label, scene.links.graph, departure, label.size + 1)
-    large = (sizes >= config.min_traversable_voxels) | (np.arange(sizes.size) == 0)
-    piece[(piece >= 0) & ~large[piece]] = -1
-    return piece.astype(np.int32), int(np.count_nonzero(large))
+    large = sizes >= config.min_traversable_voxels
+    large[0] = True
+    kernels.leave_out(piece, large)
+    return piece, int(np.count_nonzero(large))
 
 
 def _over_passages(

@@ -457,6 +457,14 @@ def components(label: Any, graph: Any, first: Any, enough: Any) -> Any:
 
 
 @njit(cache=True)
+def leave_out(component: Any, is_kept: Any) -> None:
+    """Turns (N,) components into -1, none, that are not kept (C,)."""
+    for s in range(component.size):
+        if component[s] >= 0 and not is_kept[component[s]]:
+            component[s] = -1
+
+
+@njit(cache=True)
 def hops_from(seeds: Any, passable: Any, graph: Any, most: Any) -> Any:
     """(N,) int32 number of edges from the nearest seed through passable nodes, `most` where it is farther."""
     hops = np.full(passable.size, most, np.int32)
