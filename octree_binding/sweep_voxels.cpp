@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <future>
 #include <limits>
+#include <utility>
 
 namespace octree_binding {
 
@@ -65,10 +67,13 @@ const VoxelBlock* VoxelBlocks::beside(std::uint64_t position, int axis, int way)
   return found == kNone ? nullptr : &blocks_[found];
 }
 
-void VoxelBlocks::add_free(const VoxelBlocks& other) {
+void VoxelBlocks::add(const VoxelBlocks& other) {
   for (std::size_t i = 0; i < other.blocks_.size(); ++i) {
-    BlockBits& free = at(other.positions_[i]).free;
-    for (int word = 0; word < 8; ++word) free[word] |= other.blocks_[i].free[word];
+    VoxelBlock& block = at(other.positions_[i]);
+    for (int word = 0; word < 8; ++word) {
+      block.free[word] |= other.blocks_[i].free[word];
+      block.hit[word] |= other.blocks_[i].hit[word];
+    }
   }
 }
 
@@ -115,12 +120,18 @@ void VoxelBlocks::mark_through() {
 
 std::vector<VoxelBlock> VoxelBlocks::take_sorted() {
   const auto holds = [](std::uint64_t word) { return word != 0; };
-  std::vector<VoxelBlock> taken;
-  taken.reserve(blocks_.size());
-  for (const VoxelBlock& block : blocks_) {
-    if (std::any_of(block.free.begin(), block.free.end(), holds) || std::any_of(block.hit.begin(), block.hit.end(), holds)) taken.push_back(block);
+  std::vector<std::pair<std::uint64_t, std::size_t>> order;  // sorted instead of the blocks, which are large
+  order.reserve(blocks_.size());
+  for (std::size_t i = 0; i < blocks_.size(); ++i) {
+    const VoxelBlock& block = blocks_[i];
+    if (std::any_of(block.free.begin(), block.free.end(), holds) || std::any_of(block.hit.begin(), block.hit.end(), holds)) {
+      order.emplace_back(block.order, i);
+    }
   }
-  std::sort(taken.begin(), taken.end(), [](const VoxelBlock& a, const VoxelBlock& b) { return a.order < b.order; });
+  std::sort(order.begin(), order.end());
+  std::vector<VoxelBlock> taken;
+  taken.reserve(order.size());
+  for (const auto& [place, i] : order) taken.push_back(blocks_[i]);
   *this = VoxelBlocks();
   return taken;
 }
@@ -226,76 +237,135 @@ std::array<bool, 3> surface_layers(const Ray& ray, const VoxelBlocks& voxels) {
   return layers;
 }
 
-// Marks the voxels that the ray goes through, without the last one, as free (Amanatides and Woo 1987); `hits` are those of all rays.
+// Along a ray from voxel to voxel (Amanatides and Woo 1987).
+class Walk {
+ public:
+  explicit Walk(const Ray& ray) : at_(ray.first) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const int way = ray.last[axis] - at_[axis];
+      step_[axis] = way > 0 ? 1 : -1;
+      left_[axis] = std::abs(way);
+      next_[axis] = way ? (at_[axis] + (way > 0) - ray.from[axis]) / ray.along[axis] : kNever;
+      delta_[axis] = way ? step_[axis] / ray.along[axis] : kNever;
+      bits_[axis] = VoxelBlocks::bit_along(at_, axis);
+    }
+  }
+
+  const Voxel& at() const { return at_; }
+  int left() const { return left_[0] + left_[1] + left_[2]; }
+  double entered() const { return entered_; }  // the ray's parameter where it came into the voxel
+  unsigned bit() const { return bits_[0] | bits_[1] | bits_[2]; }
+
+  // To the next voxel; whether that is in another block.
+  bool go_on() {
+    int axis = next_[1] < next_[0];
+    axis = next_[2] < next_[axis] ? 2 : axis;
+    entered_ = next_[axis];
+    at_[axis] += step_[axis];
+    next_[axis] = --left_[axis] ? entered_ + delta_[axis] : kNever;
+    bits_[axis] = VoxelBlocks::bit_along(at_, axis);
+    return (at_[axis] & 7) == (step_[axis] > 0 ? 0 : 7);
+  }
+
+ private:
+  static constexpr double kNever = std::numeric_limits<double>::infinity();
+
+  Voxel at_;
+  int step_[3], left_[3];
+  double next_[3], delta_[3], entered_ = 0;
+  unsigned bits_[3];
+};
+
+// Marks the voxels that the ray goes through, without the last one, as free; `hits` are those of all rays.
 void carve(const Ray& ray, const SweepRules& rules, const VoxelBlocks& hits, VoxelBlocks& voxels) {
-  constexpr double kNever = std::numeric_limits<double>::infinity();
   std::array<bool, 3> layers{};
   if (ray.hit && rules.grazing > 0) layers = surface_layers(ray, hits);
+  const auto is_in_layer = [&](const Voxel& v) {  // and so it stays up to the end
+    return (layers[0] && v.x == ray.last.x) || (layers[1] && v.y == ray.last.y) || (layers[2] && v.z == ray.last.z);
+  };
   const double guarded_from = 1 - rules.grazing / ray.length;
-  Voxel at = ray.first;
-  int step[3];
-  double next[3], delta[3], entered = 0;
-  for (int axis = 0; axis < 3; ++axis) {
-    step[axis] = at[axis] < ray.last[axis] ? 1 : -1;
-    const bool moves = at[axis] != ray.last[axis];
-    next[axis] = moves ? (at[axis] + (step[axis] > 0) - ray.from[axis]) / ray.along[axis] : kNever;
-    delta[axis] = moves ? step[axis] / ray.along[axis] : kNever;
+  Walk walk(ray);
+  BlockBits* free = &voxels.at(walk.at()).free;
+  for (int left = walk.left(); left; --left) {
+    if (walk.entered() >= guarded_from && is_in_layer(walk.at())) return;
+    VoxelBlocks::set(*free, walk.bit());
+    if (walk.go_on()) free = &voxels.at(walk.at()).free;
   }
-  while (!(at == ray.last)) {
-    if (entered >= guarded_from) {
-      for (int axis = 0; axis < 3; ++axis) {
-        if (layers[axis] && at[axis] == ray.last[axis]) return;  // and so it stays up to the end
-      }
-    }
-    VoxelBlocks::set(voxels.at(at).free, VoxelBlocks::bit(at));
-    const int axis = next[0] <= next[1] ? (next[0] <= next[2] ? 0 : 2) : (next[1] <= next[2] ? 1 : 2);
-    entered = next[axis];
-    at[axis] += step[axis];
-    next[axis] = at[axis] == ray.last[axis] ? kNever : next[axis] + delta[axis];
-  }
-  if (ray.carve_last) VoxelBlocks::set(voxels.at(at).free, VoxelBlocks::bit(at));
+  if (ray.carve_last) VoxelBlocks::set(*free, walk.bit());
 }
 
-// The first ray to every end voxel; hits are marked on the way.
-std::vector<Ray> rays_of(const float* points, const float* origins, std::size_t n, const SweepRules& rules, VoxelBlocks& voxels, std::size_t& dropped) {
-  const auto finite = [](const float* p) { return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]); };
+// The first ray to every end voxel, of some points in their order.
+struct Rays {
   std::vector<Ray> rays;
-  VoxelBlocks carved_to;  // ends of rays without a hit
-  Ray ray;
-  for (std::size_t i = 0; i < n; ++i, points += 3, origins += 3) {
-    if (!finite(points) || !finite(origins)) {
-      ++dropped;
-      continue;
+  VoxelBlocks hits, carved_to;  // where they end, with and without a hit
+  std::size_t dropped = 0;
+
+  void add(const float* points, const float* origins, std::size_t n, const SweepRules& rules) {
+    const auto finite = [](const float* p) { return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]); };
+    rays.reserve(n);
+    Ray ray;
+    for (std::size_t i = 0; i < n; ++i, points += 3, origins += 3) {
+      if (!finite(points) || !finite(origins)) {
+        ++dropped;
+      } else if (make_ray(origins, points, rules, ray)) {
+        add(ray);
+      }
     }
-    if (!make_ray(origins, points, rules, ray)) continue;
-    BlockBits& ends = ray.hit ? voxels.at(ray.last).hit : carved_to.at(ray.last).hit;
+  }
+
+  void add(const Rays& later) {
+    dropped += later.dropped;
+    for (const Ray& ray : later.rays) add(ray);
+  }
+
+ private:
+  void add(const Ray& ray) {
+    BlockBits& ends = (ray.hit ? hits : carved_to).at(ray.last).hit;
     const unsigned bit = VoxelBlocks::bit(ray.last);
-    if (VoxelBlocks::test(ends, bit)) continue;
+    if (VoxelBlocks::test(ends, bit)) return;
     VoxelBlocks::set(ends, bit);
     rays.push_back(ray);
   }
-  return rays;
+};
+
+// Calls f(0) and f(1) in two threads.
+template <typename F>
+void in_two(const F& f) {
+  auto other = std::async(std::launch::async, f, 1);
+  f(0);
+  other.get();
+}
+
+// In two threads, each with half of the points: the same rays as in one.
+Rays rays_of(const float* points, const float* origins, std::size_t n, const SweepRules& rules) {
+  Rays halves[2];
+  in_two([&](std::size_t half) {
+    const std::size_t first = half ? n / 2 : 0, end = half ? n : n / 2;
+    halves[half].add(points + 3 * first, origins + 3 * first, end - first, rules);
+  });
+  halves[0].add(halves[1]);
+  return std::move(halves[0]);
 }
 
 // Carves all rays, every other one in a second thread: each writes blocks of its own, and in the end it is the same who wrote what.
-void carve_all(const std::vector<Ray>& rays, const SweepRules& rules, VoxelBlocks& voxels) {
-  VoxelBlocks carved[2];
-  const auto carve_half = [&](std::size_t half) {
-    for (std::size_t i = half; i < rays.size(); i += 2) carve(rays[i], rules, voxels, carved[half]);
-  };
-  auto other = std::async(std::launch::async, carve_half, 1);
-  carve_half(0);
-  other.get();
-  for (const VoxelBlocks& part : carved) voxels.add_free(part);
+VoxelBlocks carved(const Rays& traced, const SweepRules& rules) {
+  VoxelBlocks halves[2];
+  in_two([&](std::size_t half) {
+    for (std::size_t i = half; i < traced.rays.size(); i += 2) carve(traced.rays[i], rules, traced.hits, halves[half]);
+  });
+  halves[0].add(halves[1]);
+  halves[0].add(traced.hits);
+  return std::move(halves[0]);
 }
 
 }  // namespace
 
 SweepVoxels trace_sweep(const float* points, const float* origins, std::size_t n, const SweepRules& rules) {
   SweepVoxels out;
-  VoxelBlocks voxels;
-  carve_all(rays_of(points, origins, n, rules, voxels, out.dropped), rules, voxels);
+  const Rays traced = rays_of(points, origins, n, rules);
+  VoxelBlocks voxels = carved(traced, rules);
   voxels.mark_through();
+  out.dropped = traced.dropped;
   out.blocks = voxels.take_sorted();
   for (VoxelBlock& block : out.blocks) {
     for (int word = 0; word < 8; ++word) block.free[word] &= ~block.hit[word];

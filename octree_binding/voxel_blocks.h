@@ -53,15 +53,16 @@ class VoxelBlocks {
   bool is_hit(const Voxel& v) const;
 
   // The bit of a voxel within its block.
-  static unsigned bit(const Voxel& v) {
+  static unsigned bit(const Voxel& v) { return bit_along(v, 0) | bit_along(v, 1) | bit_along(v, 2); }
+  static unsigned bit_along(const Voxel& v, int axis) {  // the part of it that an axis tells
     constexpr std::uint16_t kSpread[8] = {0, 1, 8, 9, 64, 65, 72, 73};
-    return kSpread[v.x & 7] | kSpread[v.y & 7] << 1 | kSpread[v.z & 7] << 2;
+    return kSpread[v[axis] & 7] << axis;
   }
   static bool test(const BlockBits& bits, unsigned bit) { return bits[bit >> 6] >> (bit & 63) & 1; }
   static void set(BlockBits& bits, unsigned bit) { bits[bit >> 6] |= std::uint64_t{1} << (bit & 63); }
 
-  void add_free(const VoxelBlocks& other);  // what is `free` there is here, too
-  void mark_through();                      // sets `through` of all blocks
+  void add(const VoxelBlocks& other);  // what is `free` or `hit` there is so here, too
+  void mark_through();                 // sets `through` of all blocks
   // The blocks that hold something, in the octree's order; nothing is left.
   std::vector<VoxelBlock> take_sorted();
 
