@@ -165,10 +165,10 @@ def seen_down_to(columns: Any, c: Any, z: Any) -> Any:
 
 @lean_njit
 def is_top_seen(columns: Any, c: Any, z: Any) -> Any:
-    """Whether the voxel above voxel z of column c was seen free, so that what stands there ends at z."""
+    """Whether the voxel above voxel z of column c was seen free, so that what stands there ends at z, or below."""
     for r in range(columns.start[c], columns.start[c + 1]):
-        if columns.z_lo[r] > z:
-            return columns.z_lo[r] == z + 1 and not columns.occupied[r]
+        if columns.z_hi[r] > z:
+            return columns.z_lo[r] <= z + 1 and not columns.occupied[r]
     return False
 
 

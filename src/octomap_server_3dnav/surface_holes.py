@@ -1,6 +1,6 @@
 """Small holes between surfaces: floor is assumed where a few columns are unknown and the ground on both sides is one (thesis 5.5).
 
-So it is over a single column that is deeper than all four beside it: no wheel falls into it.
+So it is over a column, or two side by side, deeper than all around: no wheel falls into it.
 
 Second step of `terrain.classify`, over the surfaces of `surface_columns`; everything is in voxels.
 """
@@ -228,38 +228,82 @@ def bridge_holes(columns: Columns, surfaces: Surfaces, clearance: int, hole: int
 
 
 @lean_njit
-def _sides_of_pit(surfaces: Any, s: Any, ny: Any, step: Any, max_step: Any, sides: Any) -> Any:
-    """Whether all four columns beside node s have ground higher by more than `max_step`, or _PIT where that is measured (half a
-    voxel more if its bottom is not), of which those across from each other are one; `sides` (4,) is filled with it."""
-    c, z = np.int64(surfaces.column[s]), np.int64(surfaces.z[s])
+def _rises(surfaces: Any, s: Any, n: Any, max_step: Any) -> Any:
+    """Whether the ground at node n is higher than node s, a bottom, by more than `max_step`, or _PIT where that is measured (half a voxel
+    more if the bottom is not)."""
+    depth = max_step
+    if surfaces.measured[n]:
+        depth = _PIT if surfaces.measured[s] else _PIT + 0.5
+    return surfaces.level[n] - surfaces.level[s] > depth
+
+
+@lean_njit
+def _side(surfaces: Any, s: Any, k: Any, ny: Any, step: Any) -> Any:
+    """The node in direction k from node s within a step in height, -1 where there is none."""
+    return find_node(surfaces.start, surfaces.z, np.int64(surfaces.column[s]) + DX[k] * ny + DY[k], np.int64(surfaces.z[s]), step)
+
+
+@lean_njit
+def _rim(surfaces: Any, s: Any, ny: Any, step: Any, max_step: Any, sides: Any) -> Any:
+    """How many of the four columns beside node s rise from it, and the last that does not; `sides` (4,) is filled with their nodes, up to
+    the second that does not."""
+    rising, low = 0, -1
     for k in range(4):
-        sides[k] = find_node(surfaces.start, surfaces.z, c + DX[k] * ny + DY[k], z, step)
-        if sides[k] < 0:
-            return False
-        depth = max_step
-        if surfaces.measured[sides[k]]:
-            depth = _PIT if surfaces.measured[s] else _PIT + 0.5
-        if surfaces.level[sides[k]] - surfaces.level[s] <= depth:
-            return False
-    across = surfaces.level[sides[0]] - surfaces.level[sides[2]], surfaces.level[sides[1]] - surfaces.level[sides[3]]
-    return max(abs(across[0]), abs(across[1])) <= max_step
+        sides[k] = _side(surfaces, s, k, ny, step)
+        if sides[k] >= 0 and _rises(surfaces, s, sides[k], max_step):
+            rising += 1
+        elif low >= 0:
+            return 0, low
+        else:
+            low = k
+    return rising, low
+
+
+@lean_njit
+def _is_one_rim(surfaces: Any, a: Any, b: Any, max_step: Any) -> Any:
+    """Whether the ground on both sides of a pit is one."""
+    return abs(surfaces.level[a] - surfaces.level[b]) <= max_step
+
+
+@lean_njit
+def _sides_of_pit(surfaces: Any, s: Any, ny: Any, step: Any, max_step: Any, sides: Any, beyond: Any) -> Any:
+    """Whether node s lies at the bottom of a pit of one column or two: all around the ground rises, and what lies across it is one.
+
+    `sides` (4,) is filled with the nodes that tell its floor: all four, or twice those across a pit of two. `beyond` (4,) is scratch.
+    """
+    rising, low = _rim(surfaces, s, ny, step, max_step, sides)
+    if rising == 4:
+        return _is_one_rim(surfaces, sides[0], sides[2], max_step) and _is_one_rim(surfaces, sides[1], sides[3], max_step)
+    if rising < 3 or sides[low] < 0:
+        return False
+    back = (low + 2) % 4
+    if _rim(surfaces, sides[low], ny, step, max_step, beyond) != (3, back) or beyond[back] != s:
+        return False
+    is_one = _is_one_rim(surfaces, sides[back], beyond[low], max_step)
+    for k in (1, 3):
+        is_one &= _is_one_rim(surfaces, sides[(low + k) % 4], beyond[(low + k) % 4], max_step)
+    is_one &= _is_one_rim(surfaces, sides[(low + 1) % 4], sides[(low + 3) % 4], max_step)
+    is_one &= _is_one_rim(surfaces, beyond[(low + 1) % 4], beyond[(low + 3) % 4], max_step)
+    sides[low], sides[back] = sides[(low + 1) % 4], sides[(low + 3) % 4]
+    return is_one
 
 
 @njit(cache=True)
 def _pits(surfaces: Any, nx: Any, ny: Any, step: Any, max_step: Any) -> Any:
-    """(P,) nodes at the bottom of pits and (P, 4) those beside them."""
-    found, beside, sides = [0 for _ in range(0)], [0 for _ in range(0)], np.empty(4, np.int64)
+    """(P,) nodes at the bottom of pits and (P, 4) those that tell their floor."""
+    found, told = [0 for _ in range(0)], [0 for _ in range(0)]
+    sides, beyond = np.empty(4, np.int64), np.empty(4, np.int64)
     for s in range(surfaces.z.size):
         c = np.int64(surfaces.column[s])
-        is_in_row = ny <= c < (nx - 1) * ny
-        if is_in_row and _sides_of_pit(surfaces, s, ny, step, max_step, sides) and 0 < c % ny < ny - 1:
+        is_in_row = 2 * ny <= c < (nx - 2) * ny
+        if is_in_row and _sides_of_pit(surfaces, s, ny, step, max_step, sides, beyond) and 1 < c % ny < ny - 2:
             found.append(s)
-            beside.extend(sides)
-    return np.array(found, np.int64), np.array(beside, np.int64).reshape(-1, 4)
+            told.extend(sides)
+    return np.array(found, np.int64), np.array(told, np.int64).reshape(-1, 4)
 
 
 def cover_pits(columns: Columns, surfaces: Surfaces, step: int, max_step: float) -> Surfaces:
-    """The surfaces with floor over pits of a single column, as high as the ground on its four sides is on average."""
+    """The surfaces with floor over pits of a column or two, as high as the ground on its sides is on average."""
     pits, sides = _pits(surfaces, columns.nx, columns.ny, step, max_step)
     if not pits.size:
         return surfaces

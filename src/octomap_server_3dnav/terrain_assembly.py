@@ -61,8 +61,7 @@ def _unique_frontiers(edges: NDArray[np.int64], step: int) -> tuple[NDArray[np.i
 def _obstacles_and_frontiers(judged: Judged, step: int) -> tuple[_Beside, int, NDArray[np.int64]]:
     """The obstacles and after them the frontiers, how many obstacles these are, and (E,) which frontier each edge leads to."""
     edges = judged.edges
-    column, z = judged.obstacles[:, :2].T
-    obstacles = distinct_rows(column, z, z)[:, :2]
+    obstacles = distinct_rows(judged.obstacles, 1, 1)[:, :2]
     frontiers, frontier_of_edge = _unique_frontiers(edges, step)
     of_edge, voxels = frontier_of_edge + len(obstacles), np.concatenate([obstacles, frontiers])
     label, reached = np.full(len(voxels), TerrainClass.OBSTACLE, dtype=np.uint8), np.zeros(len(voxels), dtype=bool)

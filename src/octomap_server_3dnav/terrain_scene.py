@@ -132,7 +132,8 @@ def _indices_of(column: Any, ny: Any, key: Any) -> Any:
 def _surfaces(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | None, config: TerrainConfig, limits: Limits) -> Surfaces:
     surfaces = tops_of(columns, limits.clearance, limits.step)
     if heights is not None:
-        surfaces = surfaces.at_heights(heights.at(*_indices_of(surfaces.column, columns.ny, key), surfaces.z))
+        ix, iy = _indices_of(surfaces.column, columns.ny, key)
+        surfaces = surfaces.at_heights(heights.at(ix, iy, surfaces.z))
     if config.hole_bridge_voxels == 0:
         return surfaces
     surfaces = bridge_holes(columns, surfaces, limits.clearance, config.hole_bridge_voxels, limits.step, limits.steps.measured)

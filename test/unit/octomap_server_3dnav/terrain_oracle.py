@@ -27,6 +27,10 @@ class Node(NamedTuple):
     z: int
 
 
+# Columns of unknown floor, the levels from which they were looked at, and by which node, and whether that look passed over an edge.
+Unknown = dict[Column, dict[int, dict[Node, bool]]]
+
+
 class Run(NamedTuple):
     """Voxels of one column above each other that are all free or all occupied."""
 
@@ -185,12 +189,27 @@ class Oracle:
         for group in groups:
             yield min(group, key=lambda bridge: (bridge[1], -bridge[0]))[0]
 
+    def _rim(self, s: Node) -> dict[int, int]:
+        """By direction the levels of the ground beside a surface that is higher than a step."""
+        beside = {k: self.find(moved(s[:2], SIDES[k]), s.z, self.step) for k in range(4)}
+        return {k: n.z for k, n in beside.items() if n is not None and n.z - s.z > self.limits.steps.voxels}
+
     def _covered(self, s: Node) -> int:
-        """The level of floor over a pit of a single column; else that of the surface itself."""
-        beside = [self.find(moved(s[:2], way), s.z, self.step) for way in SIDES]
-        levels = [n.z for n in beside if n is not None and n.z - s.z > self.limits.steps.voxels]
-        is_pit = len(levels) == 4 and all(abs(levels[k] - levels[k + 2]) <= self.limits.steps.voxels for k in (0, 1))
-        return math.floor(sum(levels) / 4 + 0.5) if is_pit else s.z
+        """The level of floor over a pit of a column or two; else that of the surface itself."""
+        rim, pairs = self._rim(s), []
+        if len(rim) == 4:
+            pairs, floor = [(rim[0], rim[2]), (rim[1], rim[3])], list(rim.values())
+        elif len(rim) == 3:
+            low = next(k for k in range(4) if k not in rim)
+            back, left, right = ((low + k) % 4 for k in (2, 1, 3))
+            other = self.find(moved(s[:2], SIDES[low]), s.z, self.step)
+            beyond = self._rim(other) if other is not None else {}
+            if set(beyond) == {low, left, right} and self.find(s[:2], other.z, self.step) == s:
+                pairs = [(rim[back], beyond[low]), (rim[left], rim[right]), (beyond[left], beyond[right])]
+                pairs += [(rim[left], beyond[left]), (rim[right], beyond[right])]
+                floor = [rim[left], rim[right]]
+        is_pit = pairs and all(abs(a - b) <= self.limits.steps.voxels for a, b in pairs)
+        return math.floor(sum(floor) / len(floor) + 0.5) if is_pit else s.z
 
     # -- steps and slopes
 
@@ -400,8 +419,8 @@ class Oracle:
             return max(dx, dy) <= radius
         return dx * dx + dy * dy <= radius * radius + 1e-6
 
-    def _doubtful(self, unknown: dict[Column, dict[int, bool]], reached: set[Node]) -> list[tuple[Column, int]]:
-        """All unknown floor of places that no reached ground looks at, and assumed floor beside it."""
+    def _doubtful(self, unknown: Unknown, reached: set[Node]) -> list[tuple[Column, int]]:
+        """All unknown floor of places that no reached ground looks at, and assumed floor that does."""
         left, doubtful = {(*c, z) for c, levels in unknown.items() for z in levels}, []
         while left:
             place, waiting = set(), [left.pop()]
@@ -411,10 +430,9 @@ class Oracle:
                 beside = {b for b in left if abs(a[0] - b[0]) <= 2 and abs(a[1] - b[1]) <= 2 and abs(a[2] - b[2]) <= 3}
                 left -= beside
                 waiting += beside
-            if not any(self._looks_at(s, (x, y)) for x, y, z in place for s in self._sources((x, y), z) if s in reached):
-                doubtful += [((x, y), z) for x, y, z in place]
-                beside = [s for x, y, z in place for s in self._sources((x, y), z) if self._looks_at(s, (x, y))]
-                doubtful += [(s[:2], s.z) for s in beside if s in self.assumed]
+            looking = {s for x, y, z in place for s in unknown[x, y][z]}
+            if not looking & reached:
+                doubtful += [((x, y), z) for x, y, z in place] + [(s[:2], s.z) for s in looking & self.assumed]
         return doubtful
 
     def _reached_from(self, start: Node) -> set[Node]:
@@ -427,13 +445,6 @@ class Oracle:
             reached |= beside
             waiting += beside
         return reached
-
-    def _sources(self, c: Column, z: int) -> list[Node]:
-        return [s for side in SIDES if (s := Node(*moved(c, side), z)) in self.label]
-
-    def _looks_at(self, s: Node, c: Column) -> bool:
-        k = SIDES.index((c[0] - s.x, c[1] - s.y))
-        return self.edge(s, k) is None and self.beside(s, k) in ("unknown", "edge")
 
     def _keep_off(self, edges: list[tuple[Column, int]], start: Node) -> None:
         before = dict(self.label)
@@ -452,10 +463,10 @@ class Oracle:
             steps += 1
         return sorted(s for s in row if self.label[s] == TRAVERSABLE), steps
 
-    def _looks(self) -> tuple[dict[Column, dict[int, bool]], dict[Column, dict[int, bool]]]:
-        """Columns of frontiers and of gaps near things, levels from which they were looked at, and whether a look passed over an edge."""
-        frontiers: dict[Column, dict[int, bool]] = {}
-        gaps: dict[Column, dict[int, bool]] = {}
+    def _looks(self) -> tuple[Unknown, Unknown]:
+        """Frontiers, and gaps near things."""
+        frontiers: Unknown = {}
+        gaps: Unknown = {}
         for s in [*self._of(TRAVERSABLE), *self._of(INFLATION)]:
             for k in range(4):
                 what, c = "" if self.edge(s, k) else self.beside(s, k), moved(s[:2], SIDES[k])
@@ -464,17 +475,17 @@ class Oracle:
                 is_gap = any(self.find(b, s.z, self.step + 1) in self.label for b in self._around(moved(c, SIDES[k])))
                 if is_gap and not self._stands_within_two(c, s.z):
                     continue
-                levels = (gaps if is_gap else frontiers).setdefault(c, {})
-                levels[s.z] = levels.get(s.z, False) or what == "edge"
+                looks = (gaps if is_gap else frontiers).setdefault(c, {}).setdefault(s.z, {})
+                looks[s] = what == "edge"
         return frontiers, gaps
 
-    def _frontier_voxels(self, c: Column, levels: dict[int, bool]) -> Iterator[tuple[int, int, int, int]]:
+    def _frontier_voxels(self, c: Column, levels: dict[int, dict[Node, bool]]) -> Iterator[tuple[int, int, int, int]]:
         """One frontier voxel for levels of a column that steps part, the highest; a potential cliff when one of them is."""
         group: list[int] = []
         for z in sorted(levels):
             group.append(z)
             if not any(z < other <= z + self.step + 1 for other in levels):
-                yield (*c, z, POTENTIAL_CLIFF if any(levels[g] for g in group) else FRONTIER)
+                yield (*c, z, POTENTIAL_CLIFF if any(any(levels[g].values()) for g in group) else FRONTIER)
                 group = []
 
     def _around(self, c: Column) -> list[Column]:

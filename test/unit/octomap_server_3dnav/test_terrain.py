@@ -219,14 +219,24 @@ def test_ditch_that_was_seen_is_not_bridged():
     assert label_at(terrain, 39.5 * RESOLUTION, 2.4, 0.04) == CLIFF
 
 
-@pytest.mark.parametrize("columns", [1, 2])
-def test_pit_too_deep_for_a_step_is_floor_only_if_it_is_a_single_column(columns):
-    states = flat()
-    states[40 : 40 + columns, 30, BELOW - 1 : BELOW + 1] = FREE
-    states[40 : 40 + columns, 30, BELOW - 2] = OCCUPIED
+@pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 2), (3, 1), (2, 2)])
+def test_pit_too_deep_for_a_step_is_floor_only_if_it_is_of_a_column_or_two(size):
+    states, (nx, ny) = flat(), size
+    states[40 : 40 + nx, 30 : 30 + ny, BELOW - 1 : BELOW + 1] = FREE
+    states[40 : 40 + nx, 30 : 30 + ny, BELOW - 2] = OCCUPIED
     terrain = terrain_of(states, pose(1.6, 2.4))
-    assert terrain.bridged.sum() == (columns == 1)
-    assert (terrain.z[(terrain.ix == 40) & (terrain.iy == 30)] == (0 if columns == 1 else -2)).all()
+    is_floor = nx * ny <= 2
+    assert terrain.bridged.sum() == is_floor * nx * ny
+    assert (terrain.z[(terrain.ix == 40) & (terrain.iy == 30)] == (0 if is_floor else -2)).all()
+
+
+def test_pit_of_two_columns_at_an_edge_is_none():
+    states = flat()
+    states[40:42, 30, BELOW - 1 : BELOW + 1] = FREE
+    states[40:42, 30, BELOW - 2] = OCCUPIED
+    states[40:42, 31:, 1 : BELOW + 1] = FREE
+    states[40:42, 31:, 0] = OCCUPIED
+    assert not terrain_of(states, pose(1.6, 2.4)).bridged.any()
 
 
 def test_floor_that_alternates_between_layers_stays_traversable():

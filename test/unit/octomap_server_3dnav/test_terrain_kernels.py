@@ -17,6 +17,7 @@ from octomap_server_3dnav.surface_columns import (
     crop_columns,
     find_node,
     ground_voxel,
+    is_top_seen,
     lowest_occupied,
     tops_of,
 )
@@ -180,6 +181,23 @@ def test_bar_may_hang_over_ground_where_nothing_was_seen_between_free_space(besi
     z_lo, z_hi, occupied = (np.array(numbers) for numbers in zip(*runs, strict=True))
     columns = Columns(3, 3, start, z_lo.astype(np.int16), z_hi.astype(np.int16), occupied)
     assert terrain_kernels._may_hang_over(columns, 4, STEP + 1, CLEARANCE) == hangs
+
+
+@pytest.mark.parametrize(
+    ("runs", "is_seen"),
+    [
+        ([(0, 2, True), (3, 9, False)], True),
+        ([(0, 2, True), (4, 9, False)], False),
+        ([(0, 2, True), (3, 9, True)], False),
+        ([(0, 2, True)], False),
+        ([(-1, 9, False)], True),
+    ],
+    ids=["free above", "free farther above", "goes on", "unknown above", "floor assumed amid free space"],
+)
+def test_top_is_seen_where_the_voxel_above_it_was_free(runs, is_seen):
+    z_lo, z_hi, occupied = (np.array(numbers) for numbers in zip(*runs, strict=True))
+    columns = Columns(1, 1, np.array([0, len(runs)], np.int32), z_lo.astype(np.int16), z_hi.astype(np.int16), occupied)
+    assert is_top_seen(columns, 0, 2) == is_seen
 
 
 def test_ground_lies_below_the_voxel_in_which_a_beam_gone_astray_ended():

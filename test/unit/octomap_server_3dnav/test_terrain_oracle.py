@@ -23,6 +23,7 @@ def rough_map(rng: np.random.Generator) -> np.ndarray:
         height[cx : cx + size, cy : cy + size] += rng.integers(-3, 4)
     pits = rng.integers(0, SIDE, (2, rng.integers(0, 8)))
     height[pits[0], pits[1]] -= rng.integers(1, 4)
+    height[pits[0], np.minimum(pits[1] + rng.integers(0, 2), SIDE - 1)] -= rng.integers(1, 4)
     z = np.clip(np.round(height + rng.uniform(-0.4, 0.4, height.shape) * (rng.random() < 0.5)).astype(int), 0, LAYERS - 3)
     k = np.arange(LAYERS)
     states = np.where(k > z[:, :, None], FREE, np.where(k == z[:, :, None], OCCUPIED, UNKNOWN))
@@ -53,7 +54,7 @@ def _hide_strip_before_edge(states: np.ndarray, rng: np.random.Generator) -> Non
     states[x + 2 + width :] = FREE
 
 
-@settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     seed=st.integers(0, 2**32 - 1),
     inflation_m=st.sampled_from([0.0, 0.16, 0.25]),
