@@ -288,6 +288,15 @@ def _sides_of_pit(surfaces: Any, s: Any, ny: Any, step: Any, max_step: Any, side
     return is_one
 
 
+@lean_njit
+def _is_no_bottom(surfaces: Any, s: Any, c: Any) -> Any:
+    """Whether it is told at a glance that neither column beside that of node s along y rises, as beside every pit one does: both it and the
+    next have one surface, which is the next in memory, and the highest of the one before is the one before."""
+    start, level = surfaces.start, surfaces.level
+    is_plain = start[c] == s and start[c + 1] == s + 1 and start[c + 2] == s + 2
+    return is_plain and level[s - 1] - level[s] <= _PIT and level[s + 1] - level[s] <= _PIT
+
+
 @njit(cache=True)
 def _pits(surfaces: Any, nx: Any, ny: Any, step: Any, max_step: Any) -> Any:
     """(P,) nodes at the bottom of pits and (P, 4) those that tell their floor."""
@@ -295,8 +304,9 @@ def _pits(surfaces: Any, nx: Any, ny: Any, step: Any, max_step: Any) -> Any:
     sides, beyond = np.empty(4, np.int64), np.empty(4, np.int64)
     for s in range(surfaces.z.size):
         c = np.int64(surfaces.column[s])
-        is_in_row = 2 * ny <= c < (nx - 2) * ny
-        if is_in_row and _sides_of_pit(surfaces, s, ny, step, max_step, sides, beyond) and 1 < c % ny < ny - 2:
+        if not 2 * ny <= c < (nx - 2) * ny or _is_no_bottom(surfaces, s, c):
+            continue
+        if _sides_of_pit(surfaces, s, ny, step, max_step, sides, beyond) and 1 < c % ny < ny - 2:
             found.append(s)
             told.extend(sides)
     return np.array(found, np.int64), np.array(told, np.int64).reshape(-1, 4)
