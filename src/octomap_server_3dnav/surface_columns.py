@@ -33,7 +33,8 @@ class Columns(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """Surface nodes sorted by column and height: column (N,), z (N,) of the voxel, bridged (N,), and start per column.
+    """Surface nodes sorted by column and height: column (N,), z (N,) of the voxel, bridged (N,), whether all space above it was seen free as
+    high as the robot is (`is_open`, (N,)), and start per column.
 
     level (N,) is the height of the surface in voxels: where beams hit it on average, or on a line over a hole between two such, which
     `measured` (N,) tells; else the voxel's middle. slope_level (N,) is the same with what was hit in the voxel below, too: a slope passes
@@ -44,6 +45,7 @@ class Surfaces(NamedTuple):
     column: NDArray[np.int32]
     z: NDArray[np.int16]
     bridged: NDArray[np.bool_]
+    is_open: NDArray[np.bool_]
     level: NDArray[np.float32]
     slope_level: NDArray[np.float32]
     offset: NDArray[np.float32]
@@ -208,7 +210,7 @@ def blocking_voxel(columns: Any, c: Any, level: Any, step: Any, clearance: Any) 
 
 @njit(cache=True)
 def _tops(columns: Any, clearance: Any, step: Any) -> Any:
-    """(start, column, z) of the tops of occupied runs with at least `clearance` voxels below the next occupied one.
+    """(start, column, z, is_open) of the tops of occupied runs with at least `clearance` voxels below the next occupied one.
 
     Not of those with something unknown directly above that are a wall, higher than a step, or an underside, with air below: their tops
     were not seen. Air may begin one voxel below, for the beams that hit an underside flatly leave its layer unknown. Above there is no such
@@ -217,7 +219,7 @@ def _tops(columns: Any, clearance: Any, step: Any) -> Any:
     """
     runs, z_lo, z_hi, occupied = columns.start, columns.z_lo, columns.z_hi, columns.occupied  # named once: see terrain_kernels
     start = np.zeros(runs.size, np.int32)
-    column, z = np.empty(z_lo.size, np.int32), np.empty(z_lo.size, np.int16)
+    column, z, is_open = np.empty(z_lo.size, np.int32), np.empty(z_lo.size, np.int16), np.empty(z_lo.size, np.bool_)
     n = 0
     for c in range(runs.size - 1):
         first, last = np.int64(runs[c]), np.int64(runs[c + 1]) - 1
@@ -230,19 +232,20 @@ def _tops(columns: Any, clearance: Any, step: Any) -> Any:
                 n -= 1
             if not (r > first and occupied[r - 1] and z_lo[r] - z_hi[r - 1] <= _STRIP):
                 foot = z_lo[r]
-            is_open = r == last or z_lo[r + 1] > z_hi[r] + 1
+            is_dark = r == last or z_lo[r + 1] > z_hi[r] + 1
             hangs = r > first and not occupied[r - 1] and z_hi[r - 1] >= z_lo[r] - 2
             below = -1
-            if not (is_open and (hangs or z_hi[r] - foot >= step)):
+            if not (is_dark and (hangs or z_hi[r] - foot >= step)):
                 column[n], z[n], below = c, z_hi[r], r
+                is_open[n] = not (is_dark or occupied[r + 1]) and z_hi[r + 1] >= z_hi[r] + clearance
                 n += 1
         start[c + 1] = n
-    return start, column[:n], z[:n]
+    return start, column[:n], z[:n], is_open[:n]
 
 
 def tops_of(columns: Columns, clearance: int, step: int) -> Surfaces:
     """Every surface of the window with `clearance` voxels of room above, at the middle of its voxel."""
-    start, column, z = _tops(columns, clearance, step)
+    start, column, z, is_open = _tops(columns, clearance, step)
     unknown = np.zeros(z.size, dtype=bool)
     middle = z.astype(np.float32) + np.float32(0.5)
-    return Surfaces(start, column, z, unknown, middle, middle, np.zeros((z.size, 2), dtype=np.float32), unknown)
+    return Surfaces(start, column, z, unknown, is_open, middle, middle, np.zeros((z.size, 2), dtype=np.float32), unknown)

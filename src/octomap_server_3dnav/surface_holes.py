@@ -173,8 +173,8 @@ def _copy_nodes(old: Any, first: Any, end: Any, shift: Any, new: Any) -> None:
     """Writes the nodes from `first` to before `end` into `new`, so much farther on."""
     for s in range(first, end):
         n = s + shift
-        new.column[n], new.z[n], new.bridged[n], new.measured[n] = old.column[s], old.z[s], old.bridged[s], old.measured[s]
-        new.level[n], new.slope_level[n] = old.level[s], old.slope_level[s]
+        new.column[n], new.z[n], new.bridged[n], new.is_open[n] = old.column[s], old.z[s], old.bridged[s], old.is_open[s]
+        new.level[n], new.slope_level[n], new.measured[n] = old.level[s], old.slope_level[s], old.measured[s]
         new.offset[n, 0], new.offset[n, 1] = old.offset[s, 0], old.offset[s, 1]
 
 
@@ -182,7 +182,8 @@ def _copy_nodes(old: Any, first: Any, end: Any, shift: Any, new: Any) -> None:
 def _write_bridge(old: Any, bridge: Any, n: Any, new: Any) -> None:
     """Writes a bridge as node n: where it is, and how high if both its ends are measured."""
     a, b, share = int(bridge[3]), int(bridge[4]), bridge[5]
-    new.column[n], new.z[n], new.bridged[n], new.measured[n] = bridge[0], bridge[1], True, old.measured[a] and old.measured[b]
+    new.column[n], new.z[n], new.bridged[n], new.is_open[n] = bridge[0], bridge[1], True, False
+    new.measured[n] = old.measured[a] and old.measured[b]
     new.level[n] = new.slope_level[n] = bridge[1] + 0.5
     new.offset[n, 0] = new.offset[n, 1] = 0.0
     if new.measured[n]:
@@ -317,10 +318,10 @@ def cover_pits(columns: Columns, surfaces: Surfaces, step: int, max_step: float)
     pits, sides = _pits(surfaces, columns.nx, columns.ny, step, max_step)
     if not pits.size:
         return surfaces
-    z, bridged, measured = surfaces.z.copy(), surfaces.bridged.copy(), surfaces.measured.copy()
+    z, bridged, measured, is_open = surfaces.z.copy(), surfaces.bridged.copy(), surfaces.measured.copy(), surfaces.is_open.copy()
     level, slope_level, offset = surfaces.level.copy(), surfaces.slope_level.copy(), surfaces.offset.copy()
     z[pits], bridged[pits], measured[pits] = np.floor(level[sides].mean(axis=1)), True, surfaces.measured[sides].all(axis=1)
     level[pits] = np.where(measured[pits], level[sides].mean(axis=1), z[pits] + 0.5)
     slope_level[pits] = np.where(measured[pits], slope_level[sides].mean(axis=1), z[pits] + 0.5)
-    offset[pits] = 0.0
-    return surfaces._replace(z=z, bridged=bridged, measured=measured, level=level, slope_level=slope_level, offset=offset)
+    offset[pits], is_open[pits] = 0.0, False
+    return surfaces._replace(z=z, bridged=bridged, is_open=is_open, measured=measured, level=level, slope_level=slope_level, offset=offset)

@@ -178,6 +178,8 @@ def _may_be_side(columns: Any, surfaces: Any, near: Any, s: Any, c: Any, step: A
     Space in the robot's way was seen above it, but nothing right above, up to a step: the foot of a flank that was met from below or lies
     in a shadow, unless nobody knows that it was hit: the robot stood there. Or none was seen, though it was beside.
     """
+    if surfaces.is_open[s]:
+        return False
     z = np.int64(surfaces.z[s])
     runs, z_lo, z_hi, occupied, low, high = columns.start, columns.z_lo, columns.z_hi, columns.occupied, z + step + 1, z + clearance
     if _is_seen_in(runs, z_lo, z_hi, occupied, c, low, high):
@@ -358,7 +360,9 @@ def barriers_seen(columns: Any, surfaces: Any, links: Any, label: Any, inside: A
         if label[s] != TRAVERSABLE:
             continue
         level = np.int64(z[s])
-        hangs = _may_hang_over(columns, np.int64(column[s]), level + step + 1, level + clearance)
+        hangs: Any = NO_VOXEL
+        if not surfaces.is_open[s]:
+            hangs = _may_hang_over(columns, np.int64(column[s]), level + step + 1, level + clearance)
         if hangs != NO_VOXEL:
             found.append((np.int64(column[s]), np.int64(hangs), level, np.int64(PASSED)))
         for k in range(4):

@@ -205,7 +205,7 @@ def test_ground_lies_below_the_voxel_in_which_a_beam_gone_astray_ended():
     level, ground = np.array([4.4, 4.2, 4.5], np.float32), np.array([4.1, 3.1, 3.0], np.float32)
     none, z = np.zeros(3, bool), np.full(3, 4, np.int16)
     surfaces = Surfaces(
-        np.arange(4, dtype=np.int32), np.arange(3, dtype=np.int32), z, none, level, ground, np.zeros((3, 2), np.float32), ~none
+        np.arange(4, dtype=np.int32), np.arange(3, dtype=np.int32), z, none, none, level, ground, np.zeros((3, 2), np.float32), ~none
     )
     alone = np.full((3, 4), -1)
     assert [ground_voxel(n, alone, surfaces) for n in range(3)] == [4, 3, 3]
@@ -216,7 +216,7 @@ def test_ground_lies_where_it_does_all_around_if_a_beam_alone_ended_higher():
     level, z, known = np.array([5.1, 3.2, 3.3, 3.1, 3.4], np.float32), np.array([5, 3, 3, 3, 3], np.int16), np.ones(5, bool)
     near = np.full((5, 4), -1)
     near[0] = 1, 2, 3, 4
-    surfaces = Surfaces(np.arange(6, dtype=np.int32), np.arange(5, dtype=np.int32), z, ~known, level, level, np.zeros((5, 2)), known)
+    surfaces = Surfaces(np.arange(6, dtype=np.int32), np.arange(5, dtype=np.int32), z, ~known, known, level, level, np.zeros((5, 2)), known)
     assert [ground_voxel(n, near, surfaces) for n in range(5)] == [3, 3, 3, 3, 3]
     near[0, 3] = -1  # its end, where it may be the edge of what is as high as it
     assert [ground_voxel(n, near, surfaces) for n in range(5)] == [5, 3, 3, 3, 3]
@@ -227,7 +227,7 @@ def test_ground_of_a_thin_deck_does_not_lie_at_its_underside():
     with_underside, near = np.array([1.4, *level[1:]], np.float32), np.full((5, 4), -1)
     near[0] = 1, 2, 3, 4
     surfaces = Surfaces(
-        np.arange(6, dtype=np.int32), np.arange(5, dtype=np.int32), z, ~known, level, with_underside, np.zeros((5, 2)), known
+        np.arange(6, dtype=np.int32), np.arange(5, dtype=np.int32), z, ~known, known, level, with_underside, np.zeros((5, 2)), known
     )
     assert [ground_voxel(n, near, surfaces) for n in range(5)] == [2, 3, 3, 3, 3]
     near[0, 3] = -1
