@@ -33,8 +33,9 @@ class Columns(NamedTuple):
 
 
 class Surfaces(NamedTuple):
-    """Surface nodes sorted by column and height: column (N,), z (N,) of the voxel, bridged (N,), whether all space above it was seen free as
-    high as the robot is (`is_open`, (N,)), and start per column.
+    """Surface nodes sorted by column and height: column (N,), z (N,) of the voxel, bridged (N,), and start per column.
+
+    is_open (N,) tells whether all space above was seen free as high as the robot is.
 
     level (N,) is the height of the surface in voxels: where beams hit it on average, or on a line over a hole between two such, which
     `measured` (N,) tells; else the voxel's middle. slope_level (N,) is the same with what was hit in the voxel below, too: a slope passes
