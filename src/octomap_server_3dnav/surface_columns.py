@@ -126,6 +126,17 @@ def crop_columns(runs: ColumnRuns, key: tuple[int, int], ny: int, spans: NDArray
     return Columns(len(spans), ny, *_crop(runs.start, runs.z_lo, runs.z_hi, runs.occupied, rows, ny))
 
 
+@njit(cache=True)
+def indices_of(column: Any, ny: Any, key: Any) -> Any:
+    """(N,) int32 ix and iy of ascending columns of a window of index `key`."""
+    ix, iy, x, first = np.empty(column.size, np.int32), np.empty(column.size, np.int32), 0, 0
+    for i in range(column.size):
+        while column[i] >= first + ny:
+            x, first = x + 1, first + ny
+        ix[i], iy[i] = key[0] + x, key[1] + column[i] - first
+    return ix, iy
+
+
 @lean_njit
 def lowest_occupied(columns: Any, c: Any, low: Any, high: Any) -> Any:
     """Lowest occupied voxel of column c in low..high, NO_VOXEL when there is none."""

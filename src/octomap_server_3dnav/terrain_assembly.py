@@ -13,7 +13,7 @@ from octomap_server_3dnav.barriers import distinct_rows
 from octomap_server_3dnav.classified_terrain import Terrain, TerrainClass
 from octomap_server_3dnav.passages import Passage
 from octomap_server_3dnav.straight_lines import KeptOff
-from octomap_server_3dnav.surface_columns import ground_voxel
+from octomap_server_3dnav.surface_columns import ground_voxel, indices_of
 from octomap_server_3dnav.terrain_config import Limits
 from octomap_server_3dnav.terrain_judgement import Departure
 from octomap_server_3dnav.terrain_kernels import INFLATION, SEES_EDGE, TRAVERSABLE, UNREACHED
@@ -117,12 +117,10 @@ def _voxels(node: Any, label: Any, surfaces: Any, near: Any, beside: Any, ny: An
     """ix, iy and z of the kept nodes, ascending by column, where their ground lies, and after them of what is `beside` (B, 2)."""
     size = node.size + len(beside)
     ix, iy, z = np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size, np.int16)
-    x, first = 0, 0
+    ix[: node.size], iy[: node.size] = indices_of(surfaces.column[node], ny, key)
     for i in range(node.size):
         s = node[i]
-        while surfaces.column[s] >= first + ny:
-            x, first = x + 1, first + ny
-        ix[i], iy[i], z[i] = key[0] + x, key[1] + surfaces.column[s] - first, surfaces.z[s]
+        z[i] = surfaces.z[s]
         if label[s] == TRAVERSABLE or label[s] == INFLATION:
             z[i] = ground_voxel(s, near, surfaces)
     for b in range(len(beside)):

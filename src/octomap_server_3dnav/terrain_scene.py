@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.column_runs import ColumnRuns
-from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, tops_of
+from octomap_server_3dnav.surface_columns import Columns, Surfaces, crop_columns, indices_of, tops_of
 from octomap_server_3dnav.surface_graph import Links, centred_levels, nearest_neighbours, slopes_of_open_ground
 from octomap_server_3dnav.surface_heights import SurfaceHeights
 from octomap_server_3dnav.surface_holes import bridge_holes, cover_pits
@@ -118,21 +118,10 @@ def _links(surfaces: Surfaces, ny: int, spans: NDArray[np.int64], limits: Limits
     return surfaces, Links(near, graph, slope)
 
 
-@njit(cache=True)
-def _indices_of(column: Any, ny: Any, key: Any) -> Any:
-    """(N,) int32 ix and iy of ascending columns of a window of index `key`."""
-    ix, iy, x, first = np.empty(column.size, np.int32), np.empty(column.size, np.int32), 0, 0
-    for i in range(column.size):
-        while column[i] >= first + ny:
-            x, first = x + 1, first + ny
-        ix[i], iy[i] = key[0] + x, key[1] + column[i] - first
-    return ix, iy
-
-
 def _surfaces(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | None, config: TerrainConfig, limits: Limits) -> Surfaces:
     surfaces = tops_of(columns, limits.clearance, limits.step)
     if heights is not None:
-        ix, iy = _indices_of(surfaces.column, columns.ny, key)
+        ix, iy = indices_of(surfaces.column, columns.ny, key)
         surfaces = surfaces.at_heights(heights.at(ix, iy, surfaces.z))
     if config.hole_bridge_voxels == 0:
         return surfaces
