@@ -290,12 +290,13 @@ def _sides_of_pit(surfaces: Any, s: Any, ny: Any, step: Any, max_step: Any, side
 
 
 @lean_njit
-def _is_no_bottom(surfaces: Any, s: Any, c: Any) -> Any:
+def _is_no_bottom(surfaces: Any, s: Any, c: Any, max_step: Any) -> Any:
     """Whether it is told at a glance that neither column beside that of node s along y rises, as beside every pit one does: both it and the
     next have one surface, which is the next in memory, and the highest of the one before is the one before."""
     start, level = surfaces.start, surfaces.level
     is_plain = start[c] == s and start[c + 1] == s + 1 and start[c + 2] == s + 2
-    return is_plain and level[s - 1] - level[s] <= _PIT and level[s + 1] - level[s] <= _PIT
+    depth = min(_PIT, max_step)  # the least with which `_rises` is content
+    return is_plain and level[s - 1] - level[s] <= depth and level[s + 1] - level[s] <= depth
 
 
 @njit(cache=True)
@@ -305,7 +306,7 @@ def _pits(surfaces: Any, nx: Any, ny: Any, step: Any, max_step: Any) -> Any:
     sides, beyond = np.empty(4, np.int64), np.empty(4, np.int64)
     for s in range(surfaces.z.size):
         c = np.int64(surfaces.column[s])
-        if not 2 * ny <= c < (nx - 2) * ny or _is_no_bottom(surfaces, s, c):
+        if not 2 * ny <= c < (nx - 2) * ny or _is_no_bottom(surfaces, s, c, max_step):
             continue
         if _sides_of_pit(surfaces, s, ny, step, max_step, sides, beyond) and 1 < c % ny < ny - 2:
             found.append(s)
