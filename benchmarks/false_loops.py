@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 from registration_scores import text_table, write_json
 
 from pose_graph_mapping import MappingConfig, PoseGraph
-from pose_graph_mapping.mapper import empty_graph
-from pose_graph_mapping.pose_graph import Edge, EdgeKind
-from pose_graph_mapping.session_index import SessionIndex
-from pose_graph_mapping.session_record import StoredSweep
+from pose_graph_mapping.graph.mapper import empty_graph
+from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind
+from pose_graph_mapping.session.session_index import SessionIndex
+from pose_graph_mapping.session.session_record import StoredSweep
 from rigid_geometry import inverse, rotation_from_rpy
 
 Array = NDArray[np.float64]

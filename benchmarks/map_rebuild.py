@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.map_builder import RUNS_MARGIN_M, Beams, MapBuilder, MapConfig
-from octomap_server_3dnav.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, Beams, MapBuilder, MapConfig
+from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
 from rigid_geometry import transform_from_quat, transform_from_rpy
 
 LOCAL_RADIUS_M = 6.0 + RUNS_MARGIN_M

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
 
 RESOLUTION_M = 0.08
 POINTS = 130_000

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from octree_insertion import RESOLUTION_M, sweeps
 
-from octomap_server_3dnav.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
 
 ROOMS = (("5 m room", 2.5, 10.0), ("20 m hall", 10.0, 10.0), ("40 m hall", 20.0, 30.0))
 _HEADER = (

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from mapping_tools.graph_solving import numbered, solve_plain, solve_robust
-from pose_graph_mapping.graph_files import read_graph_file
+from pose_graph_mapping.graph.graph_files import read_graph_file
 
 ROOT = Path(__file__).resolve().parents[1]
 ORDER = np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from exploration_evaluation import read_trajectory, trajectory_errors
 from exploration_evaluation.run_files import read_arrays
-from octomap_server_3dnav.terrain_config import TerrainConfig
+from octomap_server_3dnav.terrain.config import TerrainConfig
 from pybullet_simulation import ramp_world
 from rigid_geometry import transform_points
 

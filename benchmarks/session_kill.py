@@ -29,8 +29,8 @@ from pose_graph_mapping import (  # noqa: E402
     SessionStore,
     create_registration,
 )
-from pose_graph_mapping.localisation import localise  # noqa: E402
-from pose_graph_mapping.session_resume import resume  # noqa: E402
+from pose_graph_mapping.graph.localisation import localise  # noqa: E402
+from pose_graph_mapping.session.session_resume import resume  # noqa: E402
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy, translation_distance  # noqa: E402
 
 INTERVAL_S = 10.0

@@ -23,12 +23,12 @@ import numpy as np
 from map_rebuild import from_scratch, recorded
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.column_runs import ColumnRuns
-from octomap_server_3dnav.frontiers import FrontierConfig, find_frontiers
-from octomap_server_3dnav.map_builder import RUNS_MARGIN_M
-from octomap_server_3dnav.octree import OctreeMap
-from octomap_server_3dnav.planner import PlannerConfig, plan_path
-from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.exploration.frontiers import FrontierConfig, find_frontiers
+from octomap_server_3dnav.navigation.planner import PlannerConfig, plan_path
+from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M
+from octomap_server_3dnav.octree.octree import OctreeMap
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
 
 LOCAL_RADIUS_M = 6.0
 TURNS = 3  # of the versions that are compared

@@ -19,10 +19,10 @@ from scipy.spatial import cKDTree
 
 from exploration_evaluation import EvaluationConfig, RobotShape, reachable_ground, read_mesh, read_trajectory, trajectory_errors
 from exploration_evaluation.classification import EDGE, Classification, classification, true_classes
-from octomap_server_3dnav.exploration_config import ExplorationConfig
-from octomap_server_3dnav.map_builder import RUNS_MARGIN_M, MapBuilder, MapConfig
-from octomap_server_3dnav.octree import SensorModel
-from octomap_server_3dnav.terrain import Terrain, TerrainConfig, classify
+from octomap_server_3dnav.exploration.config import ExplorationConfig
+from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, MapBuilder, MapConfig
+from octomap_server_3dnav.octree.octree import SensorModel
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig, classify
 from rigid_geometry import transform_points
 from stage_config import load_config
 from stop_scan_and_go import StopScanAndGoConfig

@@ -16,11 +16,11 @@ import numpy as np
 from map_rebuild import Array, Beams, from_scratch, recorded, tiled
 from terrain_classification import LOCAL_RADIUS_M, farthest_node, median_ms, pose_near_the_middle
 
-from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
-from octomap_server_3dnav.map_builder import RUNS_MARGIN_M, MapBuilder
-from octomap_server_3dnav.octree import OctreeMap
-from octomap_server_3dnav.planner import PlannerConfig, plan_path
-from octomap_server_3dnav.terrain import Terrain, TerrainConfig, classify
+from octomap_server_3dnav.navigation.planner import PlannerConfig, plan_path
+from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
+from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, MapBuilder
+from octomap_server_3dnav.octree.octree import OctreeMap
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig, classify
 from rigid_geometry.transforms import Transform
 
 FIELD_M, PILLARS_EVERY_M, RESOLUTION_M = 72.0, 4.0, 0.08

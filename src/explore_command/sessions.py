@@ -30,7 +30,7 @@ def earlier_run(folder: Path) -> EarlierRun:
 
 def clock_after(folder: Path, option: str) -> float:
     """Seconds at which the clock goes on after the last sweep of the session in a folder; ValueError when there is none."""
-    from pose_graph_mapping.session_store import SessionStore  # loads gtsam: only when it is asked for
+    from pose_graph_mapping.session.session_store import SessionStore  # loads gtsam: only when it is asked for
 
     if not (folder / "sweeps").is_dir():
         raise ValueError(f"{option} {folder}: no session there, sweeps/ is missing")

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from pose_graph_mapping.graph_consistency import consistent_edges, settled, trusted_edges
-from pose_graph_mapping.graph_files import GraphFile
-from pose_graph_mapping.graph_measurements import Edge, GraphNotSolvable
-from pose_graph_mapping.graph_problem import GraphProblem, minimised, poses_of, tree_poses
+from pose_graph_mapping.graph.graph_consistency import consistent_edges, settled, trusted_edges
+from pose_graph_mapping.graph.graph_files import GraphFile
+from pose_graph_mapping.graph.graph_measurements import Edge, GraphNotSolvable
+from pose_graph_mapping.graph.graph_problem import GraphProblem, minimised, poses_of, tree_poses
 
 Array = NDArray[np.float64]
 

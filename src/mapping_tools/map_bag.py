@@ -20,11 +20,11 @@ from mapping_tools.configuration import ToolConfig, configured
 from mapping_tools.folder_sweeps import FolderSweeps
 from mapping_tools.mapping_run import MappingRun
 from mapping_tools.sweep_sources import SweepSource
-from pose_graph_mapping.loop_closure import Match
-from pose_graph_mapping.mapper import PoseGraphMapper
-from pose_graph_mapping.registration import create_registration
-from pose_graph_mapping.session_resume import resume
-from pose_graph_mapping.session_store import SessionStore, write_atomically
+from pose_graph_mapping.graph.loop_closure import Match
+from pose_graph_mapping.graph.mapper import PoseGraphMapper
+from pose_graph_mapping.registration.matching import create_registration
+from pose_graph_mapping.session.session_resume import resume
+from pose_graph_mapping.session.session_store import SessionStore, write_atomically
 from rigid_geometry import transform_from_rpy
 from stage_config import to_mapping
 

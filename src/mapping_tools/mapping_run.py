@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapping_tools.sweep_sources import SourceSweep, SweepSource, Unreadable
-from pose_graph_mapping.cloud import PointCloud
-from pose_graph_mapping.localisation import localise
-from pose_graph_mapping.loop_closure import Match
-from pose_graph_mapping.mapper import MappingUpdate, PoseGraphMapper
-from pose_graph_mapping.session_store import NotOnDiskError, SessionStore
+from pose_graph_mapping.graph.localisation import localise
+from pose_graph_mapping.graph.loop_closure import Match
+from pose_graph_mapping.graph.mapper import MappingUpdate, PoseGraphMapper
+from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.session.session_store import NotOnDiskError, SessionStore
 from rigid_geometry import inverse, rotation_angle
 
 Array = NDArray[np.float64]

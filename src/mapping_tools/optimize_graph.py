@@ -13,9 +13,9 @@ from typing import Any
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.graph_solving import NumberedGraph, SolvedGraph, numbered, solve_plain, solve_robust
-from pose_graph_mapping.graph_files import GraphFile, g2o_text, read_graph_file
-from pose_graph_mapping.graph_measurements import GraphNotSolvable
-from pose_graph_mapping.session_files import write_atomically
+from pose_graph_mapping.graph.graph_files import GraphFile, g2o_text, read_graph_file
+from pose_graph_mapping.graph.graph_measurements import GraphNotSolvable
+from pose_graph_mapping.session.session_files import write_atomically
 
 SOLVED, NOT_SOLVABLE, BAD_INPUT = 0, 1, 2
 ERROR_UNIT = "half of the sum of squared Mahalanobis distances of the edges"

@@ -19,8 +19,8 @@ from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.centred_match import centre_of, match_centred
 from mapping_tools.cloud_files import VIEWPOINT_FIELDS, CloudFile, read_cloud
 from pose_graph_mapping import PointCloud, RegistrationConfig, RegistrationResult, Verdict, create_registration, merged, voxel_downsample
-from pose_graph_mapping.cloud import viewpoints
-from pose_graph_mapping.session_files import write_atomically
+from pose_graph_mapping.registration.cloud import viewpoints
+from pose_graph_mapping.session.session_files import write_atomically
 from rigid_geometry import as_transform, quat_xyzw_from_transform, rpy_from_rotation, transform_from_rpy
 from stage_config import load_config
 

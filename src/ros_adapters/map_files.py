@@ -9,8 +9,8 @@ import numpy as np
 import rospy
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree import OctreeMap
-from octomap_server_3dnav.terrain import Terrain
+from octomap_server_3dnav.octree.octree import OctreeMap
+from octomap_server_3dnav.terrain.classify import Terrain
 
 _REST_S = 5.0  # wall time between two writings: they take half a second of a core that the robot's next metres need
 

@@ -8,10 +8,10 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from octomap_server_3dnav.class_colours import CLASS_RGB
-from octomap_server_3dnav.local_grid import project
-from octomap_server_3dnav.octree import OctreeMap
-from octomap_server_3dnav.terrain import Terrain, TerrainClass
+from octomap_server_3dnav.octree.octree import OctreeMap
+from octomap_server_3dnav.terrain.class_colours import CLASS_RGB
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
+from octomap_server_3dnav.terrain.local_grid import project
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import cloud_message, header, occupancy_grid_message, path_message
 from ros_adapters.node import Node

@@ -7,7 +7,7 @@ from geometry_msgs.msg import Transform
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
-from pose_graph_mapping.registration import PointCloud, RegistrationResult, Verdict, refused
+from pose_graph_mapping.registration.matching import PointCloud, RegistrationResult, Verdict, refused
 from ros_adapters.conversions import cloud_arrays_with_normals, cloud_message, transform_from_message, transform_message
 
 _UNKNOWN = Transform()

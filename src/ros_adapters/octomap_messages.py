@@ -3,7 +3,7 @@
 import numpy as np
 from std_msgs.msg import Header
 
-from octomap_server_3dnav.octree import OctreeMap
+from octomap_server_3dnav.octree.octree import OctreeMap
 from ros_adapters.conversions import ros_time
 
 _PARTS = {

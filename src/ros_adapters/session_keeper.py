@@ -9,14 +9,14 @@ from explore_3dnav.srv import RestoreSweep
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
-from pose_graph_mapping.cloud import PointCloud
 from pose_graph_mapping.config import MappingConfig
-from pose_graph_mapping.localisation import LocalisationConfig, Placement, localise
-from pose_graph_mapping.loop_closure import Match
-from pose_graph_mapping.mapper import PoseGraphMapper
-from pose_graph_mapping.pose_graph import PoseGraph
-from pose_graph_mapping.session_resume import resume
-from pose_graph_mapping.session_store import DamagedSweepError, NotOnDiskError, SessionStore
+from pose_graph_mapping.graph.localisation import LocalisationConfig, Placement, localise
+from pose_graph_mapping.graph.loop_closure import Match
+from pose_graph_mapping.graph.mapper import PoseGraphMapper
+from pose_graph_mapping.graph.pose_graph import PoseGraph
+from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.session.session_resume import resume
+from pose_graph_mapping.session.session_store import DamagedSweepError, NotOnDiskError, SessionStore
 from ros_adapters.conversions import Singles, cloud_message, free_arrays, header, pose_message
 from ros_adapters.node import Diagnostics
 

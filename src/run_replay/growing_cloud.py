@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pose_graph_mapping.cloud import PointCloud, voxel_downsample
+from pose_graph_mapping.registration.cloud import PointCloud, voxel_downsample
 from rigid_geometry import transform_points
 
 Floats = NDArray[np.float64]

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exploration_evaluation import read_arrays, read_occupied, read_trajectory, trajectory_errors
-from octomap_server_3dnav.terrain import TerrainClass
-from pose_graph_mapping.pose_graph import PoseGraph
-from pose_graph_mapping.session_store import SessionStore
+from octomap_server_3dnav.terrain.classify import TerrainClass
+from pose_graph_mapping.graph.pose_graph import PoseGraph
+from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import inverse
 from rigid_geometry.transforms import Transform
 

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TypeVar
 
-from octomap_server_3dnav.column_runs import ColumnRuns
-from octomap_server_3dnav.frontiers import Frontier, find_frontiers
-from octomap_server_3dnav.octree import OctreeMap
-from octomap_server_3dnav.planner import Path, nearest_traversable, plan_path
-from octomap_server_3dnav.terrain import Terrain, classify
+from octomap_server_3dnav.exploration.frontiers import Frontier, find_frontiers
+from octomap_server_3dnav.navigation.planner import Path, nearest_traversable, plan_path
+from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.octree.octree import OctreeMap
+from octomap_server_3dnav.terrain.classify import Terrain, classify
 from terrain_tools.ground import Place, Point, nearest_ground, nearest_reached, outside, pose_on, why_no_goal, why_no_start
 from terrain_tools.robot_file import RobotConfig
 

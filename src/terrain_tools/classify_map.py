@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
-from octomap_server_3dnav import exploration
-from octomap_server_3dnav.octree import replace_file
-from octomap_server_3dnav.terrain import Terrain, TerrainConfig
+from octomap_server_3dnav.exploration import exploration
+from octomap_server_3dnav.octree.octree import replace_file
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig
 from terrain_tools import octree_survey
 from terrain_tools.analysis import Analysis, analyse
 from terrain_tools.map_source import CLOUDS, OCTREES, ORIGINS, read_map

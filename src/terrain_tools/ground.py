@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
-from octomap_server_3dnav.octree import OctreeMap
-from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
+from octomap_server_3dnav.octree.octree import OctreeMap
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
 from rigid_geometry import transform_from_rpy
 
 Array = NDArray[np.float64]

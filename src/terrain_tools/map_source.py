@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem
-from octomap_server_3dnav.column_runs import KEY_OFFSET
-from octomap_server_3dnav.map_builder import MapConfig
-from octomap_server_3dnav.octree import OctreeMap
+from octomap_server_3dnav.octree.column_runs import KEY_OFFSET
+from octomap_server_3dnav.octree.map_builder import MapConfig
+from octomap_server_3dnav.octree.octree import OctreeMap
 from terrain_tools.octree_survey import Survey, survey
 from terrain_tools.robot_file import RobotConfig
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from octomap_server_3dnav.class_colours import CLASS_RGB
-from octomap_server_3dnav.frontiers import Frontier
-from octomap_server_3dnav.planner import Path as GroundPath
-from octomap_server_3dnav.terrain import Terrain, TerrainClass
+from octomap_server_3dnav.exploration.frontiers import Frontier
+from octomap_server_3dnav.navigation.planner import Path as GroundPath
+from octomap_server_3dnav.terrain.class_colours import CLASS_RGB
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
 from stage_config import to_mapping
 from terrain_tools.analysis import Analysis
 from terrain_tools.robot_file import RobotConfig

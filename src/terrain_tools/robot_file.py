@@ -10,11 +10,11 @@ import yaml
 
 from explore_command.arguments import ArgumentProblem
 from explore_command.parameters import NODE_CONFIGS, config_class, override_problems
-from octomap_server_3dnav.frontiers import FrontierConfig
-from octomap_server_3dnav.map_builder import MapConfig
-from octomap_server_3dnav.octree import SensorModel
-from octomap_server_3dnav.planner import PlannerConfig
-from octomap_server_3dnav.terrain import TerrainConfig
+from octomap_server_3dnav.exploration.frontiers import FrontierConfig
+from octomap_server_3dnav.navigation.planner import PlannerConfig
+from octomap_server_3dnav.octree.map_builder import MapConfig
+from octomap_server_3dnav.octree.octree import SensorModel
+from octomap_server_3dnav.terrain.classify import TerrainConfig
 from stage_config import load_config
 
 NODE = "octomap_server_3dnav_node"

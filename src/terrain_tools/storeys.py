@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.terrain import Terrain, TerrainClass
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
 
 _ROOM_M = 1.0  # ground this far above other ground is another storey's
 _HIDDEN_SHARE = 0.01  # of the columns, that may have ground twice within a storey

@@ -12,7 +12,7 @@ from nav_msgs.msg import Path
 from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, floor_and_walls, one_line_of, run_misconfigured, wait_for_node
 
 import rostest
-from octomap_server_3dnav.octree import OctreeMap
+from octomap_server_3dnav.octree.octree import OctreeMap
 from rigid_geometry import transform_from_rpy, transform_points
 from ros_adapters.conversions import terrain_grid_arrays
 from ros_adapters.graph_markers import trajectory_message

@@ -16,8 +16,8 @@ from std_srvs.srv import Empty, Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 import rostest
-from octomap_server_3dnav.column_runs import VoxelState
-from octomap_server_3dnav.octree import OctreeMap
+from octomap_server_3dnav.octree.column_runs import VoxelState
+from octomap_server_3dnav.octree.octree import OctreeMap
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import cloud_message, header, pose_message
 from ros_adapters.octomap_messages import BoundingBoxQuery, GetOctomap, Octomap, octomap_bytes

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from exploring import ExploreRun, summary
 
-from octomap_server_3dnav.octree import OctreeMap
+from octomap_server_3dnav.octree.octree import OctreeMap
 
 END_LIMIT_S = 40.0
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from exploring import ExploreRun, lines_of_sweeps, summary
 
-from octomap_server_3dnav.octree import OctreeMap
+from octomap_server_3dnav.octree.octree import OctreeMap
 
 PROMISED_S = 10.0
 NODE = "octomap_server_3dnav_node"

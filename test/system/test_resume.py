@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from exploring import ExploreRun
 
-from pose_graph_mapping.session_store import SessionStore
+from pose_graph_mapping.session.session_store import SessionStore
 
 THREE_MAPPED = re.compile(r"\b[3-9] sweeps\b.*\| (?!mapping)")  # a sweep that is being mapped counts already, and is not on disk yet
 

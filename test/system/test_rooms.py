@@ -8,8 +8,8 @@ import open3d as o3d
 import pytest
 from exploring import lines_of_sweeps, summary
 
-from octomap_server_3dnav.octree import OctreeMap
-from pose_graph_mapping.pose_graph import PoseGraph
+from octomap_server_3dnav.octree.octree import OctreeMap
+from pose_graph_mapping.graph.pose_graph import PoseGraph
 
 NEEDED_KEYS = (
     "success stop_reason sim_time_s wall_time_s distance_m sweeps loop_closures local_classifications local_classification_time_s "

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from exploration_evaluation.graph_edges import read_edges, wrong_edges
-from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph
+from pose_graph_mapping.graph.pose_graph import EdgeKind, PoseGraph
 from rigid_geometry import inverse, transform_from_rpy
 
 TRUTH = [transform_from_rpy((2.0 * k, 0.1 * k, 0.1), (0.02, 0.0, 0.3 * k)) for k in range(5)]

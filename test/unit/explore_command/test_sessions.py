@@ -9,8 +9,8 @@ import pytest
 from explore_command.__main__ import main
 from explore_command.arguments import ArgumentProblem, parse, prepare_out
 from explore_command.sessions import clock_after, earlier_run
-from pose_graph_mapping.pose_graph import PoseGraph
-from pose_graph_mapping.session_store import SessionStore
+from pose_graph_mapping.graph.pose_graph import PoseGraph
+from pose_graph_mapping.session.session_store import SessionStore
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import open3d as o3d
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
-from pose_graph_mapping.session_store import tum_text
+from pose_graph_mapping.session.session_store import tum_text
 from rigid_geometry import inverse, quat_xyzw_from_transform, transform_from_rpy
 
 sys.path.append(str(Path(__file__).parents[1] / "pose_graph_mapping"))

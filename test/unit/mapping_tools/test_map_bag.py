@@ -17,8 +17,8 @@ from mapping_tools import map_bag
 from mapping_tools.bag_records import BagRecords
 from mapping_tools.bag_sweeps import cloud_columns, gravity_of
 from mapping_tools.folder_sweeps import read_poses
-from pose_graph_mapping.pose_graph import PoseGraph
-from pose_graph_mapping.session_store import NotOnDiskError, SessionStore
+from pose_graph_mapping.graph.pose_graph import PoseGraph
+from pose_graph_mapping.session.session_store import NotOnDiskError, SessionStore
 from rigid_geometry import inverse, transform_from_rpy, transform_points, translation_distance
 
 FAST = ("--set", "num_icp_tries=1")

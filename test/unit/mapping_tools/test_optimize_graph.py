@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mapping_tools.optimize_graph import main
-from pose_graph_mapping.graph_files import read_graph_file
+from pose_graph_mapping.graph.graph_files import read_graph_file
 from rigid_geometry import inverse, quat_xyzw_from_transform, rpy_from_rotation, transform_from_rpy, translation_distance
 
 INFORMATION = np.diag([100.0, 200.0, 300.0, 1000.0, 2000.0, 4000.0])

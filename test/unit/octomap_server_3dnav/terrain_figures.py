@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from terrain_worlds import FREE, OCCUPIED, RESOLUTION, UNKNOWN, pose
 
-from octomap_server_3dnav.column_runs import ColumnRuns
-from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig, classify
 
 LETTERS = {"T": TerrainClass.TRAVERSABLE, "O": TerrainClass.OBSTACLE, "C": TerrainClass.CLIFF, "I": TerrainClass.INFLATION}
 LETTER_OF = {of: letter for letter, of in LETTERS.items()} | {TerrainClass.FRONTIER: "F", TerrainClass.POTENTIAL_CLIFF: "P"}

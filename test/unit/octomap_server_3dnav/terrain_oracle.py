@@ -1,6 +1,6 @@
 """The terrain classification once more, slowly and in plain Python: what docs/terrain.md says, a voxel at a time.
 
-Without measured heights, from a start that is given. It shares no code with `octomap_server_3dnav.terrain` but its numbers (`Limits`).
+Without measured heights, from a start that is given. It shares no code with `terrain.classify` but its numbers (`Limits`).
 """
 
 import itertools
@@ -9,9 +9,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from octomap_server_3dnav.barriers import narrow_radii, turning_radii
-from octomap_server_3dnav.terrain import TerrainConfig
-from octomap_server_3dnav.terrain_config import Limits
+from octomap_server_3dnav.terrain.barriers import narrow_radii, turning_radii
+from octomap_server_3dnav.terrain.classify import TerrainConfig
+from octomap_server_3dnav.terrain.config import Limits
 
 Column = tuple[int, int]
 SIDES = ((1, 0), (0, 1), (-1, 0), (0, -1))

@@ -6,8 +6,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
-from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
 
 RESOLUTION = 0.08
 BELOW = 8  # voxel layers of the grids under height 0

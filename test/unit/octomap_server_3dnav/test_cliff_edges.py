@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from terrain_worlds import RESOLUTION, grid_of_heights, pose, runs_of
 
-from octomap_server_3dnav import terrain_kernels as kernels
-from octomap_server_3dnav.cliff_edges import BEFORE, _gets_steep, cliff_edges
-from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
-from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig
-from octomap_server_3dnav.terrain_config import Limits
-from octomap_server_3dnav.terrain_judgement import start_candidates
-from octomap_server_3dnav.terrain_scene import scene_around
+from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
+from octomap_server_3dnav.terrain import kernels as kernels
+from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig
+from octomap_server_3dnav.terrain.cliff_edges import BEFORE, _gets_steep, cliff_edges
+from octomap_server_3dnav.terrain.config import Limits
+from octomap_server_3dnav.terrain.judgement import start_candidates
+from octomap_server_3dnav.terrain.scene import scene_around
 
 SIZE = 50
 TOP, BOTTOM = 0.5, -6.0  # of the ground in voxels

@@ -7,11 +7,11 @@ import pytest
 from numba.core.registry import CPUDispatcher
 from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, grid_of_heights, pose, runs_of
 
-from octomap_server_3dnav import exploration
-from octomap_server_3dnav.column_runs import VoxelState
-from octomap_server_3dnav.map_builder import Beams, MapBuilder, MapConfig
-from octomap_server_3dnav.octree import OctreeMap, SensorModel
-from octomap_server_3dnav.terrain import TerrainConfig, classify
+from octomap_server_3dnav.exploration import exploration
+from octomap_server_3dnav.octree.column_runs import VoxelState
+from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder, MapConfig
+from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.terrain.classify import TerrainConfig, classify
 
 
 def signatures():

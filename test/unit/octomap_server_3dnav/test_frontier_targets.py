@@ -7,10 +7,10 @@ import pytest
 from scipy.sparse.csgraph import connected_components
 from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, terrain_of
 
-from octomap_server_3dnav.frontiers import FrontierConfig, find_frontiers
-from octomap_server_3dnav.planner import PlannerConfig
-from octomap_server_3dnav.terrain import TerrainClass
-from octomap_server_3dnav.voxel_clusters import cluster_voxels
+from octomap_server_3dnav.exploration.frontiers import FrontierConfig, find_frontiers
+from octomap_server_3dnav.navigation.planner import PlannerConfig
+from octomap_server_3dnav.octree.voxel_clusters import cluster_voxels
+from octomap_server_3dnav.terrain.classify import TerrainClass
 
 
 def room(nx=80, ny=80, openings=()):

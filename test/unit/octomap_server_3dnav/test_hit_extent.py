@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from octomap_server_3dnav.hit_extent import of_things, reach_of
-from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
+from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
+from octomap_server_3dnav.terrain.hit_extent import of_things, reach_of
 
 NOISE = 0.125
 SCENE = SimpleNamespace(key=(0, 0), columns=SimpleNamespace(ny=20))

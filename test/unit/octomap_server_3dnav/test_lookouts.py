@@ -7,14 +7,14 @@ import pytest
 from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of, terrain_of
 from virtual_explorer import explore
 
-from octomap_server_3dnav.approach import Approach
-from octomap_server_3dnav.exploration import DecisionKind, ExplorationPlanner
-from octomap_server_3dnav.exploration_config import ExplorationConfig
-from octomap_server_3dnav.frontiers import FrontierConfig
-from octomap_server_3dnav.lookouts import WayOut, find_lookouts
-from octomap_server_3dnav.passages import Passage
-from octomap_server_3dnav.planner import PlannerConfig, plan_into, plan_path
-from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig
+from octomap_server_3dnav.exploration.approach import Approach
+from octomap_server_3dnav.exploration.config import ExplorationConfig
+from octomap_server_3dnav.exploration.exploration import DecisionKind, ExplorationPlanner
+from octomap_server_3dnav.exploration.frontiers import FrontierConfig
+from octomap_server_3dnav.exploration.lookouts import WayOut, find_lookouts
+from octomap_server_3dnav.navigation.passages import Passage
+from octomap_server_3dnav.navigation.planner import PlannerConfig, plan_into, plan_path
+from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig
 
 BLOCK_M, SLOPE = 1.2, math.tan(math.radians(15.0))
 FOOT_X, HEAD_X = 2.4, 2.4 + BLOCK_M / SLOPE

@@ -8,9 +8,9 @@ import math
 import numpy as np
 import pytest
 
-from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
-from octomap_server_3dnav.map_builder import Beams, MapBuilder, MapConfig
-from octomap_server_3dnav.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
+from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder, MapConfig
+from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
 from rigid_geometry import transform_from_rpy
 
 SENSOR = (0.2, 0.0, 0.75)

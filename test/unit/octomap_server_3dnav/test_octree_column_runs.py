@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from octomap_server_3dnav.column_runs import ColumnRuns
+from octomap_server_3dnav.octree.column_runs import ColumnRuns
 
 COLUMNS = ["..##..", "111#1.", "......", ".#11#1"]  # below to above; . unknown, 1 free, # occupied
 

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from octomap_server_3dnav.column_runs import VoxelState
-from octomap_server_3dnav.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.octree.column_runs import VoxelState
+from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
 
 RES = 0.1
 OCTOMAP = SensorModel(miss=0.4, min=0.12)

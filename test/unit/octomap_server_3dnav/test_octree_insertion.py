@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from octomap_server_3dnav.column_runs import VoxelState
-from octomap_server_3dnav.octree import InsertionReport, OctreeMap, SensorModel
+from octomap_server_3dnav.octree.column_runs import VoxelState
+from octomap_server_3dnav.octree.octree import InsertionReport, OctreeMap, SensorModel
 
 RES = 0.1
 PLAIN = SensorModel(miss=0.4, grazing_m=0.0)

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from octomap_server_3dnav.column_runs import VoxelState
-from octomap_server_3dnav.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.octree.column_runs import VoxelState
+from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
 
 RES = 0.1
 FREE, OCCUPIED, UNKNOWN = VoxelState.FREE, VoxelState.OCCUPIED, VoxelState.UNKNOWN

@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from octomap_server_3dnav.column_runs import ColumnRuns, VoxelState
-from octomap_server_3dnav.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
+from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
 
 RES = 0.1
 NOTHING, FREE_LEAF, OCCUPIED_LEAF, INNER = range(4)  # octomap's two bits a child

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of, terrain_of
 
-from octomap_server_3dnav.approach import Approach
-from octomap_server_3dnav.exploration import DecisionKind, ExplorationPlanner, Validity
-from octomap_server_3dnav.exploration_config import ExplorationConfig
-from octomap_server_3dnav.passages import Passage
-from octomap_server_3dnav.planner import PlannerConfig, distances_over_ground, plan_path
-from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.exploration.approach import Approach
+from octomap_server_3dnav.exploration.config import ExplorationConfig
+from octomap_server_3dnav.exploration.exploration import DecisionKind, ExplorationPlanner, Validity
+from octomap_server_3dnav.navigation.passages import Passage
+from octomap_server_3dnav.navigation.planner import PlannerConfig, distances_over_ground, plan_path
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
 
 WALL_X, MIDDLE_Y = 55, 35  # columns
 CONFIG = PlannerConfig()

@@ -7,10 +7,10 @@ import pytest
 from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of, terrain_of
 from virtual_explorer import explore
 
-from octomap_server_3dnav.exploration import DecisionKind, ExplorationPlanner, Validity
-from octomap_server_3dnav.exploration_config import ExplorationConfig
-from octomap_server_3dnav.planner import PlannerConfig
-from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.exploration.config import ExplorationConfig
+from octomap_server_3dnav.exploration.exploration import DecisionKind, ExplorationPlanner, Validity
+from octomap_server_3dnav.navigation.planner import PlannerConfig
+from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig, classify
 
 GOAL, EXPLORED, TRAPPED = DecisionKind
 

@@ -9,9 +9,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, grid_of_heights, pose, terrain_of
 
-from octomap_server_3dnav.path_search import Ways, cheapest_way, distances, edge_cost
-from octomap_server_3dnav.planner import Path, PlannerConfig, distances_over_ground, nearest_traversable, plan_path, trim_path
-from octomap_server_3dnav.terrain import TerrainClass
+from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, distances, edge_cost
+from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, distances_over_ground, nearest_traversable, plan_path, trim_path
+from octomap_server_3dnav.terrain.classify import TerrainClass
 
 CONFIG = PlannerConfig()
 NOT_KNOWN = np.empty(0)  # what is left to the goal

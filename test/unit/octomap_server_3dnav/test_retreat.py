@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from octomap_server_3dnav.column_runs import ColumnRuns
-from octomap_server_3dnav.exploration import DecisionKind
-from octomap_server_3dnav.planner import PlannerConfig
-from octomap_server_3dnav.retreat import Retreat, way_back
-from octomap_server_3dnav.terrain import TerrainConfig, classify
+from octomap_server_3dnav.exploration.exploration import DecisionKind
+from octomap_server_3dnav.exploration.retreat import Retreat, way_back
+from octomap_server_3dnav.navigation.planner import PlannerConfig
+from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.terrain.classify import TerrainConfig, classify
 from rigid_geometry import transform_from_rpy
 
 POSES = np.array([transform_from_rpy((float(k), 0.0, 0.0)) for k in range(9)])

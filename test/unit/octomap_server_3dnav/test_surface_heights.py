@@ -7,8 +7,8 @@ import pytest
 from scipy.special import erf
 from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, label_at, pose, runs_of
 
-from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
-from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
+from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig, classify
 
 TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = TerrainClass
 

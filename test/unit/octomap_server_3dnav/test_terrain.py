@@ -19,7 +19,7 @@ from terrain_worlds import (
     terrain_of,
 )
 
-from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig, classify
 
 TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = TerrainClass
 
@@ -411,7 +411,7 @@ def test_labels_turn_and_mirror_with_the_world(seed):
 
 def test_labels_move_with_the_world():
     states = _rough(1)
-    from octomap_server_3dnav.column_runs import ColumnRuns
+    from octomap_server_3dnav.octree.column_runs import ColumnRuns
 
     moved = ColumnRuns.from_dense(states, (-500, 300, -BELOW + 40), RESOLUTION)
     here = pose(2.88, 2.88)

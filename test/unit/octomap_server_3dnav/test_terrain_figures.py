@@ -7,7 +7,7 @@ import pytest
 from terrain_figures import classified, classified_plan
 
 from explore_command.parameters import read_profile
-from octomap_server_3dnav.terrain import TerrainConfig
+from octomap_server_3dnav.terrain.classify import TerrainConfig
 from stage_config import load_config
 
 DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "terrain.md"

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, grid_of_heights, pose, terrain_of
 
-from octomap_server_3dnav.local_grid import FREE, LETHAL, UNKNOWN, project
-from octomap_server_3dnav.terrain import TerrainClass
+from octomap_server_3dnav.terrain.classify import TerrainClass
+from octomap_server_3dnav.terrain.local_grid import FREE, LETHAL, UNKNOWN, project
 
 
 def flat():

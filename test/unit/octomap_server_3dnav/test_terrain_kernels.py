@@ -8,9 +8,11 @@ import pytest
 from scipy.spatial import cKDTree
 from terrain_worlds import grid_of_heights, runs_of
 
-from octomap_server_3dnav import terrain_kernels, terrain_scene
-from octomap_server_3dnav.column_runs import VoxelState
-from octomap_server_3dnav.surface_columns import (
+from octomap_server_3dnav.octree.column_runs import VoxelState
+from octomap_server_3dnav.terrain import kernels as terrain_kernels
+from octomap_server_3dnav.terrain import scene as terrain_scene
+from octomap_server_3dnav.terrain.config import StepLimits, TerrainConfig
+from octomap_server_3dnav.terrain.surface_columns import (
     NO_VOXEL,
     Columns,
     Surfaces,
@@ -21,16 +23,15 @@ from octomap_server_3dnav.surface_columns import (
     lowest_occupied,
     tops_of,
 )
-from octomap_server_3dnav.surface_graph import (
+from octomap_server_3dnav.terrain.surface_graph import (
     UNFITTED,
     nearest_neighbours,
     slope_at,
     slopes_of_open_ground,
     steepness,
 )
-from octomap_server_3dnav.surface_holes import _one_per_hole, bridge_holes
-from octomap_server_3dnav.surface_steps import steppable_neighbours
-from octomap_server_3dnav.terrain_config import StepLimits, TerrainConfig
+from octomap_server_3dnav.terrain.surface_holes import _one_per_hole, bridge_holes
+from octomap_server_3dnav.terrain.surface_steps import steppable_neighbours
 
 MARGIN, STEP, CLEARANCE = 18, 2, 14
 

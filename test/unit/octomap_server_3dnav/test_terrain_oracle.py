@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from terrain_oracle import Node, Oracle
 from terrain_worlds import FREE, OCCUPIED, RESOLUTION, UNKNOWN, label_set, pose
 
-from octomap_server_3dnav.column_runs import ColumnRuns
-from octomap_server_3dnav.terrain import TerrainConfig, classify
+from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.terrain.classify import TerrainConfig, classify
 
 SIDE, LAYERS, GROUND = 22, 16, 4
 SMALL = {"robot_height_m": 0.3, "clearance_margin_m": 0.02, "min_traversable_voxels": 1, "cliff_look_m": 0.4}

@@ -6,9 +6,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from terrain_worlds import FREE, OCCUPIED, UNKNOWN, label_set, pose
 
-from octomap_server_3dnav.column_runs import ColumnRuns
-from octomap_server_3dnav.surface_heights import HitHeights, SurfaceHeights
-from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
 
 SIDE, LAYERS, GROUND, RESOLUTION = 40, 40, 14, 1 / 16  # a power of two: nothing is rounded when the world turns or moves
 PARTS = np.array([1, 5, 11, 15]) / 16  # of a voxel, where its beams ended; the same from both sides

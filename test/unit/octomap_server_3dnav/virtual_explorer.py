@@ -8,7 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, pose, runs_of
 
-from octomap_server_3dnav.exploration import Decision, DecisionKind, ExplorationPlanner
+from octomap_server_3dnav.exploration.exploration import Decision, DecisionKind, ExplorationPlanner
 
 SENSOR_HEIGHT = 0.88
 

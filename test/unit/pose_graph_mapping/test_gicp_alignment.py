@@ -5,10 +5,10 @@ import pytest
 import small_gicp
 from synthetic_sweeps import furnished_room, pose, sweep, world_of
 
-from pose_graph_mapping.cloud import PointCloud, moved_points, vertex_cloud
-from pose_graph_mapping.gicp_alignment import Stage, _normal_equations, align
-from pose_graph_mapping.gicp_surface import nearest, surface_of, voxel_cloud
-from pose_graph_mapping.match_quality import exp_motion
+from pose_graph_mapping.registration.cloud import PointCloud, moved_points, vertex_cloud
+from pose_graph_mapping.registration.gicp_alignment import Stage, _normal_equations, align
+from pose_graph_mapping.registration.gicp_surface import nearest, surface_of, voxel_cloud
+from pose_graph_mapping.registration.match_quality import exp_motion
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy
 
 T_START = transform_from_rpy((0.1, -0.08, 0.02), (0.01, 0.0, 0.04))

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from pose_graph_mapping.cloud import PointCloud
 from pose_graph_mapping.config import MappingConfig
-from pose_graph_mapping.loop_closure import (
+from pose_graph_mapping.graph.loop_closure import (
     add_neighbours,
     beyond_correction,
     candidate_radii,
@@ -15,8 +14,9 @@ from pose_graph_mapping.loop_closure import (
     find_loose_vertex,
     find_vertices_in_range,
 )
-from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph
-from pose_graph_mapping.registration import RegistrationResult, Verdict
+from pose_graph_mapping.graph.pose_graph import EdgeKind, PoseGraph
+from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from rigid_geometry import inverse, transform_from_rpy
 
 #   A hairpin, 2 m between columns, 4 m between rows:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pose_graph_mapping.cloud import (
+from pose_graph_mapping.registration.cloud import (
     PointCloud,
     farthest,
     merged,
@@ -14,7 +14,7 @@ from pose_graph_mapping.cloud import (
     with_normals,
     within,
 )
-from pose_graph_mapping.voxel_grid import first_in_voxels
+from pose_graph_mapping.registration.voxel_grid import first_in_voxels
 from rigid_geometry import transform_from_rpy
 
 

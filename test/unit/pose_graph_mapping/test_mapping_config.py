@@ -3,7 +3,7 @@
 import pytest
 
 from pose_graph_mapping.config import MappingConfig, RegistrationConfig
-from pose_graph_mapping.mapper import PoseGraphMapper
+from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from stage_config import ConfigError, documented, load_config
 
 

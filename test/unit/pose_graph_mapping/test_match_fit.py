@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from pose_graph_mapping import RegistrationConfig, Verdict
-from pose_graph_mapping.cloud import PointCloud
-from pose_graph_mapping.match_quality import Degeneracy, Fit, fit_of, judge
+from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.registration.match_quality import Degeneracy, Fit, fit_of, judge
 
 CONFIG = RegistrationConfig()
 UP = np.array([0.0, 0.0, 1.0])

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from synthetic_sweeps import corridor, furnished_room, pose, sweep, world_of
 
-from pose_graph_mapping import placement_search
-from pose_graph_mapping.cloud import PointCloud, merged, vertex_cloud, with_normals
 from pose_graph_mapping.config import RegistrationConfig
-from pose_graph_mapping.correlative import Window, coarse_placements, window_of
-from pose_graph_mapping.match_quality import Degeneracy, FreeSpace, keep_guess, known_directions, offset_between
-from pose_graph_mapping.registration import Verdict, create_registration
+from pose_graph_mapping.registration import placement_search
+from pose_graph_mapping.registration.cloud import PointCloud, merged, vertex_cloud, with_normals
+from pose_graph_mapping.registration.correlative import Window, coarse_placements, window_of
+from pose_graph_mapping.registration.match_quality import Degeneracy, FreeSpace, keep_guess, known_directions, offset_between
+from pose_graph_mapping.registration.matching import Verdict, create_registration
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy
 
 CONFIG = RegistrationConfig()

@@ -4,7 +4,7 @@ import gtsam
 import numpy as np
 import pytest
 
-from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph
+from pose_graph_mapping.graph.pose_graph import EdgeKind, PoseGraph
 from rigid_geometry import inverse, rotation_angle, tilt_angle, transform_from_rpy, translation_distance
 
 COVARIANCE = np.diag([1e-4, 2e-4, 3e-4, 1e-3, 2e-3, 3e-3])

@@ -4,9 +4,9 @@ import gtsam
 import numpy as np
 import pytest
 
-from pose_graph_mapping.graph_measurements import GraphNotSolvable
-from pose_graph_mapping.graph_problem import GraphProblem, minimised, poses_of, tree_poses
-from pose_graph_mapping.pose_graph import Edge, EdgeKind, PoseGraph
+from pose_graph_mapping.graph.graph_measurements import GraphNotSolvable
+from pose_graph_mapping.graph.graph_problem import GraphProblem, minimised, poses_of, tree_poses
+from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, PoseGraph
 from rigid_geometry import inverse, transform_from_rpy, translation_distance
 
 ODOMETRY = np.diag([0.02**2] * 3 + [0.1**2] * 3)

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pose_graph_mapping.graph_files import g2o_text, read_graph_file
-from pose_graph_mapping.graph_measurements import Edge, EdgeKind, GraphNotSolvable
-from pose_graph_mapping.graph_problem import GraphProblem, minimised, tree_poses
+from pose_graph_mapping.graph.graph_files import g2o_text, read_graph_file
+from pose_graph_mapping.graph.graph_measurements import Edge, EdgeKind, GraphNotSolvable
+from pose_graph_mapping.graph.graph_problem import GraphProblem, minimised, tree_poses
 from rigid_geometry import transform_from_rpy
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"

@@ -4,10 +4,10 @@ import gtsam
 import numpy as np
 import pytest
 
-from pose_graph_mapping.graph_measurements import Gravity
-from pose_graph_mapping.gravity_bias import estimated_bias
-from pose_graph_mapping.mapper import levelled
-from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph
+from pose_graph_mapping.graph.graph_measurements import Gravity
+from pose_graph_mapping.graph.gravity_bias import estimated_bias
+from pose_graph_mapping.graph.mapper import levelled
+from pose_graph_mapping.graph.pose_graph import EdgeKind, PoseGraph
 from rigid_geometry import inverse, transform_from_rpy
 
 BIAS = np.radians(0.3)

@@ -8,11 +8,11 @@ import open3d as o3d
 import pytest
 from synthetic_sweeps import corridor, furnished_room, pose, sweep, world_of
 
-from pose_graph_mapping.cloud import PointCloud, merged, vertex_cloud
 from pose_graph_mapping.config import RegistrationConfig
-from pose_graph_mapping.gicp import facing
-from pose_graph_mapping.match_quality import free_space_contradiction
-from pose_graph_mapping.registration import Verdict, create_registration
+from pose_graph_mapping.registration.cloud import PointCloud, merged, vertex_cloud
+from pose_graph_mapping.registration.gicp import facing
+from pose_graph_mapping.registration.match_quality import free_space_contradiction
+from pose_graph_mapping.registration.matching import Verdict, create_registration
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy
 
 METHODS = ("gicp", "thesis_chain")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pose_graph_mapping import RegistrationConfig
-from pose_graph_mapping.residual_pattern import pattern_covariance, residual_pattern
+from pose_graph_mapping.registration.residual_pattern import pattern_covariance, residual_pattern
 from rigid_geometry import rotation_from_rpy, transform_from_rpy, transform_points
 
 SENSOR = np.array([0.2, 0.0, 0.8])

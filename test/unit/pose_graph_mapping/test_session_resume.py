@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from synthetic_sweeps import furnished_room, pose, sweep, world_of
 
-from pose_graph_mapping.cloud import PointCloud
 from pose_graph_mapping.config import MappingConfig, RegistrationConfig
-from pose_graph_mapping.localisation import LocalisationConfig, Placement, area_around, localise, places
-from pose_graph_mapping.mapper import PoseGraphMapper
-from pose_graph_mapping.pose_graph import EdgeKind
-from pose_graph_mapping.registration import RegistrationResult, Verdict, create_registration, refused
-from pose_graph_mapping.session_resume import resume
-from pose_graph_mapping.session_store import SessionStore
+from pose_graph_mapping.graph.localisation import LocalisationConfig, Placement, area_around, localise, places
+from pose_graph_mapping.graph.mapper import PoseGraphMapper
+from pose_graph_mapping.graph.pose_graph import EdgeKind
+from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, create_registration, refused
+from pose_graph_mapping.session.session_resume import resume
+from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import transform_from_rpy, translation_distance
 
 COVARIANCE = np.diag([1e-6] * 3 + [1e-5] * 3)

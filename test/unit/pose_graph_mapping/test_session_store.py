@@ -11,11 +11,11 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from pose_graph_mapping import session_index, session_store
-from pose_graph_mapping.cloud import PointCloud
-from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph
-from pose_graph_mapping.session_files import pcd_bytes
-from pose_graph_mapping.session_store import (
+from pose_graph_mapping.graph.pose_graph import EdgeKind, PoseGraph
+from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.session import session_index, session_store
+from pose_graph_mapping.session.session_files import pcd_bytes
+from pose_graph_mapping.session.session_store import (
     DamagedSweepError,
     NotOnDiskError,
     SessionStore,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from visualization_msgs.msg import Marker
 
-from octomap_server_3dnav.octree import OctreeMap
+from octomap_server_3dnav.octree.octree import OctreeMap
 from rigid_geometry import transform_from_rpy
 from ros_adapters.graph_markers import graph_markers, trajectory_message
 from ros_adapters.matching import refused_response

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pose_graph_mapping.pose_graph import EdgeKind, PoseGraph
-from pose_graph_mapping.session_store import SessionStore, ply_bytes, tum_text
+from pose_graph_mapping.graph.pose_graph import EdgeKind, PoseGraph
+from pose_graph_mapping.session.session_store import SessionStore, ply_bytes, tum_text
 from rigid_geometry import inverse, transform_from_rpy, transform_points
 
 Floats = NDArray[np.float64]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from recorded_runs import LAST_S, SWEEP_STAMPS_S, T_WORLD_MAP, write_run
 
-from octomap_server_3dnav.terrain import TerrainClass
+from octomap_server_3dnav.terrain.classify import TerrainClass
 from run_replay.recorded_run import read_run
 
 

@@ -14,12 +14,12 @@ from shape import Expectation, Expected, Shape
 from shape_sweeps import PLACEMENTS, Placement, map_of
 
 from explore_command.parameters import read_profile
-from octomap_server_3dnav.frontiers import Frontier, FrontierConfig, find_frontiers
-from octomap_server_3dnav.map_builder import MapConfig
-from octomap_server_3dnav.octree import SensorModel
-from octomap_server_3dnav.planner import Path as Way
-from octomap_server_3dnav.planner import PlannerConfig, nearest_traversable, plan_path
-from octomap_server_3dnav.terrain import Terrain, TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig, find_frontiers
+from octomap_server_3dnav.navigation.planner import Path as Way
+from octomap_server_3dnav.navigation.planner import PlannerConfig, nearest_traversable, plan_path
+from octomap_server_3dnav.octree.map_builder import MapConfig
+from octomap_server_3dnav.octree.octree import SensorModel
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
 from rigid_geometry import inverse, transform_points
 from stage_config import load_config
 

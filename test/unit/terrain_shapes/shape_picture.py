@@ -13,7 +13,7 @@ from shape import Expectation, Expected, Shape
 from shape_judgement import Profile, View, miss, view_of
 from shape_sweeps import PLACEMENTS, sweeps_of
 
-from octomap_server_3dnav.terrain import TerrainClass
+from octomap_server_3dnav.terrain.classify import TerrainClass
 
 Array = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from registration_worlds import Ground
 from shape import Scene, Shape, Stand
 
-from octomap_server_3dnav.map_builder import Beams, MapBuilder, MapConfig
-from octomap_server_3dnav.octree import SensorModel
+from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder, MapConfig
+from octomap_server_3dnav.octree.octree import SensorModel
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.laser import Laser, Motion
 from pybullet_simulation.robot_model import read_robot_model

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from octomap_server_3dnav.column_runs import VoxelState
-from octomap_server_3dnav.octree import OctreeMap
+from octomap_server_3dnav.octree.column_runs import VoxelState
+from octomap_server_3dnav.octree.octree import OctreeMap
 
 RESOLUTION = 0.1
 AIR = 14  # layers of free space above a floor: more than the robot is high

@@ -10,8 +10,8 @@ import pytest
 from terrain_maps import AIR, FREE, OCCUPIED, RESOLUTION, UNKNOWN, cloud_file, floor, octree_file, octree_of, two_storeys
 
 from mapping_tools.cloud_files import read_cloud
-from octomap_server_3dnav.octree import OctreeMap
-from octomap_server_3dnav.terrain import TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.octree.octree import OctreeMap
+from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig, classify
 from terrain_tools.classify_map import main
 from terrain_tools.ground import pose_on
 from terrain_tools.results import FILES

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from terrain_maps import FREE, OCCUPIED, UNKNOWN, octree_of, two_storeys
 
-from octomap_server_3dnav.octree import OctreeMap
+from octomap_server_3dnav.octree.octree import OctreeMap
 from terrain_tools.octree_survey import survey
 
 

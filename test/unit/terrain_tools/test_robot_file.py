@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from explore_command.arguments import ArgumentProblem
-from octomap_server_3dnav.terrain import TerrainConfig
+from octomap_server_3dnav.terrain.classify import TerrainConfig
 from terrain_tools.robot_file import RobotConfig, read_robot
 
 ROOT = Path(__file__).resolve().parents[3]

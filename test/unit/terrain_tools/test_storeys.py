@@ -3,7 +3,7 @@
 import numpy as np
 from terrain_maps import AIR, FREE, OCCUPIED, RESOLUTION, floor, octree_of, two_storeys
 
-from octomap_server_3dnav.terrain import Terrain, TerrainConfig, classify
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig, classify
 from terrain_tools.ground import pose_on
 from terrain_tools.storeys import storeys
 

@@ -1,0 +1,1 @@
+"""Algorithm 3, lines 22-35: where to go next."""

@@ -1,0 +1,1 @@
+"""Ways over a classified terrain: path search, planner, passages."""

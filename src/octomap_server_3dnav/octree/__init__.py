@@ -1,0 +1,1 @@
+"""The tree: insertion of sweeps, column runs, and the moments of the hits by voxel."""

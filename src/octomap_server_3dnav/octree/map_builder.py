@@ -1,0 +1,212 @@
+"""From placed sweeps to an octree that follows the pose graph (thesis 5.5, 6.2.2).
+
+Between pose_graph_mapping and the terrain analysis: each sweep is cropped to the dense cuboid around the robot and inserted; what the
+graph moves by more than an eighth of a voxel is drawn anew.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel, SweepVoxels
+from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
+from rigid_geometry import as_transforms, rotation_angles, transform_points
+from rigid_geometry.transforms import Transform
+from stage_config import check_ranges, parameter
+
+_MOVED = 0.125  # voxels: of what is kept off things 1 cm is for errors, so sweeps must not lie farther off than that
+_LEVER_M = 4.0  # a turned sweep counts as moved by what its points at this distance move
+
+RUNS_MARGIN_M = 2.25  # columns beyond a classified radius that inflation and the look for cliffs read
+
+
+@dataclass(frozen=True)
+class MapConfig:
+    """Octree and cropping; `resolution` and `frame_id` are octomap_server's parameters."""
+
+    resolution: float = parameter(0.08, "m", "edge of a voxel", low=0.01, high=1.0)
+    frame_id: str = parameter("map", "-", "frame of the octree")
+    max_range_m: float = parameter(12.0, "m", "rays free voxels up to this range", low=0.5, high=100.0)
+    crop_half_m: float = parameter(
+        7.0, "m", "half side of the cuboid around the robot in which a sweep is dense enough to be inserted", low=1.0, high=100.0
+    )
+    crop_below_m: float = parameter(4.0, "m", "how far below the robot the cuboid reaches", low=0.5, high=50.0)
+    crop_above_m: float = parameter(4.0, "m", "how far above the robot the cuboid reaches", low=0.5, high=50.0)
+    start_plane_half_m: float = parameter(
+        0.8, "m", "half side of the plane put under the robot at the start, where the laser is blind", low=0.0, high=3.0
+    )
+    base_height_m: float = parameter(0.132, "m", "height of base_link above the ground", low=0.0, high=2.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        return check_ranges(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Beams:
+    """One sweep in base_link: hits and their origins (N, 3) float32, ends and origins of beams that met nothing (M, 3) float32."""
+
+    points: NDArray[np.float32]
+    origins: NDArray[np.float32]
+    free_ends: NDArray[np.float32]
+    free_origins: NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What a sweep adds to tree and heights."""
+
+    voxels: list[SweepVoxels]
+    hits: HitHeights
+
+
+@dataclass(eq=False)
+class _PlacedSweep:
+    vertex_id: int
+    beams: Beams
+    T_map_base: Transform  # where the tree has it
+    seen: _Seen  # from there
+    cleared: list[SweepVoxels] = field(default_factory=list)  # by hand, after it and before the next
+
+
+class MapBuilder:
+    """Owns the octree, the surface heights beside it, and the sweeps they were made of.
+
+    A sweep whose vertex has moved by more than `_MOVED` voxels is drawn anew, and tree and heights become, bit by bit, those that it was
+    given to there. That is done when what it touches is asked for: a robot that decides by its surroundings does not wait for the rest
+    of a large map, and no answer depends on how far the work has come. `heights` are true wherever the tree was asked for.
+    """
+
+    def __init__(self, config: MapConfig, sensor_model: SensorModel) -> None:
+        """ValueError lists what is wrong with the configuration."""
+        if problems := config.validate():
+            raise ValueError("; ".join(problems))
+        self.config = config
+        self.heights = SurfaceHeights(config.resolution)
+        self._tree = OctreeMap(config.resolution, sensor_model)
+        self._sweeps: list[_PlacedSweep] = []
+        self._moved: dict[int, tuple[_PlacedSweep, Transform]] = {}  # by vertex: what the tree has elsewhere than it is now
+
+    def __len__(self) -> int:
+        return len(self._sweeps)
+
+    def add_sweep(self, beams: Beams, vertex_id: int, vertex_poses: ArrayLike) -> bool:
+        """Adds the newest vertex's sweep, given the (V, 4, 4) poses of all; True when older ones have to be drawn anew.
+
+        Vertices whose sweep was lost on the way are no trouble. ValueError when `vertex_id` is not V - 1, its sweep is there already,
+        or a pose is not rigid; nothing is changed then.
+        """
+        poses = as_transforms(vertex_poses)  # a copy: they are kept
+        if vertex_id != len(poses) - 1 or any(s.vertex_id >= vertex_id for s in self._sweeps):
+            raise ValueError(
+                f"sweep of vertex {vertex_id} with {len(poses)} poses, after that of {[s.vertex_id for s in self._sweeps[-1:]]}"
+            )
+        self._moved = self._moved_by(poses)
+        seen = self._trace(beams, poses[vertex_id], first=not self._sweeps)
+        self._sweeps.append(_PlacedSweep(vertex_id, beams, poses[vertex_id], seen))
+        for voxels in seen.voxels:
+            self._tree.insert(voxels)
+        self.heights.add(seen.hits)
+        return bool(self._moved)
+
+    def clear_box(self, lo: ArrayLike, hi: ArrayLike) -> None:
+        """Make all that is known in a box (corners (3,) in map) free; what sweeps see there later counts, what they saw before does not.
+
+        ValueError for corners that are none. Redrawing keeps it as it stands in the map, whatever sweeps move.
+        """
+        cleared = self.tree.trace_clearing(lo, hi)
+        if not self._sweeps:
+            return
+        for voxels in cleared:
+            self._tree.insert(voxels)
+        self._sweeps[-1].cleared += cleared
+
+    @property
+    def sweep_bytes(self) -> int:
+        """What is kept of the sweeps besides tree and heights: beams, to trace them anew, and what they saw."""
+        arrays = (array for s in self._sweeps for part in (s.beams, s.seen.hits) for array in vars(part).values())
+        return sum(int(array.nbytes) for array in arrays) + sum(voxels.memory_bytes() for s in self._sweeps for voxels in s.seen.voxels)
+
+    @property
+    def tree(self) -> OctreeMap:
+        """The octree, with every sweep where it is now; the same object until the builder goes."""
+        self._redraw(list(self._moved))
+        return self._tree
+
+    def draw_moved(self, T_map_base: Transform, radius_m: float | None) -> None:
+        """Draws the moved sweeps anew that touch the square of half side `radius_m` around the robot, or all; whoever asks for that square
+        finds it done."""
+        self._redraw(list(self._moved) if radius_m is None else self._moved_within(T_map_base, radius_m))
+
+    def runs_around(self, T_map_base: Transform, radius_m: float | None) -> ColumnRuns:
+        """The known columns within a square of half side `radius_m` around the robot, or of the whole map."""
+        self.draw_moved(T_map_base, radius_m)
+        if radius_m is None:
+            return self._tree.column_runs()
+        x, y = T_map_base[:2, 3]
+        return self._tree.column_runs((x - radius_m, y - radius_m, -np.inf), (x + radius_m, y + radius_m, np.inf))
+
+    def binary_around(self, T_map_base: Transform, radius_m: float) -> bytes:
+        """`OctreeMap.to_binary` of a cube of half side `radius_m` around the robot."""
+        self.draw_moved(T_map_base, radius_m)
+        return self._tree.to_binary(T_map_base[:3, 3] - radius_m, T_map_base[:3, 3] + radius_m)
+
+    def _moved_by(self, poses: NDArray[np.float64]) -> dict[int, tuple[_PlacedSweep, Transform]]:
+        """The sweeps that the tree has more than `_MOVED` voxels from where the (V, 4, 4) poses have them, by vertex."""
+        if not self._sweeps:
+            return {}
+        old, new = np.array([s.T_map_base for s in self._sweeps]), poses[[s.vertex_id for s in self._sweeps]]
+        turned = rotation_angles(old[:, :3, :3].transpose(0, 2, 1) @ new[:, :3, :3])
+        by_m = np.linalg.norm(old[:, :3, 3] - new[:, :3, 3], axis=1) + _LEVER_M * turned
+        moved = (self._sweeps[i] for i in np.flatnonzero(by_m > _MOVED * self.config.resolution))
+        return {s.vertex_id: (s, poses[s.vertex_id]) for s in moved}
+
+    def _moved_within(self, T_map_base: Transform, radius_m: float) -> list[int]:
+        """Vertices whose sweep touches the square around the robot, where it was drawn or where it is now."""
+        c = self.config
+        # The plane of the first sweep lies up to base_height_m beside a tilted robot; a voxel more is what boxes are rounded by.
+        reach = radius_m + max(c.crop_half_m, c.start_plane_half_m + c.base_height_m) + c.resolution
+        return [
+            vertex
+            for vertex, (sweep, T_now) in self._moved.items()
+            if any((np.abs(T[:2, 3] - T_map_base[:2, 3]) <= reach).all() for T in (sweep.T_map_base, T_now))
+        ]
+
+    def _redraw(self, vertices: Iterable[int]) -> None:
+        due = [self._moved.pop(vertex) for vertex in vertices]
+        if not due:
+            return
+        before = [sweep.seen for sweep, _ in due]
+        for sweep, T_now in due:
+            sweep.T_map_base, sweep.seen = T_now, self._trace(sweep.beams, T_now, first=sweep is self._sweeps[0])
+        after = [sweep.seen for sweep, _ in due]
+        changed = [voxels for seen in (*before, *after) for voxels in seen.voxels]
+        self._tree.redraw(changed, [voxels for sweep in self._sweeps for voxels in (*sweep.seen.voxels, *sweep.cleared)])
+        self.heights.remove(HitHeights.together([seen.hits for seen in before]))
+        self.heights.add(HitHeights.together([seen.hits for seen in after]))
+
+    def _trace(self, b: Beams, T: Transform, *, first: bool) -> _Seen:
+        """What a sweep at T_map_base saw; of the first one also the plane under the robot, where it saw nothing."""
+        c = self.config
+        x, y, z = T[:3, 3]
+        bounds = ((x - c.crop_half_m, y - c.crop_half_m, z - c.crop_below_m), (x + c.crop_half_m, y + c.crop_half_m, z + c.crop_above_m))
+        ends = transform_points(T, np.concatenate([b.points, _beyond(b.free_ends, b.free_origins, c.max_range_m)]))
+        origins = transform_points(T, np.concatenate([b.origins, b.free_origins]))
+        voxels = [self._tree.trace_sweep(ends, origins, c.max_range_m, bounds)]
+        hits = ends[: len(b.points)]
+        inside = ((hits >= bounds[0]) & (hits <= bounds[1])).all(axis=1)
+        if first and c.start_plane_half_m > 0:
+            alone = OctreeMap(c.resolution, self._tree.sensor_model)
+            alone.insert(voxels[0])
+            voxels.append(alone.trace_plane(T[:3, 3] - c.base_height_m * T[:3, 2] - (0, 0, 0.25 * c.resolution), c.start_plane_half_m))
+        return _Seen(voxels, HitHeights.of(hits[inside], c.resolution))
+
+
+def _beyond(ends: NDArray[np.float32], origins: NDArray[np.float32], max_range_m: float) -> NDArray[np.float32]:
+    """`ends` moved out along their beams to beyond the range of insertion, so that they free their way and occupy nothing."""
+    way = ends - origins
+    length = np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-6)
+    return np.asarray(origins + way * (2.0 * max_range_m / length), dtype=np.float32)

@@ -1,0 +1,1 @@
+"""Algorithm 3, lines 2-21: from column runs to classes and a navigation graph."""

@@ -1,0 +1,89 @@
+"""The pose graph while the robot drives: what a new vertex changes is solved for, the rest is kept (gtsam's iSAM2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+from pose_graph_mapping.graph.graph_measurements import Edge, GraphNotSolvable, Gravity
+from pose_graph_mapping.graph.graph_problem import GraphProblem, edge_factor, gravity_factor, poses_of
+
+Array = NDArray[np.float64]
+
+_RELINEARISED_BEYOND = 1e-3
+_MOST_UPDATES = 20
+
+
+class IncrementalGraph:
+    """Poses of a growing graph; the same calls give the same bits."""
+
+    def __init__(self, problem: GraphProblem) -> None:
+        """Start with `problem`, whose poses are its solution."""
+        params = gtsam.ISAM2Params()
+        params.setRelinearizeThreshold(_RELINEARISED_BEYOND)
+        params.relinearizeSkip = 1
+        self._isam = gtsam.ISAM2(params)
+        self._bias = problem.bias
+        self._gravity = list(problem.gravity)
+        self._vertices = len(problem.poses)
+        places = self._update(problem.factors(), problem.values())
+        self._places = places[len(places) - len(self._gravity) :]  # of the factors of gravity, which come last
+
+    @property
+    def vertices(self) -> int:
+        """How many vertices it has."""
+        return self._vertices
+
+    def grow(self, new_poses: Array, edges: Sequence[Edge], gravity: Sequence[Gravity]) -> None:
+        """Add vertices (K, 4, 4), which take the next numbers, with what was measured of them."""
+        factors, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
+        for k, T in enumerate(new_poses, self._vertices):
+            values.insert(k, gtsam.Pose3(T))
+        for edge in edges:
+            factors.add(edge_factor(edge))
+        for measured in gravity:
+            factors.add(gravity_factor(measured, self._bias))
+        self._vertices += len(new_poses)
+        self._gravity += gravity
+        self._places += self._update(factors, values)[len(edges) :]
+
+    def relevel(self, bias: Array) -> None:
+        """Take the bias (3,) of all measured up directions for another one."""
+        self._bias = bias
+        factors = gtsam.NonlinearFactorGraph()
+        for measured in self._gravity:
+            factors.add(gravity_factor(measured, bias))
+        self._places = self._update(factors, gtsam.Values(), self._places)
+
+    def poses(self) -> Array:
+        """(V, 4, 4) present estimates."""
+        return poses_of(self._estimate, self._vertices)
+
+    def relative_covariance(self, i: int, j: int) -> Array:
+        """(6, 6) covariance of T_i_j, rotation first, in the body frame of j, of everything measured."""
+        joint = self._isam.jointMarginalCovariance([i, j])
+        adjoint = self._estimate.atPose3(j).between(self._estimate.atPose3(i)).AdjointMap()
+        ii, ij, jj = joint.at(i, i), joint.at(i, j), joint.at(j, j)
+        covariance = jj - adjoint @ ij - (adjoint @ ij).T + adjoint @ ii @ adjoint.T
+        return np.asarray(0.5 * (covariance + covariance.T))
+
+    def disagreement(self, edge: Edge) -> float:
+        """Half of the squared Mahalanobis distance between an edge that is not part of it yet and what it holds of its two vertices."""
+        held = self._estimate.atPose3(edge.i).between(self._estimate.atPose3(edge.j))
+        residual = gtsam.Pose3.Logmap(gtsam.Pose3(edge.T_i_j).between(held))
+        return 0.5 * float(residual @ np.linalg.solve(edge.covariance + self.relative_covariance(edge.i, edge.j), residual))
+
+    def _update(self, factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, replaced: Sequence[int] = ()) -> list[int]:
+        """Where the new factors are kept, for whoever replaces them."""
+        try:
+            places = list(self._isam.update(factors, values, list(replaced)).getNewFactorsIndices())
+            for _ in range(_MOST_UPDATES):
+                if self._isam.update().getVariablesRelinearized() == 0:
+                    break
+            self._estimate = self._isam.calculateEstimate()
+        except RuntimeError as error:
+            raise GraphNotSolvable(f"the equations of the graph are singular: {' '.join(str(error).split())[:200]}") from error
+        return places

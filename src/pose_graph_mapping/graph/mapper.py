@@ -1,0 +1,237 @@
+"""Algorithm 1: every sweep becomes a vertex, placed by a match against the area around the last one.
+
+Between sweep assembly and fused odometry on one side, terrain and planning on the other. The matcher is passed in, so that a service
+call, a registration of this package or a fake can stand there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.graph.dead_reckoning import levelled, odometry_covariance
+from pose_graph_mapping.graph.loop_closure import LoopClosure, Match, beyond_correction, detect_loop_closures
+from pose_graph_mapping.graph.mapping_update import MappingUpdate
+from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, PoseGraph, as_covariance, unit_up
+from pose_graph_mapping.registration.cloud import PointCloud, merged, voxel_downsample, with_normals
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
+from rigid_geometry import as_transform, inverse, rotation_angle
+
+if TYPE_CHECKING:
+    from pose_graph_mapping.graph.localisation import Placement
+
+Array = NDArray[np.float64]
+
+__all__ = ["MappingUpdate", "PoseGraphMapper", "empty_graph", "levelled", "odometry_covariance"]
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """The pose of a new vertex, with the match that gave it."""
+
+    T_map_base: Array
+    result: RegistrationResult
+    used: bool
+    tries: int
+
+
+def empty_graph(config: MappingConfig) -> PoseGraph:
+    """A graph that judges edges and gravity as `config` says."""
+    return PoseGraph(config.outlier_chi2, config.gravity_bias_sigma_rad)
+
+
+class PoseGraphMapper:
+    """Graph-based mapping (thesis 5.4): owns the graph and a light cloud of every vertex."""
+
+    def __init__(self, config: MappingConfig, match: Match) -> None:
+        problems = config.validate()
+        if problems:
+            raise ValueError("; ".join(problems))
+        self._config, self._match = config, match
+        self.graph = empty_graph(config)
+        self._clouds: list[PointCloud] = []
+        self._stamps_s: list[float] = []
+        self._T_odom_last = np.eye(4)
+        self._old_last_vertex_estimate = np.eye(4)
+
+    @property
+    def stamps_s(self) -> tuple[float, ...]:
+        """The stamp of every vertex, seconds."""
+        return tuple(self._stamps_s)
+
+    def add_sweep(
+        self,
+        stamp_s: float,
+        points_base: ArrayLike,
+        origins_base: ArrayLike,
+        T_odom_base: ArrayLike,
+        odom_covariance: ArrayLike | None = None,
+        gravity_base: ArrayLike | None = None,
+        gravity_sigma_rad: float | None = None,
+        placement: Placement | None = None,
+    ) -> MappingUpdate:
+        """Algorithm 1 for one sweep; line numbers in the code are its.
+
+        points_base, origins_base (N, 3) at the stamp; T_odom_base (4, 4); odom_covariance (6, 6) of the motion since the last sweep,
+        rotation first, in the body frame, which is added to the model of distance and turning; gravity_base (3,): up as the resting IMU
+        measured it; placement: where the sweep was found in the map (`localise`), which then stands in for odometry. ValueError for a
+        stamp that does not increase, too few finite points, or anything that is no transform, covariance, direction or accepted placement;
+        nothing is changed then.
+        """
+        sweep = PointCloud.of_finite(points_base, origins_base)
+        T_odom_base = as_transform(T_odom_base)
+        covariance = None if odom_covariance is None else as_covariance(odom_covariance)
+        up = None if gravity_base is None or not self._config.use_gravity else unit_up(gravity_base)
+        self._check(stamp_s, sweep, gravity_sigma_rad)
+        before, edges_before = self.graph.poses(), self.graph.measurements()
+        self.finish_cloud()
+        cloud = voxel_downsample(sweep, self._config.vertex_voxel_m)
+        correction = self._last_vertex_correction()
+        if placement is not None:
+            placed: _Placed | None = self._localised_vertex(placement)
+        elif len(self.graph):
+            placed = self._next_vertex(cloud, T_odom_base, covariance)
+        else:
+            placed = self._first_vertex(T_odom_base, up)
+        self._clouds.append(cloud)
+        self._stamps_s.append(float(stamp_s))
+        if up is not None:
+            self.graph.add_gravity(len(self.graph) - 1, up, gravity_sigma_rad or self._config.gravity_sigma_rad)
+        self._old_last_vertex_estimate = self.graph.pose(len(self.graph) - 1)  # 4, 19
+        self._T_odom_last = T_odom_base  # 5
+        loops = detect_loop_closures(self.graph, self._clouds, self._match, self._config)  # 20
+        rejected = {id(edge) for edge in self.graph.rejected()}
+        update = self._update(before, placed, correction, tuple(loops), sweep.dropped)
+        return dataclasses.replace(update, rejected_edges=tuple(edge for edge in edges_before if id(edge) in rejected))
+
+    def solve(self) -> tuple[Edge, ...]:
+        """Solve the whole graph again and judge every match and loop; the edges that were left out by it. For the end of a session."""
+        return self.graph.solve()
+
+    def restore(self, graph: PoseGraph, clouds: Sequence[PointCloud], stamps_s: Sequence[float], T_odom_last: Array) -> None:
+        """Go on with the graph and the light clouds (body frames) of an earlier session; T_odom_last (4, 4): odometry of its last sweep."""
+        if not 0 < len(graph) == len(clouds) == len(stamps_s):
+            raise ValueError(f"{len(clouds)} clouds and {len(stamps_s)} stamps for {len(graph)} vertices, of which one is wanted at least")
+        self.graph, self._clouds, self._stamps_s = graph, list(clouds), [float(s) for s in stamps_s]
+        self._T_odom_last = as_transform(T_odom_last)
+        self._old_last_vertex_estimate = graph.pose(len(graph) - 1)
+
+    def vertex_clouds(self) -> tuple[PointCloud, ...]:
+        """The light cloud of every vertex, in its body frame."""
+        self.finish_cloud()
+        return tuple(self._clouds)
+
+    def finish_cloud(self) -> None:
+        """Estimates the normals of the last sweep's cloud, which the next matches need; for whoever has time before the next sweep.
+
+        By one thread: others classify meanwhile.
+        """
+        if self._clouds and self._clouds[-1].normals is None:
+            self._clouds[-1] = with_normals(self._clouds[-1], self._config.vertex_normal_neighbours, threads=1)
+
+    def area_cloud(self, distance_m: float) -> PointCloud:
+        """The clouds of all vertices within `distance_m` of the last one along the graph, merged, in the map frame."""
+        self.finish_cloud()
+        near = np.flatnonzero(self.graph.distances_from(len(self.graph) - 1) <= distance_m)
+        return merged([self._clouds[k].transformed(self.graph.pose(int(k))) for k in near])
+
+    def map_cloud(self) -> PointCloud:
+        """The light clouds of all vertices in the map frame; ValueError before the first sweep."""
+        self.finish_cloud()
+        return merged([cloud.transformed(T) for cloud, T in zip(self._clouds, self.graph.poses(), strict=True)])
+
+    def T_map_odom(self) -> Array:
+        """(4, 4) correction of the odometry frame by the last vertex; ValueError before the first sweep (lines 21 to 23)."""
+        return self.graph.pose(len(self.graph) - 1) @ inverse(self._T_odom_last)
+
+    def _check(self, stamp_s: float, sweep: PointCloud, gravity_sigma_rad: float | None) -> None:
+        if not np.isfinite(stamp_s) or (self._stamps_s and stamp_s <= self._stamps_s[-1]):
+            raise ValueError(f"stamps must increase: {stamp_s} after {self._stamps_s[-1:]}")
+        if len(sweep) < self._config.min_sweep_points:
+            raise ValueError(f"a sweep of {len(sweep)} finite points ({sweep.dropped} dropped), {self._config.min_sweep_points} wanted")
+        if gravity_sigma_rad is not None and not gravity_sigma_rad > 0.0:
+            raise ValueError(f"gravity_sigma_rad must be positive, not {gravity_sigma_rad}")
+
+    def _first_vertex(self, T_odom_base: Array, up: Array | None) -> _Placed | None:
+        """Lines 2 to 6, levelled where gravity is known: a tilted first pose tilts the whole map."""
+        self.graph.add_vertex(T_odom_base if up is None else levelled(T_odom_base, up))  # 3
+        return None
+
+    def _localised_vertex(self, placement: Placement) -> _Placed:
+        """A vertex that hangs on the one it was found beside: odometry does not know how the robot came here."""
+        if not placement.accepted:
+            raise ValueError(f"a sweep that was not found in the map: {placement.reason}")
+        result, beside = placement.result, placement.vertex_id
+        T_map_base = as_transform(result.T_reference_reading)
+        T_beside_base = inverse(self.graph.pose(beside)) @ T_map_base
+        self.graph.add_edge(beside, self.graph.add_vertex(T_map_base), T_beside_base, result.covariance, EdgeKind.MATCH)
+        return _Placed(T_map_base, result, True, placement.tries)
+
+    def _next_vertex(self, cloud: PointCloud, T_odom_base: Array, covariance: Array | None) -> _Placed:
+        """Lines 8 to 18, with an odometry edge whatever the match says: it holds what the match leaves open."""
+        last = len(self.graph) - 1
+        relative_odom = inverse(self._T_odom_last) @ T_odom_base  # 8, 10
+        # 11 to 13. The correction takes the last vertex from where it was placed to where it is now. As printed, line 12 applies it to the
+        # estimate that has it already; it belongs to the old one.
+        last_vertex_lc_corr = inverse(self._old_last_vertex_estimate) @ self.graph.pose(last)
+        trans_curr_pc = as_transform(self._old_last_vertex_estimate @ last_vertex_lc_corr @ relative_odom)
+        grown = odometry_covariance(relative_odom, self._config) + (0.0 if covariance is None else covariance)
+        placed = self._matched(cloud, trans_curr_pc, grown)  # 9, 14 to 17
+        current = self.graph.add_vertex(placed.T_map_base)  # 18
+        self.graph.add_edge(last, current, relative_odom, grown, EdgeKind.ODOMETRY)
+        if placed.used:
+            T_last_current = inverse(self.graph.pose(last)) @ placed.T_map_base
+            self.graph.add_edge(last, current, T_last_current, placed.result.covariance, EdgeKind.MATCH)
+        return placed
+
+    def _matched(self, cloud: PointCloud, T_predicted: Array, covariance: Array) -> _Placed:
+        """Lines 9 and 14 to 17: up to three tries, each against another reference, until one is not refused.
+
+        The cloud stays in the body frame and the prediction is the guess, which is lines 14 and 17 in one: the match returns T_map_base.
+        A sweep that nothing matches keeps the prediction.
+        """
+        attempts = []
+        for factor in (1.0, 0.0, 2.0)[: self._config.num_icp_tries]:  # 15
+            area = self.area_cloud(factor * self._config.graph_dist_m)  # 9
+            attempts.append(self._plausible(self._match(area, cloud, T_predicted, covariance), T_predicted, covariance))  # 16
+            if attempts[-1].usable:
+                return _Placed(as_transform(attempts[-1].T_reference_reading), attempts[-1], True, len(attempts))
+        return _Placed(T_predicted, attempts[0], False, len(attempts))
+
+    def _plausible(self, result: RegistrationResult, T_predicted: Array, covariance: Array) -> RegistrationResult:
+        """The result, refused when it moves the prediction too far: only the prior can reject a symmetry."""
+        reason = beyond_correction(T_predicted, result.T_reference_reading, covariance, self._config)
+        if not result.usable or reason is None:
+            return result
+        return dataclasses.replace(result, verdict=Verdict.REFUSED, reason=reason)
+
+    def _last_vertex_correction(self) -> float:
+        if not len(self.graph):
+            return 0.0
+        return float(np.linalg.norm(self.graph.pose(len(self.graph) - 1)[:3, 3] - self._old_last_vertex_estimate[:3, 3]))
+
+    def _update(
+        self, before: Array, placed: _Placed | None, correction: float, loops: tuple[LoopClosure, ...], dropped: int
+    ) -> MappingUpdate:
+        poses = self.graph.poses()
+        moved = [inverse(old) @ new for old, new in zip(before, poses, strict=False)]
+        return MappingUpdate(
+            vertex_id=len(poses) - 1,
+            vertex_poses=poses,
+            T_map_odom=self.T_map_odom(),
+            result=None if placed is None else placed.result,
+            match_used=placed is not None and placed.used,
+            tries=0 if placed is None else placed.tries,
+            last_vertex_correction_m=correction,
+            loop_closures=sum(loop.closed for loop in loops),
+            loop_results=loops,
+            max_vertex_motion_m=max((float(np.linalg.norm(T[:3, 3])) for T in moved), default=0.0),
+            max_vertex_motion_rad=max((rotation_angle(T) for T in moved), default=0.0),
+            points_dropped=dropped,
+        )

@@ -1,0 +1,1 @@
+"""How one cloud lies to another: whatever has `match(reference, reading, guess)`."""

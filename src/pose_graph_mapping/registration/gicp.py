@@ -1,0 +1,193 @@
+"""Default registration: GICP in two stages on voxel means, against the reference points that face the predicted sensor.
+
+Behind `match_clouds`. A guess that is known well is refined directly. One that is not, or that leads nowhere, only centres a search: the
+best placements are refined and judged alike, and two that explain the clouds equally well are told apart by the guess, or not at all.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pose_graph_mapping.config import RegistrationConfig
+from pose_graph_mapping.graph.graph_measurements import as_covariance
+from pose_graph_mapping.registration.cloud import PointCloud, farthest, moved_points, reference_cloud, vertex_cloud, within
+from pose_graph_mapping.registration.correlative import Window, window_of
+from pose_graph_mapping.registration.gicp_alignment import Alignment, Stage, align
+from pose_graph_mapping.registration.gicp_surface import Surface, nearest, surface_of, voxel_cloud
+from pose_graph_mapping.registration.match_quality import (
+    Fit,
+    FreeSpace,
+    degeneracy,
+    fit_of,
+    judge,
+    keep_guess,
+    known_directions,
+    match_covariance,
+)
+from pose_graph_mapping.registration.matching import RegistrationResult, refused
+from pose_graph_mapping.registration.placement_search import ROUGH_POINTS, Pair, decided, is_found, is_worth_refining, rough_placements
+from pose_graph_mapping.registration.residual_pattern import pattern_covariance, residual_pattern
+from rigid_geometry import as_transform
+
+Array = NDArray[np.float64]
+
+_EARLY_PRECISION, _PRECISION = 1e-3, 1e-4  # metres and radians: a shorter step ends a stage
+_LEAST_EARLY = 10  # points; fewer may leave the normal equations without a solution
+
+
+def sensor_of(cloud: PointCloud) -> Array | None:
+    """(3,) mean of the beam origins; None where they are not known."""
+    return None if cloud.origins is None or len(cloud) == 0 else np.asarray(cloud.origins.mean(axis=0))
+
+
+def facing(reference: PointCloud, sensor: Array | None, least_cos: float) -> PointCloud:
+    """The reference without points whose normal faces away from `sensor`: the far side of a thin wall pulls the near one."""
+    if sensor is None or reference.normals is None or reference.origins is None:
+        return reference
+    return reference.selected(_faces(reference.points, reference.normals, sensor, least_cos))
+
+
+@njit(cache=True)
+def _faces(points: Array, normals: Array, sensor: Array, least_cos: float) -> NDArray[np.bool_]:
+    """(N,) whether the normal makes a cosine of `least_cos` or more with the direction to the sensor."""
+    found = np.empty(len(points), dtype=np.bool_)
+    for i in range(len(points)):
+        x, y, z = sensor[0] - points[i, 0], sensor[1] - points[i, 1], sensor[2] - points[i, 2]
+        along = normals[i, 0] * x + normals[i, 1] * y + normals[i, 2] * z
+        found[i] = along >= least_cos * math.sqrt(x * x + y * y + z * z)
+    return found
+
+
+def in_reach(reference: PointCloud, reading: PointCloud, T_guess: Array, margin_m: float) -> PointCloud:
+    """The reference points that the reading could have seen from where it is thought to be."""
+    return reference.selected(within(reference.points, T_guess[:3, 3], farthest(reading.points) + margin_m))
+
+
+class GicpRegistration:
+    """Generalised ICP (Segal et al., 2009) with solution remapping (Zhang et al., 2016), a coarse search and a free-space verdict."""
+
+    def __init__(self, config: RegistrationConfig) -> None:
+        self._config = config
+
+    def match(
+        self,
+        reference: PointCloud,
+        reading: PointCloud,
+        T_reference_reading_guess: Array,
+        guess_covariance: Array | None = None,
+    ) -> RegistrationResult:
+        """See `Registration.match`; voxel means are made here, so clouds of any density may come."""
+        config, T_guess = self._config, as_transform(T_reference_reading_guess)
+        if len(reference) == 0 or len(reading) == 0:
+            raise ValueError(f"clouds to match must hold points: reference has {len(reference)}, reading {len(reading)}")
+        guess_covariance = None if guess_covariance is None else as_covariance(guess_covariance)
+        reading = vertex_cloud(reading, config.voxel_m, config.normal_neighbours)
+        window = window_of(guess_covariance, T_guess, config)
+        result = self._matched(reference, reading, T_guess, guess_covariance, window)
+        if guess_covariance is None and self._overlaps_little(result):
+            wide = dataclasses.replace(window, shift_m=config.search_wide_m)
+            result = self._matched(reference, reading, result.T_reference_reading, None, wide)
+        return result
+
+    def _overlaps_little(self, result: RegistrationResult) -> bool:
+        """Whether a refused placement is one to ask again of, for it might only have wanted more overlap."""
+        config = self._config
+        is_free = result.free_space_contradiction <= config.max_contradiction
+        return not result.usable and is_free and config.min_overlap <= result.overlap < config.min_overlap_unguided
+
+    def _matched(
+        self, reference: PointCloud, reading: PointCloud, T_guess: Array, guess_covariance: Array | None, window: Window
+    ) -> RegistrationResult:
+        """Directly, or by a search of the window."""
+        config = self._config
+        reference = in_reach(reference, reading, T_guess, window.shift_m + config.coarse_distance_m)
+        reference = reference_cloud(reference, config.voxel_m, config.normal_neighbours)
+        if min(len(reference), len(reading)) < config.min_points:
+            return refused(T_guess, f"{len(reference)} reference and {len(reading)} reading voxels in reach, {config.min_points} wanted")
+        free_space = FreeSpace(reference, reading, T_guess[:3, 3], config)
+        covers_truth = guess_covariance is not None or window.shift_m >= config.search_wide_m
+        pair = Pair(reference, reading, free_space, T_guess, guess_covariance, covers_truth)
+        if window.is_wide(config):
+            return self._searched(pair, window)
+        direct = self._refined(pair, T_guess, config.coarse_distance_m)
+        return direct if direct.usable else self._searched(pair, window)
+
+    def _searched(self, pair: Pair, window: Window) -> RegistrationResult:
+        """The placement in `window` that explains the clouds, where there is one and the guess can tell it from its rivals."""
+        config = self._config
+        starts = rough_placements(pair, window, config)
+        tried, found = 0, list[RegistrationResult]()
+        first = refused(pair.T_guess, "no placement within the search")
+        for start in starts:
+            if not is_worth_refining(start, starts[0], tried, found, config):
+                continue
+            result = self._refined(pair, start.T, None)
+            tried += 1
+            if result.usable and not any(is_found(other, result.T_reference_reading, config) for other in found):
+                found.append(result)
+            first = result if tried == 1 else first
+        return decided(found, pair.T_guess, pair.guess_covariance) if found else first
+
+    def _refined(self, pair: Pair, T_start: Array, coarse_distance_m: float | None) -> RegistrationResult:
+        """From `T_start`, with a coarse stage where it is given its distance; in directions that nothing holds the guess stands."""
+        config = self._config
+        target = self._target(pair, T_start)
+        if len(target.points) < config.min_points:
+            return refused(pair.T_guess, f"{len(target.points)} reference voxels face the sensor, {config.min_points} wanted")
+        few, most, T, before = pair.reading.thinned(config.early_points), config.max_iterations, T_start, 0
+        if coarse_distance_m is not None:
+            coarse = align(target, few, T, Stage(coarse_distance_m, most, _EARLY_PRECISION))
+            T, before = coarse.T, coarse.iterations
+        early = align(target, few, T, Stage(config.fine_distance_m, most, _EARLY_PRECISION))
+        if early.inliers < _LEAST_EARLY:
+            return refused(pair.T_guess, f"{early.inliers} of {len(few.points)} points within {config.fine_distance_m} m of each other")
+        if pair.free_space.contradiction(early.T, ROUGH_POINTS) > config.search_hopeless_contradiction:
+            return self._judged(dataclasses.replace(pair, reading=few), target, early, before + early.iterations)
+        last = Stage(config.fine_distance_m, max(1, most - early.iterations), _PRECISION, config.half_weight_m)
+        fine = align(target, pair.reading, early.T, last)
+        if fine.inliers < config.min_points // 2:
+            return refused(pair.T_guess, f"{fine.inliers} points within {config.fine_distance_m} m of each other")
+        return self._judged(pair, target, fine, before + early.iterations + fine.iterations)
+
+    def _target(self, pair: Pair, T_start: Array) -> Surface:
+        """What of the reference faces the reading's sensor, placed by `T_start`."""
+        config, sensor = self._config, sensor_of(pair.reading)
+        visible = facing(pair.reference, None if sensor is None else moved_points(T_start, sensor[None])[0], config.facing_away_cos)
+        return surface_of(voxel_cloud(visible, config.voxel_m, config.normal_neighbours))
+
+    def _judged(self, pair: Pair, target: Surface, found: Alignment, iterations: int) -> RegistrationResult:
+        config, points = self._config, pair.reading.points
+        hessian = found.hessian
+        weak = degeneracy(hessian, found.weight, points, config.degenerate_eigenvalue)
+        known = known_directions(weak, pair.guess_covariance, config.degenerate_guess_sigma_m)
+        T = keep_guess(pair.T_guess, found.T, known)
+        fit, bent = self._fit(pair, target, T)
+        covariance = match_covariance(config.covariance_scale * np.linalg.inv(hessian) + bent, weak, config)
+        contradiction = pair.free_space.contradiction(T)
+        ratio = found.inliers / len(points)
+        verdict, reason = judge(ratio, fit, contradiction, weak, config, pair.covers_truth)
+        return RegistrationResult(T, covariance, ratio, fit.overlap, contradiction, iterations, weak.directions, verdict, reason)
+
+    def _fit(self, pair: Pair, target: Surface, T: Array) -> tuple[Fit, Array]:
+        """How the reading lies on the reference, and the (6, 6) covariance that what is left between them makes."""
+        config, reading, sensor = self._config, pair.reading, sensor_of(pair.reading)
+        placed = reading.transformed(T)
+        index, squared = nearest(target.tree, placed.points)
+        at, normals = target.points[index], target.normals[index]
+        fit = fit_of(placed, at, normals, squared, sensor is not None and pair.reference.origins is not None, config)
+        near = squared <= config.overlap_distance_m**2
+        if sensor is None or not near.any():
+            return fit, np.zeros((6, 6))
+        pattern = residual_pattern(reading.points[near], sensor, T, at[near], normals[near])
+        return fit, np.zeros((6, 6)) if pattern is None else pattern_covariance(pattern, config)
+
+
+def compile_kernels() -> None:
+    """Compiles the kernel of this module for the types that a match passes."""
+    one = np.zeros((1, 3))
+    facing(PointCloud(one, one, one), np.zeros(3), 0.0)

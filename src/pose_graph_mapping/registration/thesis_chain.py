@@ -1,0 +1,180 @@
+"""The thesis's registration (5.4, figure 5.7): a chain of filters around point-to-plane ICP, as libpointmatcher builds it.
+
+Data filters (sensor noise and range, density, normals), matcher (nearest neighbour), outlier filters (maximum distance, trimmed, angle of
+normals), error minimiser (point to plane with covariance), transformation checkers (counter, differential). Behind `match_clouds`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+import small_gicp
+from numpy.typing import NDArray
+
+from pose_graph_mapping.config import RegistrationConfig
+from pose_graph_mapping.registration.cloud import PointCloud, moved_points, reference_cloud, voxel_downsample, with_normals
+from pose_graph_mapping.registration.gicp import in_reach
+from pose_graph_mapping.registration.gicp_surface import nearest
+from pose_graph_mapping.registration.match_quality import (
+    Degeneracy,
+    degeneracy,
+    exp_motion,
+    fit_of,
+    free_space_contradiction,
+    judge,
+    keep_guess,
+    match_covariance,
+)
+from pose_graph_mapping.registration.matching import RegistrationResult, refused
+from rigid_geometry import as_transform, rotation_angle
+
+Array = NDArray[np.float64]
+
+_LEAST_SIGMA_M, _BEAM_ANGLE_RAD, _BEAM_SIGMA_M = 0.018, 0.0006, 0.0015
+"""Noise of a UTM-30LX: the footprint of the beam grows with the range, under a constant electronic floor."""
+
+
+def sensor_noise(ranges_m: Array) -> Array:
+    """(N,) standard deviation of measured points in metres, from their ranges."""
+    return np.maximum(_LEAST_SIGMA_M, _BEAM_ANGLE_RAD * ranges_m + _BEAM_SIGMA_M)
+
+
+@dataclass(frozen=True, eq=False)
+class _Matches:
+    """Pairs that the outlier filters left: points and normals of the reading's body frame, residuals in metres along the normals."""
+
+    points_body: Array
+    normals_body: Array
+    residuals: Array
+    sigmas: Array
+
+    def jacobian(self) -> Array:
+        """(N, 6) derivative of the residuals by a motion of the body (rotation, translation)."""
+        return np.hstack([np.cross(self.points_body, self.normals_body), self.normals_body])
+
+
+@dataclass(frozen=True, eq=False)
+class _Pair:
+    """Both clouds behind the data filters, and the reference before sweeps were averaged: free space needs true origins."""
+
+    reference: PointCloud
+    reading: PointCloud
+    reference_sweeps: PointCloud
+    is_guess_known: bool
+
+
+class _Differential:
+    """libpointmatcher's DifferentialTransformationChecker: the mean of the last steps is small enough."""
+
+    def __init__(self, config: RegistrationConfig) -> None:
+        self._config = config
+        self._steps: deque[tuple[float, float]] = deque(maxlen=config.chain_smooth_length)
+
+    def satisfied(self, T_step: Array) -> bool:
+        self._steps.append((float(np.linalg.norm(T_step[:3, 3])), rotation_angle(T_step)))
+        if len(self._steps) < self._config.chain_smooth_length:
+            return False
+        metres, radians = np.mean(self._steps, axis=0)
+        return bool(metres < self._config.chain_min_translation_m and radians < self._config.chain_min_rotation_rad)
+
+
+class ThesisChainRegistration:
+    """Point-to-plane ICP with a trimmed set of matches; its verdict is the same as the default registration's."""
+
+    def __init__(self, config: RegistrationConfig) -> None:
+        self._config = config
+
+    def match(
+        self,
+        reference: PointCloud,
+        reading: PointCloud,
+        T_reference_reading_guess: Array,
+        guess_covariance: Array | None = None,
+    ) -> RegistrationResult:
+        """See `Registration.match`; filters both clouds alike, as the thesis does."""
+        config, T_guess = self._config, as_transform(T_reference_reading_guess)
+        if len(reference) == 0 or len(reading) == 0:
+            raise ValueError(f"clouds to match must hold points: reference has {len(reference)}, reading {len(reading)}")
+        seen = in_reach(reference, reading, T_guess, config.chain_max_distance_m)
+        seen = reference_cloud(seen, config.voxel_m, config.normal_neighbours)
+        filtered = _Pair(self._filtered(seen), self._filtered(reading), seen, guess_covariance is not None)
+        sizes = len(filtered.reference), len(filtered.reading)
+        if min(sizes) < config.min_points:
+            return refused(T_guess, f"{sizes[0]} reference and {sizes[1]} reading points after filtering, {config.min_points} wanted")
+        return self._iterated(filtered, T_guess)
+
+    def _filtered(self, cloud: PointCloud) -> PointCloud:
+        """Range, density and normals, in this order."""
+        config = self._config
+        if cloud.origins is not None:
+            ranges = np.linalg.norm(cloud.points - cloud.origins, axis=1)
+            cloud = cloud.selected((ranges >= config.chain_min_range_m) & (ranges <= config.chain_max_range_m))
+        if config.chain_reduction == "voxel":
+            cloud = voxel_downsample(cloud, config.voxel_m)
+        else:
+            kept = np.random.default_rng(config.chain_random_seed).random(len(cloud)) < config.chain_random_ratio
+            cloud = cloud.selected(kept)
+        return with_normals(PointCloud(cloud.points, cloud.origins), config.normal_neighbours)
+
+    def _iterated(self, clouds: _Pair, T_guess: Array) -> RegistrationResult:
+        config, reference, reading = self._config, clouds.reference, clouds.reading
+        tree = small_gicp.KdTree(reference.points, num_threads=1)
+        checker, T, iterations = _Differential(config), T_guess, 0
+        matches = self._inliers(reference, reading, tree, T)
+        while iterations < config.max_iterations and len(matches.residuals) >= config.min_points // 2:
+            iterations += 1
+            jacobian, weight = matches.jacobian(), matches.sigmas**-2
+            hessian = (jacobian * weight[:, None]).T @ jacobian
+            motion = np.linalg.lstsq(hessian, jacobian.T @ (weight * matches.residuals), rcond=1e-9)[0]
+            step = exp_motion(-np.asarray(motion, dtype=np.float64))
+            T = T @ step
+            matches = self._inliers(reference, reading, tree, T)
+            if checker.satisfied(step):
+                break
+        if len(matches.residuals) < config.min_points // 2:
+            return refused(T_guess, f"{len(matches.residuals)} matches after the outlier filters")
+        return self._judged(clouds, tree, matches, (T_guess, T), iterations)
+
+    def _inliers(self, reference: PointCloud, reading: PointCloud, tree: small_gicp.KdTree, T: Array) -> _Matches:
+        """Nearest neighbours that pass the outlier filters at `T`."""
+        config, moved = self._config, moved_points(T, reading.points)
+        assert reference.normals is not None and reading.normals is not None
+        found, squared = tree.batch_knn_search(moved, 1, num_threads=1)
+        index, squared = np.asarray(found)[:, 0].astype(np.int64), np.asarray(squared)[:, 0]
+        normals = reference.normals[index]
+        cosine = np.einsum("ij,ij->i", normals, reading.normals @ T[:3, :3].T)
+        if reference.origins is None or reading.origins is None:
+            cosine = np.abs(cosine)
+        trimmed = np.quantile(squared, config.chain_trim_ratio)
+        kept = (squared <= min(trimmed, config.chain_max_distance_m**2)) & (cosine >= math.cos(config.chain_max_normal_angle_rad))
+        residuals = np.einsum("ij,ij->i", normals, moved - reference.points[index])[kept]
+        ranges = np.linalg.norm(reading.points if reading.origins is None else reading.points - reading.origins, axis=1)
+        return _Matches(reading.points[kept], normals[kept] @ T[:3, :3], residuals, sensor_noise(ranges[kept]))
+
+    def _judged(
+        self, clouds: _Pair, tree: small_gicp.KdTree, matches: _Matches, guess_and_match: tuple[Array, Array], iterations: int
+    ) -> RegistrationResult:
+        config, reference, reading = self._config, clouds.reference, clouds.reading
+        jacobian = matches.jacobian()
+        weak = degeneracy(jacobian.T @ jacobian, len(jacobian), reading.points, config.chain_degenerate_share)
+        T = keep_guess(*guess_and_match, weak)
+        covariance = match_covariance(_censi(jacobian, matches.sigmas, weak), weak, config)
+        index, squared = nearest(tree, moved_points(T, reading.points))
+        assert reference.normals is not None
+        is_sided = reference.origins is not None and reading.origins is not None
+        fit = fit_of(reading.transformed(T), reference.points[index], reference.normals[index], squared, is_sided, config)
+        contradiction = free_space_contradiction(clouds.reference_sweeps, reading, T, config)
+        ratio = len(jacobian) / len(reading)
+        verdict, reason = judge(ratio, fit, contradiction, weak, config, clouds.is_guess_known)
+        return RegistrationResult(T, covariance, ratio, fit.overlap, contradiction, iterations, weak.directions, verdict, reason)
+
+
+def _censi(jacobian: Array, sigmas: Array, weak: Degeneracy) -> Array:
+    """Censi's covariance (2007) of point-to-plane: noise of both points of a pair, along the normal; zero in the open directions."""
+    hessian = (jacobian * sigmas[:, None] ** -2).T @ jacobian
+    held = np.eye(6) - weak.directions.T @ weak.directions
+    scaled = held @ (hessian / np.outer(weak.scale, weak.scale)) @ held
+    return np.asarray(2.0 * np.linalg.pinv(scaled, rcond=1e-9, hermitian=True) / np.outer(weak.scale, weak.scale))

@@ -1,0 +1,77 @@
+"""Goes on with a session where it ended, however it ended: the mapper that its folder tells of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.graph.loop_closure import Match
+from pose_graph_mapping.graph.mapper import PoseGraphMapper, empty_graph
+from pose_graph_mapping.registration.cloud import PointCloud, vertex_cloud
+from pose_graph_mapping.registration.matching import RegistrationResult, refused
+from pose_graph_mapping.session.session_record import Measured
+from pose_graph_mapping.session.session_store import DamagedSweepError, SessionStore
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Resumed:
+    """A mapper with the graph and the clouds of a session, and what of the session is damaged, a sentence each."""
+
+    mapper: PoseGraphMapper
+    notes: tuple[str, ...]
+
+
+def resume(store: SessionStore, config: MappingConfig, match: Match) -> Resumed:
+    """The mapper that a session's sweeps were placed by, as it was after the last of them.
+
+    A sweep that is damaged keeps its vertex and edges, has no points, and is named in the notes. Its next sweep goes to `add_sweep` with a
+    placement found by `localise`; without one where odometry has gone on all the while. ValueError for a session without sweeps, or one
+    that was stored without its graph.
+    """
+    if not store.sweeps:
+        raise ValueError("the session holds no sweeps that could be gone on with")
+    measured = [_measured(store, k) for k in range(len(store.sweeps))]
+    notes = list(store.notes)
+    clouds = [_light_cloud(store, k, config, notes) for k in range(len(store.sweeps))]
+    graph = store.graph_on_disk(empty_graph(config))
+    for vertex_id, m in enumerate(measured):
+        if config.use_gravity and m.gravity_base is not None:
+            graph.add_gravity(vertex_id, m.gravity_base, m.gravity_sigma_rad or config.gravity_sigma_rad)
+    graph.optimise()
+    mapper = PoseGraphMapper(config, _without_empty_clouds(match))
+    mapper.restore(graph, clouds, [s.stamp_s for s in store.sweeps], measured[-1].T_odom_base)
+    return Resumed(mapper, tuple(dict.fromkeys(notes)))
+
+
+def _measured(store: SessionStore, vertex_id: int) -> Measured:
+    measured = store.sweeps[vertex_id].measured
+    if measured is None:
+        raise ValueError(f"sweep {vertex_id} was stored without its odometry and edges; such a session can be looked at only")
+    return measured
+
+
+def _light_cloud(store: SessionStore, vertex_id: int, config: MappingConfig, notes: list[str]) -> PointCloud:
+    """What the mapper keeps of a sweep; no points where the file is damaged."""
+    try:
+        return vertex_cloud(store.load_sweep(vertex_id), config.vertex_voxel_m, config.vertex_normal_neighbours)
+    except DamagedSweepError as error:
+        notes[:] = [note for note in notes if not note.startswith(store.sweeps[vertex_id].file)]
+        notes.append(f"{error}; vertex {vertex_id} stays without its points")
+        none = np.zeros((0, 3))
+        return PointCloud(none, none, none)
+
+
+def _without_empty_clouds(match: Match) -> Match:
+    """Refuses what a vertex without points would be asked for."""
+
+    def refusing(reference: PointCloud, reading: PointCloud, T_guess: Array, covariance: Array | None) -> RegistrationResult:
+        if len(reference) and len(reading):
+            return match(reference, reading, T_guess, covariance)
+        return refused(T_guess, "the sweep that it would be matched with is damaged on disk")
+
+    return refusing
