@@ -10,6 +10,7 @@ import pytest
 import yaml
 
 from explore_command.parameters import NODE_CONFIGS, config_class, override_problems
+from robot_body import DEFAULT_ROBOT_FILE
 from stage_config import load_config, to_mapping
 
 pytest.importorskip("_octree_binding", reason="the octree's extension module is not on PYTHONPATH: source .ws/devel/setup.bash")
@@ -59,8 +60,9 @@ def test_both_nodes_behind_a_spinning_lidar_know_the_same_one() -> None:
     assert _values("scan_filter_node")["lidar"] == _values("sweep_assembler_node")["lidar"]
 
 
-def test_every_file_belongs_to_a_node() -> None:
-    assert {path.name for path in (ROOT / "config").glob("*.yaml")} == {path.name for path in CONFIG_FILE.values()}
+def test_every_file_belongs_to_a_node_or_is_the_robot() -> None:
+    files = {path.name for path in (ROOT / "config").glob("*.yaml")}
+    assert files == {path.name for path in CONFIG_FILE.values()} | {DEFAULT_ROBOT_FILE.name}
 
 
 def test_reference_names_every_parameter_once_a_node() -> None:

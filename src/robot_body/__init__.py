@@ -1,0 +1,10 @@
+"""The robot: one dataclass from config/robot.yaml, which everything that depends on its body reads, and all that follows from it.
+
+A radius, a box or a margin that is due to the body is derived here, once, and written nowhere else.
+"""
+
+from robot_body.body import RobotBody
+from robot_body.loading import DEFAULT_ROBOT_FILE, load_robot, overlaid, robot_from_mapping, robot_mapping
+from robot_body.mounts import SensorMount
+
+__all__ = ["DEFAULT_ROBOT_FILE", "RobotBody", "SensorMount", "load_robot", "overlaid", "robot_from_mapping", "robot_mapping"]

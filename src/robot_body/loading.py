@@ -1,0 +1,63 @@
+"""RobotBody from robot.yaml, or from the same as a mapping: nothing may be missing, and every violation is told at once."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+import yaml
+
+from robot_body.body import RobotBody
+from robot_body.mounts import read_mounts
+from stage_config import ConfigError, load_config, to_mapping
+
+DEFAULT_ROBOT_FILE = Path(__file__).resolve().parents[2] / "config" / "robot.yaml"
+
+
+def load_robot(path: Path | str = DEFAULT_ROBOT_FILE) -> RobotBody:
+    """The robot of a YAML file. ConfigError lists all violations, one a line, each with the file's name."""
+    return robot_from_mapping(robot_values(path), str(path))
+
+
+def robot_values(path: Path | str) -> dict[str, object]:
+    """What a robot's file says, unchecked. ConfigError when it cannot be read or is no mapping."""
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError) as error:
+        raise ConfigError(f"{path}: is no YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(content, dict):
+        raise ConfigError(f"{path}: expected the robot's values by name, as in config/robot.yaml")
+    return {str(name): value for name, value in content.items()}
+
+
+def robot_from_mapping(values: Mapping[str, object], where: str = "robot") -> RobotBody:
+    """The robot that `values` of robot.yaml describe. ConfigError lists all violations, one a line behind `where`."""
+    mounts, problems = read_mounts(values.get("mounts", {}))
+    known = {name: value for name, value in values.items() if name != "mounts"}
+    missing = [f"{f.name} is missing" for f in dataclasses.fields(RobotBody) if f.name not in values]
+    robot = None
+    try:
+        robot = load_config(RobotBody, known if problems or "mounts" not in values else {**known, "mounts": mounts})
+    except ConfigError as error:
+        problems = [line.partition(": ")[2] for line in str(error).splitlines()] + problems
+    if problems or missing or robot is None:
+        raise ConfigError("\n".join(f"{where}: {text}" for text in missing + problems))
+    return robot
+
+
+def overlaid(values: Mapping[str, object], changes: Mapping[str, object]) -> dict[str, object]:
+    """The values with `changes` over them, "name" or "mounts/SENSOR" to value."""
+    found = dict(values)
+    for path, value in changes.items():
+        name, _, rest = path.partition("/")
+        inner = found.get(name)
+        found[name] = overlaid(inner if isinstance(inner, Mapping) else {}, {rest: value}) if rest else value
+    return found
+
+
+def robot_mapping(robot: RobotBody) -> dict[str, object]:
+    """The robot as robot.yaml writes it, in plain types: `robot_from_mapping` gives the same robot."""
+    return {**to_mapping(robot), "mounts": {mount.sensor: mount.as_mapping() for mount in robot.mounts}}
