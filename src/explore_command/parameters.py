@@ -119,7 +119,7 @@ def _parameter_problems(node: str, section: str, name: str, value: Any) -> list[
     if section not in sections:
         return [f"{node} has no section {section!r}{_nearest(section, sections)}"]
     try:
-        load_config(config_class(sections[section]), {name: value})
+        load_config(config_class(sections[section]), {name: value}, section)
     except ConfigError as error:
         return [f"{node}: {line.partition(': ')[2]}" for line in str(error).splitlines()]
     return []

@@ -38,7 +38,7 @@ class RobotBody:
         high=1.0,
     )
     straying_m: float = parameter(0.05, "m", "how far its middle strays from a straight line that it drives along", low=0.0, high=0.5)
-    straying_rad: float = parameter(0.06, "rad", "how far its heading strays from that line", low=0.0, high=0.5)
+    straying_rad: float = parameter(0.058, "rad", "how far its heading strays from that line", low=0.0, high=0.5)
     max_step_m: float = parameter(0.10, "m", "highest step that it climbs", low=0.01, high=0.5)
     max_slope_rad: float = parameter(math.radians(25.0), "rad", "steepest slope that it drives", low=0.05, high=0.8)
     max_speed_mps: float = parameter(1.0, "m/s", "fastest that its drive can do, not what it explores with", low=0.01, high=2.0)

@@ -3,8 +3,10 @@
 import dataclasses
 import difflib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any, TypeVar
+
+from stage_config.old_names import OLD_NAMES
 
 C = TypeVar("C")
 
@@ -62,15 +64,25 @@ def _coerce(field: dataclasses.Field[Any], value: Any) -> Any:
     return value
 
 
-def load_config(cls: type[C], values: Mapping[str, Any]) -> C:
-    """A `cls` from its defaults and `values`; ConfigError lists unknown names (with the nearest), wrong types and ranges."""
+def _unknown(name: str, section: str, known: Collection[str]) -> str:
+    path = f"{section}/{name}".lstrip("/")
+    if path in OLD_NAMES:
+        return f"{path} now stands in {OLD_NAMES[path]}"
+    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+    return f"unknown parameter {name}" + (f", did you mean {near[0]}?" if near else f"; known: {', '.join(known)}")
+
+
+def load_config(cls: type[C], values: Mapping[str, Any], section: str = "") -> C:
+    """A `cls` from its defaults and `values`; ConfigError lists unknown names (with the nearest), wrong types and ranges.
+
+    `section`: below which the values stand, by which names that moved elsewhere are known (`OLD_NAMES`).
+    """
     fields = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
     problems: list[str] = []
     known: dict[str, Any] = {}
     for name, value in values.items():
         if name not in fields:
-            near = difflib.get_close_matches(name, fields, n=1, cutoff=0.5)
-            problems.append(f"unknown parameter {name}" + (f", did you mean {near[0]}?" if near else f"; known: {', '.join(fields)}"))
+            problems.append(_unknown(name, section, fields))
             continue
         try:
             known[name] = _coerce(fields[name], value)
