@@ -19,7 +19,8 @@ from octomap_server_3dnav.exploration.tried_places import Place, TriedPlaces
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
+from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
 from rigid_geometry import as_transform, yaw_of
 from rigid_geometry.transforms import Transform
 
@@ -73,21 +74,21 @@ class ExplorationPlanner:
     def __init__(
         self,
         config: ExplorationConfig | None = None,
-        terrain: TerrainConfig | None = None,
+        terrain: TerrainSettings | None = None,
         frontier: FrontierConfig | None = None,
         planner: PlannerConfig | None = None,
     ) -> None:
         """ValueError lists every violation of the four configurations."""
         self.config = config or ExplorationConfig()
-        self.terrain_config = terrain or TerrainConfig()
+        self.terrain_settings = terrain or TerrainSettings()
         self.frontier_config = frontier or FrontierConfig()
         self.planner_config = planner or PlannerConfig()
-        problems = [p for c in (self.config, self.terrain_config, self.frontier_config, self.planner_config) for p in c.validate()]
+        problems = [p for c in (self.config, self.terrain_settings, self.frontier_config, self.planner_config) for p in c.validate()]
         if problems:
             raise ValueError("\n".join(problems))
         self._tried = TriedPlaces(self.config)
         self._approach = Approach(self.config, self.planner_config.trim_m)
-        self._way_out = WayOut(self.terrain_config)
+        self._way_out = WayOut(self.terrain_settings)
         self._sent_to: Lookout | None = None  # before whose way it was sent
 
     def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
@@ -113,7 +114,7 @@ class ExplorationPlanner:
         T_map_base = as_transform(T_map_base)
         for radius in (self.config.local_radius_m, None):
             if isinstance(terrain_within, ColumnRuns):
-                terrain = classify(terrain_within, T_map_base, self.terrain_config, radius)
+                terrain = navigable_terrain(terrain_within, T_map_base, self.terrain_settings, radius)
             else:
                 terrain = terrain_within(radius)
             if radius is not None:
@@ -234,7 +235,7 @@ class ExplorationPlanner:
     def _lookouts_left(self, terrain: Terrain, is_inside: bool) -> list[Lookout]:
         """The one that the robot is on its way to, then all others."""
         least_m2 = self.frontier_config.least_lookout_gain_m2 * (_STILL_WORTH if is_inside else 1.0)
-        found = find_lookouts(terrain, replace(self.frontier_config, least_lookout_gain_m2=least_m2), self.terrain_config)
+        found = find_lookouts(terrain, replace(self.frontier_config, least_lookout_gain_m2=least_m2), self.terrain_settings)
         before = None if self._sent_to is None or is_inside else self._sent_to.still_in(terrain)
         return found if before is None else [before, *found]
 
@@ -284,13 +285,13 @@ def compile_kernels() -> None:
     states[:, 60:, 1:5] = VoxelState.FREE
     states[40, 30, 4] = VoxelState.UNKNOWN
     T_map_base = np.eye(4)
-    T_map_base[:3, 3] = 2.5, 2.5, 0.08 * 5 + TerrainConfig().base_height_m
+    T_map_base[:3, 3] = 2.5, 2.5, 0.08 * 5 + TerrainSettings().robot.base_height_m
     ExplorationPlanner().decide(ColumnRuns.from_dense(states), T_map_base)
     states[32, :27, 4:], states[32, 38:, 4:] = VoxelState.OCCUPIED, VoxelState.OCCUPIED  # a narrow door
     T_map_base[0, 3] = 1.2
     runs, heights = ColumnRuns.from_dense(states), SurfaceHeights(0.08)
     heights.add(HitHeights.of((np.argwhere(states == VoxelState.OCCUPIED) + 0.5) * 0.08, 0.08))
-    ExplorationPlanner().decide(lambda radius_m: classify(runs, T_map_base, TerrainConfig(), radius_m, heights), T_map_base)
+    ExplorationPlanner().decide(lambda radius_m: navigable_terrain(runs, T_map_base, TerrainSettings(), radius_m, heights), T_map_base)
     states[32:, :27, 4:], states[32:, 38:, 4:], states[52:, 27:38] = VoxelState.OCCUPIED, VoxelState.OCCUPIED, VoxelState.UNKNOWN
-    dead_end = classify(ColumnRuns.from_dense(states), T_map_base, TerrainConfig(), None)
-    find_lookouts(dead_end, FrontierConfig(least_lookout_gain_m2=0.0), TerrainConfig())
+    dead_end = navigable_terrain(ColumnRuns.from_dense(states), T_map_base, TerrainSettings(), None)
+    find_lookouts(dead_end, FrontierConfig(least_lookout_gain_m2=0.0), TerrainSettings())

@@ -12,7 +12,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
-from octomap_server_3dnav.terrain.surface_columns import find_node, seen_down_to
+from octomap_server_3dnav.terrain.columns import seen_down_to
+from octomap_server_3dnav.terrain.surfaces import find_node
 
 _RAYS = 64
 _LEVEL_M = 0.5  # ground that differs by no more is seen from here, and as much more as a slope of a half leads

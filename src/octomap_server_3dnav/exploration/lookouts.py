@@ -15,11 +15,20 @@ from scipy.spatial import cKDTree
 
 from octomap_server_3dnav.exploration.frontier_gain import unknown_area_m2
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
-from octomap_server_3dnav.navigation.passages import ASIDE_M, Passage
-from octomap_server_3dnav.navigation.straight_lines import DIRECTIONS, Demand, Ground, centred_line, is_covered, points_of, score_of
+from octomap_server_3dnav.navigation.passages import ASIDE_M, TerrainSettings, rest_from
+from octomap_server_3dnav.navigation.straight_lines import (
+    DIRECTIONS,
+    Demand,
+    Ground,
+    KeptOff,
+    centred_line,
+    ground_of,
+    is_covered,
+    points_of,
+    score_of,
+)
 from octomap_server_3dnav.octree.voxel_clusters import cluster_voxels
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
-from octomap_server_3dnav.terrain.config import Limits, TerrainConfig
+from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
 
 _STARTS = 16  # nodes at the end of the ground from which ways back are tried
 _LAST_M = 0.8  # how far from the floor that was not seen the ground may end
@@ -68,8 +77,8 @@ class WayOut:
     Of a robot that it has not seen go in, as after a restart, it takes the way that lies in its line.
     """
 
-    def __init__(self, config: TerrainConfig) -> None:
-        self._config = config
+    def __init__(self, settings: TerrainSettings) -> None:
+        self._settings = settings
         self._way_in: Passage | None = None
         self._stands: list[tuple[float, float, float]] = []
         self.is_leaving = False
@@ -77,7 +86,7 @@ class WayOut:
     def notice(self, terrain: Terrain, yaw: float) -> None:
         """After every sweep: where the robot can turn it is out; where it cannot it has looked. `yaw` is its heading in map."""
         if self._way_in is None and _is_far_inside(terrain):
-            self._way_in = _way_in_line(terrain, yaw, self._config)
+            self._way_in = _way_in_line(terrain, yaw, self._settings)
         if terrain.start is not None and self._way_in is not None:
             if terrain.is_inside:
                 self._stands.append(terrain.robot_xyz)
@@ -93,7 +102,7 @@ class WayOut:
         known = self.from_inside(terrain)
         if known is not None and terrain.start is not None:
             x, y, _ = terrain.robot_xyz
-            ahead = way.rest_from((x, y), terrain.start)
+            ahead = rest_from(way, (x, y), terrain.start)
             way = Passage(way.nodes, np.concatenate([known[::-1], way.line[:0] if ahead is None else ahead.line]))
         self._way_in = way
 
@@ -101,7 +110,7 @@ class WayOut:
         """(K, 3) the line out, from where the robot stands; None where it can turn, and is not inside any more."""
         if self._way_in is None or terrain.start is None or not terrain.is_inside:
             return None
-        rest = self._way_in.turned().rest_from(terrain.robot_xyz[:2], terrain.start)
+        rest = rest_from(self._way_in.turned(), terrain.robot_xyz[:2], terrain.start)
         return None if rest is None else rest.line
 
     def added_to(self, terrain: Terrain) -> Terrain:
@@ -143,24 +152,17 @@ def _best_way(g: Any, b: Any, demand: Any, starts: Any, towards: Any, facing: An
 
 def _ground_of(terrain: Terrain) -> Ground:
     """The surface of a terrain; all its reached traversable ground is one piece."""
-    count, start = terrain.surface_count, terrain.column_start.astype(np.int32)
-    label = terrain.label[:count]
-    column = np.repeat(np.arange(start.size - 1, dtype=np.int32), np.diff(start))
-    is_open = label == TerrainClass.TRAVERSABLE
-    ground = is_open | (label == TerrainClass.INFLATION)
-    piece = np.where(is_open & terrain.reached[:count], 0, -1).astype(np.int32)
-    return Ground(
-        terrain.columns.ny, start, column, terrain.z[:count], terrain.neighbours[:count], ground, is_open | terrain.narrow[:count], piece
-    )
+    is_open = (terrain.label == TerrainClass.TRAVERSABLE) & terrain.reached
+    return ground_of(terrain, np.where(is_open[: terrain.surface_count], 0, -1).astype(np.int32))
 
 
-def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -> list[Lookout]:
+def find_lookouts(terrain: Terrain, of: FrontierConfig, settings: TerrainSettings) -> list[Lookout]:
     """The lookouts at unknown floor of which a look may show `of.least_lookout_gain_m2`, the one that may show most first."""
     unknown = terrain.frontiers()
     if not unknown.size or terrain.departure is None or not terrain.narrow.any():
         return []
-    limits = Limits.of(config, terrain.resolution, is_measured=True)
-    ground, demand = _ground_of(terrain), Demand.of(config, limits)
+    ground, demand = _ground_of(terrain), Demand.of(settings.passages, settings.robot, terrain.resolution)
+    kept_off = KeptOff.of(terrain, settings.robot)
     xyz = terrain.centers(unknown).astype(np.float64)
     cluster = cluster_voxels(np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[unknown])
     ends = np.flatnonzero(ground.passable & (ground.piece < 0))
@@ -175,18 +177,19 @@ def find_lookouts(terrain: Terrain, of: FrontierConfig, config: TerrainConfig) -
         if gain < of.least_lookout_gain_m2:
             continue
         near = np.unique(np.concatenate(tree.query_ball_point(xyz[members], _NEAR_END_M)).astype(np.int64))
-        line, points = _line_to(terrain, ground, demand, ends[near], xyz[members])
+        line, points = _line_to(terrain, (ground, kept_off, demand), ends[near], xyz[members])
         if line.size:
             found.append(Lookout(tuple(xyz[middle].tolist()), gain, line, points))
     return sorted(found, key=lambda lookout: (-round(lookout.gain_m2, 6), lookout.xyz))
 
 
-def _way_in_line(terrain: Terrain, yaw: float, config: TerrainConfig) -> Passage | None:
+def _way_in_line(terrain: Terrain, yaw: float, settings: TerrainSettings) -> Passage | None:
     """The straight way from where there is room to turn to the robot, from before or behind it; None where there is no such way."""
     assert terrain.start is not None
-    ground, demand = _ground_of(terrain), Demand.of(config, Limits.of(config, terrain.resolution, is_measured=True))
+    ground, demand = _ground_of(terrain), Demand.of(settings.passages, settings.robot, terrain.resolution)
     x, y = np.array(terrain.robot_xyz[:2]) / terrain.resolution - terrain.window_key
-    around, starts = terrain.kept_off.around(float(x), float(y), float(demand.longest_line)), np.array([terrain.start])
+    kept_off = KeptOff.of(terrain, settings.robot)
+    around, starts = kept_off.around(float(x), float(y), float(demand.longest_line)), np.array([terrain.start])
     found = []
     for towards in (yaw, yaw + math.pi):
         ahead = np.array([x + _FAR * math.cos(towards), y + _FAR * math.sin(towards)])
@@ -198,9 +201,10 @@ def _way_in_line(terrain: Terrain, yaw: float, config: TerrainConfig) -> Passage
 
 
 def _line_to(
-    terrain: Terrain, ground: Ground, demand: Demand, ends: NDArray[np.int64], unknown: NDArray[np.float64]
+    terrain: Terrain, of: tuple[Ground, KeptOff, Demand], ends: NDArray[np.int64], unknown: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """Nodes and points of the way to one of the nodes `ends` before unknown floor (M, 3); none where there is no such way."""
+    ground, kept_off, demand = of
     off = terrain.centers(ends)[:, None].astype(np.float64) - unknown
     away = np.where(np.abs(off[..., 2]) > _LAST_M, np.inf, np.hypot(off[..., 0], off[..., 1])).min(axis=1, initial=np.inf)
     near = np.flatnonzero(away <= _LAST_M)
@@ -209,6 +213,6 @@ def _line_to(
     starts = ends[near[np.argsort(away[near], kind="stable")][np.unique(np.linspace(0, near.size - 1, _STARTS).astype(np.int64))]]
     towards = unknown.mean(axis=0)[:2] / terrain.resolution - terrain.window_key
     reach = demand.longest_line + float(np.ptp(unknown[:, :2])) / terrain.resolution
-    around = terrain.kept_off.around(float(towards[0]), float(towards[1]), reach)
+    around = kept_off.around(float(towards[0]), float(towards[1]), reach)
     line, (x, y, dx, dy) = _best_way(ground, around, demand, starts, towards, _FACING, DIRECTIONS, demand.longest_line)
     return line, points_of(ground, line, (x, y), (dx, dy), line.size - 1, terrain.window_key, terrain.resolution)

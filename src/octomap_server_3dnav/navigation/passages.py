@@ -1,12 +1,12 @@
 """Passages: straight ways through where the robot fits but cannot turn, from one place with room to turn to another.
 
-After the inflation, in `terrain.classify`. A passage is looked for only where inflated ground parts two pieces of traversable ground: a
+After `terrain.classify`, of a finished terrain. A passage is looked for only where inflated ground parts two pieces of traversable ground: a
 door, a ramp with a drop on both sides. Its middle line is chosen so that the nearest barriers on its left and right are equally far,
 and what the outline sweeps along it must be ground. At both ends the line goes on for a run-up over traversable ground.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,15 +18,22 @@ from octomap_server_3dnav.navigation.straight_lines import (
     Demand,
     Ground,
     KeptOff,
+    PassageConfig,
     centred_line,
+    ground_of,
     is_covered,
     points_of,
     score_of,
 )
-from octomap_server_3dnav.terrain import kernels as kernels
-from octomap_server_3dnav.terrain.config import Limits, TerrainConfig
-from octomap_server_3dnav.terrain.scene import Scene
-from rigid_geometry import angle_difference
+from octomap_server_3dnav.terrain.classified_terrain import TRAVERSABLE, UNREACHED, Passage, Terrain, TerrainClass
+from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
+from octomap_server_3dnav.terrain.classify import classify
+from octomap_server_3dnav.terrain.config import TerrainConfig
+from octomap_server_3dnav.terrain.flood import components
+from rigid_geometry import angle_difference, yaw_of
+from rigid_geometry.transforms import Transform
+from robot_body import RobotBody
 
 Array = NDArray[np.float64]
 
@@ -35,27 +42,38 @@ _ALONG_RAD = 0.35
 ASIDE_M = 0.2  # a robot so near to the line of a passage stands in it
 
 
-@dataclass(frozen=True, eq=False)
-class Passage:
-    """A way to be driven straight: node at each end, and its middle line (K, 3) in map in metres, from the first to the second."""
+@dataclass(frozen=True)
+class TerrainSettings:
+    """What a terrain is made for: the robot, how carefully the map is read, and where it may drive straight without room to turn."""
 
-    nodes: tuple[int, int]
-    line: Array
+    robot: RobotBody = field(default_factory=RobotBody)
+    terrain: TerrainConfig = field(default_factory=TerrainConfig)
+    passages: PassageConfig = field(default_factory=PassageConfig)
 
-    def turned(self) -> "Passage":
-        """The same the other way."""
-        return Passage((self.nodes[1], self.nodes[0]), self.line[::-1])
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        return self.robot.validate() + self.terrain.validate() + self.passages.validate()
 
-    def is_along(self, yaw: float) -> bool:
-        """Whether a robot of this heading in map looks along it."""
-        dx, dy = self.line[-1, :2] - self.line[0, :2]
-        return abs(angle_difference(math.atan2(dy, dx), yaw)) <= _ALONG_RAD
 
-    def rest_from(self, xy: tuple[float, float], node: int) -> "Passage | None":
-        """What is left of it for a robot at `node`, at (x, y) in map; None when it does not stand in it."""
-        off = np.hypot(self.line[:, 0] - xy[0], self.line[:, 1] - xy[1])
-        at = int(np.argmin(off))
-        return Passage((node, self.nodes[1]), self.line[at:]) if off[at] <= ASIDE_M and at < len(self.line) - 1 else None
+def navigable_terrain(
+    runs: ColumnRuns, T_map_base: Transform, settings: TerrainSettings, radius_m: float | None, heights: SurfaceHeights | None = None
+) -> Terrain:
+    """What `classify` finds, with its passages."""
+    terrain = classify(runs, T_map_base, settings.terrain, settings.robot, radius_m, heights)
+    return with_passages(terrain, yaw_of(T_map_base), settings)
+
+
+def is_along(passage: Passage, yaw: float) -> bool:
+    """Whether a robot of this heading in map looks along a passage."""
+    dx, dy = passage.line[-1, :2] - passage.line[0, :2]
+    return abs(angle_difference(math.atan2(dy, dx), yaw)) <= _ALONG_RAD
+
+
+def rest_from(passage: Passage, xy: tuple[float, float], node: int) -> Passage | None:
+    """What is left of a passage for a robot at `node`, at (x, y) in map; None when it does not stand in it."""
+    off = np.hypot(passage.line[:, 0] - xy[0], passage.line[:, 1] - xy[1])
+    at = int(np.argmin(off))
+    return Passage((node, passage.nodes[1]), passage.line[at:]) if off[at] <= ASIDE_M and at < len(passage.line) - 1 else None
 
 
 @njit(cache=True)
@@ -99,31 +117,69 @@ def _necks(g: Any) -> Any:
     return neck
 
 
-def find_passages(ground: Ground, barriers: KeptOff, scene: Scene, config: TerrainConfig, limits: Limits) -> list[Passage]:
-    """The best passage at every neck between two pieces of turning room, one way each; nodes are those of the scene."""
-    neck = np.where(_necks(ground), np.uint8(kernels.TRAVERSABLE), np.uint8(kernels.UNREACHED))
-    if not (neck == kernels.TRAVERSABLE).any():
+def _find_passages(terrain: Terrain, ground: Ground, kept_off: KeptOff, demand: Demand) -> list[Passage]:
+    """The best passage at every neck between two pieces of turning room, one way each."""
+    neck = np.where(_necks(ground), np.uint8(TRAVERSABLE), np.uint8(UNREACHED))
+    if not (neck == TRAVERSABLE).any():
         return []
-    group, _ = kernels.components(neck, ground.graph, 0, neck.size + 1)
-    demand = Demand.of(config, limits)
-    longest = demand.longest_line
-    found = []
+    group, _ = components(neck, ground.graph, 0, neck.size + 1)
+    longest, found = demand.longest_line, []
     for number in range(int(group.max()) + 1):
         members = np.flatnonzero(group == number)
         starts = members[np.unique(np.linspace(0, members.size - 1, _STARTS).astype(np.int64))]
         x, y = ground.column[starts] // ground.ny + 0.5, ground.column[starts] % ground.ny + 0.5
-        near = barriers.around(float(x.mean()), float(y.mean()), longest + float(np.ptp(x) + np.ptp(y)))
+        near = kept_off.around(float(x.mean()), float(y.mean()), longest + float(np.ptp(x) + np.ptp(y)))
         line, before, (x0, y0, dx, dy) = _best_line(ground, near, demand, starts, DIRECTIONS, longest)
         if line.size:
-            points = points_of(ground, line, (x0, y0), (dx, dy), before, scene.key, limits.resolution)
+            points = points_of(ground, line, (x0, y0), (dx, dy), before, terrain.window_key, terrain.resolution)
             found.append(Passage((int(line[0]), int(line[-1])), points))
     return found
 
 
-def connected_pieces(piece: NDArray[np.int32], passages: list[Passage], first: int) -> NDArray[np.bool_]:
-    """(N,) nodes of the piece of node `first` and of all that passages lead to from there."""
-    reached, ends = {int(piece[first])}, [tuple(int(piece[n]) for n in p.nodes) for p in passages]
+def _pieces(terrain: Terrain, least: int) -> tuple[NDArray[np.int32], int]:
+    """(N,) number of the piece of traversable ground of each surface node, -1 in none, and how many there are; small ones do not count but
+    that of the departure, which is number 0."""
+    label, graph = terrain.label[: terrain.surface_count], terrain.neighbours[: terrain.surface_count]
+    assert terrain.departure is not None
+    piece, sizes = components(label, graph, terrain.departure, label.size + 1)
+    large = np.append(sizes >= least, False)
+    large[0] = True
+    return np.where(large[piece], piece, -1).astype(np.int32), int(np.count_nonzero(large))
+
+
+def _connected(passages: list[Passage], piece: NDArray[np.int32], first: int) -> NDArray[np.bool_]:
+    """(N,) nodes of the piece `first` and of all that passages lead to from there."""
+    reached, ends = {first}, [tuple(int(piece[n]) for n in p.nodes) for p in passages]
     for _ in passages:
         for a, b in ends:
             reached |= {a, b} if a in reached or b in reached else set()
     return np.isin(piece, list(reached - {-1}))
+
+
+def _narrow(terrain: Terrain, robot: RobotBody) -> NDArray[np.bool_]:
+    """(N,) inflated ground over which the middle of a robot may be that drives straight: a voxel's corner may be farther off than its middle."""
+    least_m = robot.passage_radius_m - math.sqrt(0.5) * terrain.resolution
+    return np.asarray((terrain.label == TerrainClass.INFLATION) & (terrain.distance_m > least_m))
+
+
+def with_passages(terrain: Terrain, yaw: float, settings: TerrainSettings) -> Terrain:
+    """The terrain with its passages, and with `reached` what they connect the departure with, for a robot that looks along `yaw`."""
+    robot = settings.robot
+    if not settings.passages.enabled:
+        return terrain
+    terrain = replace(terrain, narrow=_narrow(terrain, robot))
+    if terrain.departure is None or not terrain.narrow.any():
+        return terrain
+    piece, count = _pieces(terrain, settings.terrain.min_ground_voxels)
+    demand = Demand.of(settings.passages, robot, terrain.resolution)
+    found = _find_passages(terrain, ground_of(terrain, piece), KeptOff.of(terrain, robot), demand) if count > 1 else []
+    passages, start = list(found), terrain.start
+    if start is not None:
+        x, y, _ = terrain.robot_xyz
+        ways = [way for p in found for way in (p, p.turned()) if terrain.narrow[start] or is_along(way, yaw)]
+        passages += [rest for way in ways if (rest := rest_from(way, (x, y), start))]
+    reached = terrain.reached.copy()
+    reached[: piece.size] = _connected(found, piece, int(piece[terrain.departure]))
+    beside = terrain.neighbours[terrain.frontiers()]
+    reached[terrain.frontiers()] = (np.append(reached, False)[beside] & (beside >= 0)).any(axis=1)
+    return replace(terrain, passages=tuple(passages), reached=reached)

@@ -13,9 +13,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.navigation.passages import Passage
+from octomap_server_3dnav.navigation.passages import rest_from
 from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, distances, edge_cost, neighbour
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
+from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
 from stage_config import check_ranges, parameter
 
 _STOREY_M = 0.5  # ground that differs by less in height is of one storey
@@ -319,7 +319,7 @@ def plan_into(terrain: Terrain, way: Passage, config: PlannerConfig) -> Path | N
     """The cheapest path to the first node of a way that need not be one of the terrain's passages, and straight along it to its end; for a
     robot that stands in it already what is left of it."""
     start = terrain.start
-    rest = way.rest_from(terrain.robot_xyz[:2], start) if start is not None and terrain.is_inside else None
+    rest = rest_from(way, terrain.robot_xyz[:2], start) if start is not None and terrain.is_inside else None
     if rest is not None:
         return straight_path(rest.line, config)
     path, along = plan_path(terrain, way.nodes[0], config), straight_path(way.line, config)

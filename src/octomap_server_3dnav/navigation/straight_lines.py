@@ -4,6 +4,7 @@ The kernels of `passages` and `lookouts`. All is in voxels of the window of a te
 """
 
 import math
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,9 +12,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.octree.lean_kernels import lean_njit
-from octomap_server_3dnav.terrain.config import Limits, TerrainConfig
-from octomap_server_3dnav.terrain.surface_columns import find_node
-from octomap_server_3dnav.terrain.surface_graph import diagonal
+from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
+from octomap_server_3dnav.terrain.planes import diagonal
+from octomap_server_3dnav.terrain.surfaces import find_node
+from robot_body import RobotBody
+from stage_config import check_ranges, parameter
 
 Array = NDArray[np.float64]
 
@@ -32,10 +35,16 @@ class KeptOff(NamedTuple):
     radius: Array
 
     @classmethod
-    def of(cls, groups: list[tuple[Array, float]]) -> "KeptOff":
-        """From places (M, 3) and radius in voxels of each kind."""
-        x, y, level = np.concatenate([places for places, _ in groups]).T.copy()
-        return cls(x, y, level, np.concatenate([np.full(len(places), radius) for places, radius in groups]))
+    def of(cls, terrain: Terrain, robot: RobotBody) -> "KeptOff":
+        """The barriers of a terrain, and floor that was not seen, from which the middle keeps off as from a drop."""
+        b, unknown = terrain.barriers, terrain.frontiers()
+        stands, falls = robot.passage_radius_m / terrain.resolution, robot.passage_cliff_radius_m / terrain.resolution
+        radius = np.where((b.column >= 0) & ~b.falls, stands, max(stands, falls))
+        x, y = terrain.ix[unknown] - terrain.window_key[0] + 0.5, terrain.iy[unknown] - terrain.window_key[1] + 0.5
+        return cls(
+            np.append(b.x, x), np.append(b.y, y), np.append(b.level, terrain.z[unknown]).astype(np.float64),
+            np.append(radius, np.full(unknown.size, falls)),
+        )
 
     def around(self, x: float, y: float, reach: float) -> "KeptOff":
         """Those within `reach` of a place along both axes."""
@@ -57,6 +66,20 @@ class Ground(NamedTuple):
     piece: NDArray[np.int32]
 
 
+@dataclass(frozen=True)
+class PassageConfig:
+    """Where the robot may drive straight without room to turn."""
+
+    enabled: bool = parameter(True, "-", "false: the robot goes only where it can turn, as in the thesis")
+    most_length_m: float = parameter(6.0, "m", "longest way without room to turn", low=0.0, high=20.0)
+    run_up_m: float = parameter(0.5, "m", "way in line with a passage, over ground with room to turn, at both ends", low=0.0, high=5.0)
+    longest_run_up_m: float = parameter(0.8, "m", "the same where there is more room", low=0.0, high=5.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        return check_ranges(self)
+
+
 class Demand(NamedTuple):
     """What is asked of a line, in voxels: its longest narrow part, shortest and longest run-up, half the width of the outline, and in
     height the band of levels that bar it and by how much the ground may differ from side to side."""
@@ -69,18 +92,30 @@ class Demand(NamedTuple):
     rise: int
 
     @classmethod
-    def of(cls, config: TerrainConfig, limits: Limits) -> "Demand":
-        """As configured."""
-        half_width = config.narrow_width_m / 2 / limits.resolution
-        band = limits.step + math.ceil(config.narrow_radius_m / limits.resolution * limits.max_slope)
-        rise = limits.step + math.ceil(half_width * limits.max_slope)
-        run_up, longest = config.run_up_m / limits.resolution, max(config.run_up_m, config.longest_run_up_m) / limits.resolution
-        return cls(config.narrow_length_m / limits.resolution, run_up, longest, half_width, float(band), rise)
+    def of(cls, config: PassageConfig, robot: RobotBody, resolution: float) -> "Demand":
+        """As configured, for this robot."""
+        half_width, step, slope = robot.half_width_m / resolution, math.ceil(robot.max_step_m / resolution), math.tan(robot.max_slope_rad)
+        band = step + math.ceil(robot.passage_radius_m / resolution * slope)
+        run_up, longest = config.run_up_m / resolution, max(config.run_up_m, config.longest_run_up_m) / resolution
+        return cls(
+            config.most_length_m / resolution, run_up, longest, half_width, float(band), step + math.ceil(half_width * slope)
+        )
 
     @property
     def longest_line(self) -> int:
         """Nodes that a line from any of its nodes to one end can have."""
         return math.ceil(self.most + self.longest_run_up) + 3
+
+
+def ground_of(terrain: Terrain, piece: NDArray[np.int32]) -> Ground:
+    """The surface of a terrain, whose nodes belong to these pieces (N,) of turning room."""
+    count, start = terrain.surface_count, terrain.column_start.astype(np.int32)
+    label = terrain.label[:count]
+    column = np.repeat(np.arange(start.size - 1, dtype=np.int32), np.diff(start))
+    is_open = label == TerrainClass.TRAVERSABLE
+    ground = is_open | (label == TerrainClass.INFLATION)
+    graph, passable = terrain.neighbours[:count], is_open | terrain.narrow[:count]
+    return Ground(terrain.columns.ny, start, column, terrain.z[:count], graph, ground, passable, piece)
 
 
 @lean_njit

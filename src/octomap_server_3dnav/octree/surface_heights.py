@@ -123,21 +123,20 @@ def _indices(key: Any, wanted: Any) -> Any:
 
 @njit(cache=True)
 def _heights(key: Any, total: Any, count: Any, wanted: Any, z: Any, out: Any) -> None:
-    """Writes of the voxels with the `wanted` keys and levels z into `out` (N, 4): the height of the hits in the voxel, and height and place
-    along x and y of these together with the hits in the voxel below, if these are of one slope."""
+    """Writes of the voxels with the `wanted` keys and levels z into `out` (N, 4): mean height of the hits in the voxel and, if these are of
+    one slope, in the one below; their mean place along x and y; and their number."""
     for i, place in enumerate(_indices(key, wanted)):
         if place == key.size or key[place] != wanted[i]:
             continue
         hits, x, y, height = count[place], total[place, 0], total[place, 1], total[place, 2]
-        out[i, 0] = z[i] + height / (_FINE * hits)
         if place > 0 and key[place - 1] == key[place] - 1:
             more, deep = count[place - 1], total[place - 1, 2] - _FINE * count[place - 1]
             is_edge = height / hits - deep / more > _ONE_SLOPE * _FINE and hits > _STRAY * more
             if not is_edge:
                 hits, height = hits + more, height + deep
                 x, y = x + total[place - 1, 0], y + total[place - 1, 1]
-        out[i, 1] = z[i] + height / (_FINE * hits)
-        out[i, 2], out[i, 3] = x / (_FINE * hits) - 0.5, y / (_FINE * hits) - 0.5
+        out[i, 0] = z[i] + height / (_FINE * hits)
+        out[i, 1], out[i, 2], out[i, 3] = x / (_FINE * hits) - 0.5, y / (_FINE * hits) - 0.5, hits
 
 
 @njit(cache=True)
@@ -196,11 +195,8 @@ class SurfaceHeights:
                 del self._slabs[number]
 
     def at(self, x: NDArray[np.integer], y: NDArray[np.integer], z: NDArray[np.integer]) -> NDArray[np.float32]:
-        """(N, 4) where the surfaces in voxels (N,) of index x, y, z were hit, in voxels, NaN where no beam ended.
-
-        First the height of what lies in the voxel, from z to z + 1: the tread of a step. Then the height of that and what lies in the voxel
-        below of a slope, which passes through both; and how far along x and y from the middle of the column those hits lie.
-        """
+        """(N, 4) of the surfaces in voxels (N,) of index x, y, z, in voxels, NaN where no beam ended: mean height of the hits in the voxel and,
+        where both are of one slope, in the one below; their mean place along x and y from the middle of the column; and their number."""
         wanted = _keys(x, y, z)
         out = np.full((wanted.size, 4), np.nan, dtype=np.float32)
         for slab, part in self._slabs_of(wanted):

@@ -1,50 +1,60 @@
 """A `Terrain` out of what was judged of a scene: its nodes anew from 0, and what lies beside them (thesis 5.5).
 
-Last step of `terrain.classify`.
+Last step of `classify`.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.navigation.passages import Passage
-from octomap_server_3dnav.navigation.straight_lines import KeptOff
-from octomap_server_3dnav.terrain.barriers import distinct_rows
-from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
+from octomap_server_3dnav.terrain.beside import EDGE
+from octomap_server_3dnav.terrain.classified_terrain import (
+    FRONTIER,
+    INFLATION,
+    OBSTACLE,
+    POTENTIAL_CLIFF,
+    TRAVERSABLE,
+    UNREACHED,
+    Barriers,
+    Terrain,
+)
+from octomap_server_3dnav.terrain.columns import indices_of
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.judgement import Departure
-from octomap_server_3dnav.terrain.kernels import INFLATION, SEES_EDGE, TRAVERSABLE, UNREACHED
 from octomap_server_3dnav.terrain.scene import Scene
-from octomap_server_3dnav.terrain.surface_columns import ground_voxel, indices_of
 
 
 class Judged(NamedTuple):
-    """What is known of the (N,) nodes of a scene, the obstacles (M, 3) and frontier edges (E, 5) beside them, and the ways over them.
-
-    `beside_reached` (E,): edges seen from ground that is reached, whatever the ground beside doubtful floor is.
-    """
+    """What is known of the (N,) nodes of a scene, and the barriers (B,) and frontier edges (E, 5) beside them."""
 
     label: NDArray[np.uint8]
-    narrow: NDArray[np.bool_]
     near_kerb: NDArray[np.bool_]
+    distance: NDArray[np.float32]
     cost: NDArray[np.float32]
-    obstacles: NDArray[np.int64]
+    barriers: Barriers
     edges: NDArray[np.int64]
-    beside_reached: NDArray[np.bool_]
     start: int | None
     departure: Departure
-    passages: list[Passage]
-    kept_off: KeptOff
 
 
 class _Beside(NamedTuple):
-    """Voxels beside the nodes: column and z (B, 2), class (B,), and whether they are seen from reached ground (B,)."""
+    """Voxels beside the nodes, obstacles first: column and z (M, 2), class (M,), the node that each was seen from (M,), and which of them each
+    frontier edge leads to (E,)."""
 
     voxels: NDArray[np.int64]
     label: NDArray[np.uint8]
-    reached: NDArray[np.bool_]
+    seen_from: NDArray[np.int64]
+    of_edge: NDArray[np.int64]
+
+
+def _unique_obstacles(barriers: Barriers) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(M, 2) column and z of the obstacle voxels, and (M,) a node that each was seen from."""
+    stands = np.flatnonzero(barriers.column >= 0)
+    _, first = np.unique((barriers.column[stands] << 16) + barriers.voxel[stands], return_index=True)
+    which = stands[first]
+    return np.stack([barriers.column[which], barriers.voxel[which]], axis=1), barriers.node[which]
 
 
 def _unique_frontiers(edges: NDArray[np.int64], step: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -58,21 +68,22 @@ def _unique_frontiers(edges: NDArray[np.int64], step: int) -> tuple[NDArray[np.i
     return np.stack([column[highest], z[highest]], axis=1), group
 
 
-def _obstacles_and_frontiers(judged: Judged, step: int) -> tuple[_Beside, int, NDArray[np.int64]]:
-    """The obstacles and after them the frontiers, how many obstacles these are, and (E,) which frontier each edge leads to."""
+def _what_is_beside(judged: Judged, step: int) -> _Beside:
+    """The obstacles and after them the frontiers."""
     edges = judged.edges
-    obstacles = distinct_rows(judged.obstacles, 1, 1)[:, :2]
-    frontiers, frontier_of_edge = _unique_frontiers(edges, step)
-    of_edge, voxels = frontier_of_edge + len(obstacles), np.concatenate([obstacles, frontiers])
-    label, reached = np.full(len(voxels), TerrainClass.OBSTACLE, dtype=np.uint8), np.zeros(len(voxels), dtype=bool)
-    label[len(obstacles) :] = TerrainClass.FRONTIER
-    label[of_edge[edges[:, 4] == SEES_EDGE]] = TerrainClass.POTENTIAL_CLIFF
-    reached[of_edge[judged.beside_reached | judged.departure.reached[edges[:, 2]]]] = True
-    return _Beside(voxels, label, reached), len(obstacles), of_edge
+    obstacles, from_node = _unique_obstacles(judged.barriers)
+    frontiers, of_edge = _unique_frontiers(edges, step)
+    of_edge = of_edge + len(obstacles)
+    label = np.full(len(obstacles) + len(frontiers), OBSTACLE, dtype=np.uint8)
+    label[len(obstacles) :] = FRONTIER
+    label[of_edge[edges[:, 4] == EDGE]] = POTENTIAL_CLIFF
+    seen_from = np.empty(label.size, dtype=np.int64)
+    seen_from[: len(obstacles)], seen_from[of_edge] = from_node, edges[:, 2]
+    return _Beside(np.concatenate([obstacles, frontiers]), label, seen_from, of_edge)
 
 
 @njit(cache=True)
-def _number_nodes(label: Any) -> Any:
+def _number_nodes(label: NDArray[np.uint8]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """(K,) the nodes that the flood reached, and (N + 1,) the number of every node among them, -1 for the others and at the end."""
     node, number = np.empty(np.count_nonzero(label != UNREACHED), np.int64), np.full(label.size + 1, -1, np.int32)
     n = 0
@@ -84,7 +95,7 @@ def _number_nodes(label: Any) -> Any:
 
 
 @njit(cache=True)
-def _column_starts(start: Any, number: Any) -> Any:
+def _column_starts(start: NDArray[np.int32], number: NDArray[np.int32]) -> NDArray[np.int64]:
     """(C + 1,) int64 number of the first kept node of each column or after it."""
     out = np.empty(start.size, np.int64)
     following = np.int64(number.max()) + 1
@@ -99,7 +110,9 @@ def _column_starts(start: Any, number: Any) -> Any:
 
 
 @njit(cache=True)
-def _drivable_neighbours(label: Any, graph: Any, node: Any, number: Any, more: Any) -> Any:
+def _drivable_neighbours(
+    label: NDArray[np.uint8], graph: NDArray[np.int32], node: NDArray[np.int64], number: NDArray[np.int32], more: int
+) -> NDArray[np.int32]:
     """(K + more, 4) int32 neighbours of the kept nodes by their new numbers, -1 unless both are drivable; -1 in the `more` rows."""
     out = np.full((node.size + more, 4), -1, np.int32)
     for i in range(node.size):
@@ -112,61 +125,35 @@ def _drivable_neighbours(label: Any, graph: Any, node: Any, number: Any, more: A
     return out
 
 
-@njit(cache=True)
-def _voxels(node: Any, label: Any, surfaces: Any, near: Any, beside: Any, ny: Any, key: Any) -> Any:
-    """ix, iy and z of the kept nodes, ascending by column, where their ground lies, and after them of what is `beside` (B, 2)."""
-    size = node.size + len(beside)
-    ix, iy, z = np.empty(size, np.int32), np.empty(size, np.int32), np.empty(size, np.int16)
-    ix[: node.size], iy[: node.size] = indices_of(surfaces.column[node], ny, key)
-    for i in range(node.size):
-        s = node[i]
-        z[i] = surfaces.z[s]
-        if label[s] == TRAVERSABLE or label[s] == INFLATION:
-            z[i] = ground_voxel(s, near, surfaces)
-    for b in range(len(beside)):
-        i = node.size + b
-        ix[i], iy[i], z[i] = key[0] + beside[b, 0] // ny, key[1] + beside[b, 0] % ny, beside[b, 1]
-    return ix, iy, z
-
-
-@njit(cache=True)
-def _properties(node: Any, label: Any, narrow: Any, near_kerb: Any, cost: Any, reached: Any, bridged: Any, more: Any) -> Any:
-    """The same of the kept nodes, and in `more` rows what they are of that is no ground."""
-    size = node.size + more
-    out_label, out_cost = np.empty(size, np.uint8), np.full(size, np.inf, np.float32)
-    out_narrow, out_kerb = np.zeros(size, np.bool_), np.zeros(size, np.bool_)
-    out_reached, out_bridged = np.zeros(size, np.bool_), np.zeros(size, np.bool_)
-    for i in range(node.size):
-        s = node[i]
-        out_label[i], out_cost[i], out_narrow[i], out_kerb[i] = label[s], cost[s], narrow[s], near_kerb[s]
-        out_reached[i], out_bridged[i] = reached[s], bridged[s]
-    return out_label, out_narrow, out_kerb, out_cost, out_reached, out_bridged
+def _with(values: NDArray, node: NDArray[np.int64], beside: NDArray) -> NDArray:
+    """Values of the kept nodes, and after them those of what lies beside."""
+    return np.concatenate([values[node], np.asarray(beside).astype(values.dtype)])
 
 
 def assemble(scene: Scene, judged: Judged, limits: Limits, radius_m: float | None, robot: NDArray[np.float64]) -> Terrain:
     """The terrain of `radius_m` around the robot (3,), or of the whole map when it is None."""
     surfaces, departure = scene.surfaces, judged.departure
     node, number = _number_nodes(judged.label)
-    beside, obstacles, beside_of_edge = _obstacles_and_frontiers(judged, limits.step)
-    neighbours = _drivable_neighbours(judged.label, scene.links.graph, node, number, len(beside.voxels))
-    neighbours[node.size + beside_of_edge, (judged.edges[:, 3] + 2) % 4] = number[judged.edges[:, 2]]
-    ix, iy, z = _voxels(node, judged.label, surfaces, scene.links.near, beside.voxels, scene.columns.ny, scene.key)
-    label, narrow, near_kerb, cost, reached, bridged = _properties(
-        node, *judged[:4], departure.reached, surfaces.bridged, len(beside.voxels)
-    )
-    label[node.size :], reached[node.size :] = beside.label, beside.reached
+    beside = _what_is_beside(judged, limits.step)
+    more, none = len(beside.voxels), np.zeros(len(beside.voxels), dtype=bool)
+    neighbours = _drivable_neighbours(judged.label, scene.links.graph, node, number, more)
+    neighbours[node.size + beside.of_edge, (judged.edges[:, 3] + 2) % 4] = number[judged.edges[:, 2]]
+    reached = none.copy()
+    reached[beside.of_edge[departure.reached[judged.edges[:, 2]]]] = True
+    ix, iy = indices_of(surfaces.column[node], scene.columns.ny, scene.key)
+    x, y = np.divmod(beside.voxels[:, 0], scene.columns.ny)
     return Terrain(
         resolution=limits.resolution,
-        ix=ix,
-        iy=iy,
-        z=z,
-        label=label,
-        bridged=bridged,
-        reached=reached,
-        near_kerb=near_kerb,
-        narrow=narrow,
-        cost=cost,
+        ix=np.concatenate([ix, (scene.key[0] + x).astype(np.int32)]),
+        iy=np.concatenate([iy, (scene.key[1] + y).astype(np.int32)]),
+        z=_with(surfaces.z, node, beside.voxels[:, 1]),
+        label=_with(judged.label, node, beside.label),
+        reached=_with(departure.reached, node, reached),
+        near_kerb=_with(judged.near_kerb, node, none),
+        distance_m=_with(judged.distance * np.float32(limits.resolution), node, np.full(more, np.nan)),
+        cost=_with(judged.cost, node, np.full(more, np.inf)),
         neighbours=neighbours,
+        seen_from=np.concatenate([np.full(node.size, -1, dtype=np.int32), number[beside.seen_from]]),
         start=None if judged.start is None else int(number[judged.start]),
         departure=None if departure.node is None else int(number[departure.node]),
         radius_m=radius_m,
@@ -175,6 +162,6 @@ def assemble(scene: Scene, judged: Judged, limits: Limits, radius_m: float | Non
         window_key=scene.key,
         column_start=_column_starts(surfaces.start, number),
         columns=scene.columns,
-        passages=tuple(Passage((int(number[p.nodes[0]]), int(number[p.nodes[1]])), p.line) for p in judged.passages),
-        kept_off=judged.kept_off,
+        barriers=judged.barriers._replace(node=number[judged.barriers.node].astype(np.int64)),
+        narrow=np.zeros(node.size + more, dtype=bool),
     )

@@ -3,25 +3,52 @@
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.navigation.passages import Passage
-from octomap_server_3dnav.navigation.straight_lines import KeptOff
-from octomap_server_3dnav.terrain import kernels as kernels
-from octomap_server_3dnav.terrain.surface_columns import Columns
+from octomap_server_3dnav.terrain.columns import Columns
+
+UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = 255, 0, 1, 2, 3, 4, 5
+"""Labels of nodes, as the kernels take them; those but the first are of `TerrainClass`."""
 
 
 class TerrainClass(IntEnum):
     """Class of a surface voxel (thesis figures 5.16-5.18); a potential cliff is a frontier of its own kind."""
 
-    TRAVERSABLE = kernels.TRAVERSABLE
-    OBSTACLE = kernels.OBSTACLE
-    CLIFF = kernels.CLIFF
-    INFLATION = kernels.INFLATION
-    FRONTIER = kernels.FRONTIER
-    POTENTIAL_CLIFF = kernels.POTENTIAL_CLIFF
+    TRAVERSABLE = TRAVERSABLE
+    OBSTACLE = OBSTACLE
+    CLIFF = CLIFF
+    INFLATION = INFLATION
+    FRONTIER = FRONTIER
+    POTENTIAL_CLIFF = POTENTIAL_CLIFF
+
+
+class Barriers(NamedTuple):
+    """What is blocked, a drop or too steep beside the ground, (B,) each: the `node` of the ground that it was seen from; `x` and `y` of its
+    hits in voxels of the window; `level` of that ground; `column` and `voxel` of what stands there, -1 of what is ground itself; and
+    whether it `falls`."""
+
+    node: NDArray[np.int64]
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    level: NDArray[np.int64]
+    column: NDArray[np.int64]
+    voxel: NDArray[np.int64]
+    falls: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """A way to be driven straight: node at each end, and its middle line (K, 3) in map in metres, from the first to the second."""
+
+    nodes: tuple[int, int]
+    line: NDArray[np.float64]
+
+    def turned(self) -> "Passage":
+        """The same the other way."""
+        return Passage((self.nodes[1], self.nodes[0]), self.line[::-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,13 +59,14 @@ class Terrain:
     `surface_count` surface voxels that the flood reached, sorted by column of the window (`columns`, from `window_key`
     on; `column_start`) and height, then obstacle voxels beside them, then frontier voxels of both kinds.
 
-    Fields: ix, iy (N,) int32; z (N,) int16; label (N,) uint8 of TerrainClass; bridged (N,) bool, floor assumed over a hole; reached (N,)
-    bool, in the second flood (frontiers: seen from such a node), or connected with it by passages; near_kerb (N,) bool, where wheels should
-    not turn; narrow (N,) bool, inflated ground wide enough to drive straight over, `passages` the ways to do so; cost (N,) float32,
-    factor on the length of a path, inf where no path may go; neighbours (N, 4) int32 to +x, +y, -x, -y, -1 for none (a frontier's are the
-    nodes it was seen from); start, the voxel beneath the robot, and departure, where paths begin when the start lies in the inflation:
-    node indices, None when there is none; radius_m of the classification, None for the whole map; robot_xyz, where base_link was;
-    columns, what was seen in the window's columns; kept_off, what straight lines keep off.
+    Fields: ix, iy (N,) int32; z (N,) int16; label (N,) uint8 of TerrainClass; reached (N,) bool, connected with the departure (frontiers:
+    seen from such a node); near_kerb (N,) bool, where wheels should not turn; distance_m (N,) float32, of surface nodes from the nearest
+    barrier over the ground, inf where none is near; cost (N,) float32, factor on the length of a path, inf where no path may go;
+    neighbours (N, 4) int32 to +x, +y, -x, -y, -1 for none (a frontier's are the nodes it was seen from); seen_from (N,) int32, the surface
+    node from which an obstacle voxel or a frontier was seen, -1 of surface nodes; start, the voxel beneath the robot, and departure, where
+    paths begin when the start lies in the inflation: node indices, None when there is none; radius_m of the classification, None for the
+    whole map; robot_xyz, where base_link was; columns, what was seen in the window's columns; barriers, where the ground ends.
+    `navigation.passages` adds the passages, and narrow (N,) bool, inflated ground wide enough to drive straight over.
     """
 
     resolution: float
@@ -46,12 +74,12 @@ class Terrain:
     iy: NDArray[np.int32]
     z: NDArray[np.int16]
     label: NDArray[np.uint8]
-    bridged: NDArray[np.bool_]
     reached: NDArray[np.bool_]
     near_kerb: NDArray[np.bool_]
-    narrow: NDArray[np.bool_]
+    distance_m: NDArray[np.float32]
     cost: NDArray[np.float32]
     neighbours: NDArray[np.int32]
+    seen_from: NDArray[np.int32]
     start: int | None
     departure: int | None
     radius_m: float | None
@@ -60,7 +88,8 @@ class Terrain:
     window_key: tuple[int, int]
     column_start: NDArray[np.int64]
     columns: Columns
-    kept_off: KeptOff
+    barriers: Barriers
+    narrow: NDArray[np.bool_]
     passages: tuple[Passage, ...] = ()
 
     def centers(self, nodes: NDArray[np.integer] | slice | None = None) -> NDArray[np.float32]:

@@ -19,7 +19,10 @@ from octomap_server_3dnav.navigation.planner import Path as Way
 from octomap_server_3dnav.navigation.planner import PlannerConfig, nearest_traversable, plan_path
 from octomap_server_3dnav.octree.map_builder import MapConfig
 from octomap_server_3dnav.octree.octree import SensorModel
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
+from octomap_server_3dnav.navigation.straight_lines import PassageConfig
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig
+from robot_body import RobotBody
 from rigid_geometry import inverse, transform_points
 from stage_config import load_config
 
@@ -47,6 +50,11 @@ class Profile:
         """One of its configurations; ConfigError for values that are none."""
         own = {path.rpartition("/")[2]: v for path, v in self.values.items() if path.rpartition("/")[0] == section}
         return load_config(cls, own)
+
+    @property
+    def settings(self) -> TerrainSettings:
+        """What its terrains are made for."""
+        return TerrainSettings(RobotBody(), self.config(TerrainConfig, "terrain"), self.config(PassageConfig, "passages"))
 
 
 @lru_cache
@@ -86,7 +94,7 @@ def view_of(shape: Shape, of: Profile, placement: Placement) -> View:
     """A shape as a profile classifies it, as a whole."""
     builder, T_map_base = map_of(shape, placement, of.config(MapConfig), of.config(SensorModel, "sensor_model"))
     runs = builder.runs_around(T_map_base, None)
-    terrain = classify(runs, T_map_base, of.config(TerrainConfig, "terrain"), None, builder.heights)
+    terrain = navigable_terrain(runs, T_map_base, of.settings, None, builder.heights)
     nodes = transform_points(inverse(placement.T_map_shape), terrain.centers().astype(np.float64))
     ways = of.config(PlannerConfig, "planner")
     return View(terrain, placement, nodes, find_frontiers(terrain, T_map_base, of.config(FrontierConfig, "frontier"), ways), ways)

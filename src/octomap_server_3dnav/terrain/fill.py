@@ -1,0 +1,188 @@
+"""Unknown columns between surfaces that one plane explains are floor (first principle of docs/terrain.md).
+
+Third step of `classify`. A few columns of floor are missed by every laser. A missing plate is wider, and stays a question; so does what was
+seen free below, or occupied above. Everything is in voxels.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from octomap_server_3dnav.octree.lean_kernels import lean_njit
+from octomap_server_3dnav.terrain.columns import NO_VOXEL, Columns, blocking_voxel, seen_down_to
+from octomap_server_3dnav.terrain.config import Limits
+from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
+
+_BEHIND = 3  # columns behind an edge to where the slope is taken that leads over a gap
+_MOST_RISE = 2  # voxels from one side of a gap to the other
+
+
+class _Floor(NamedTuple):
+    """Floor that is assumed: column, z and gap (M,), and height, sigma (M,) and offset (M, 2) of it."""
+
+    column: NDArray[np.int64]
+    z: NDArray[np.int64]
+    gap: NDArray[np.int64]
+    height: NDArray[np.float32]
+    sigma: NDArray[np.float32]
+    offset: NDArray[np.float32]
+
+
+@lean_njit
+def slope_behind(surfaces: Surfaces, a: int, back: int, step: int) -> float:
+    """Rise per column from the node of column `back`, _BEHIND columns behind node a, to a; 0 where there is none."""
+    n = find_node(surfaces.start, surfaces.z, back, np.int64(surfaces.z[a]), step + 1)
+    return 0.0 if n < 0 else (surfaces.height[a] - surfaces.height[n]) / _BEHIND
+
+
+@lean_njit
+def _is_one_floor(surfaces: Surfaces, a: int, b: int, gap: int, stride: int, limits: Limits) -> bool:
+    """Whether nodes a and b, `gap` columns of `stride` apart, are level, or on a slope that goes on behind a or beyond b, within a step."""
+    rise = np.float64(surfaces.height[b]) - surfaces.height[a]
+    behind = slope_behind(surfaces, a, surfaces.column[a] - _BEHIND * stride, limits.step)
+    beyond = -slope_behind(surfaces, b, surfaces.column[b] + _BEHIND * stride, limits.step)
+    return min(abs(rise), abs(rise - gap * behind), abs(rise - gap * beyond)) <= limits.max_step
+
+
+@lean_njit
+def _is_alone(surfaces: Surfaces, s: int, ny: int, step: int) -> bool:
+    """Whether no column beside that of node s has ground at about its level: a hit or two that went astray carry no floor."""
+    c, level = np.int64(surfaces.column[s]), np.int64(surfaces.z[s])
+    for dx in range(-1, 2):
+        for dy in range(-1, 2):
+            if (dx != 0 or dy != 0) and find_node(surfaces.start, surfaces.z, c + dx * ny + dy, level, step) >= 0:
+                return False
+    return True
+
+
+@lean_njit
+def _level_between(z: NDArray[np.int16], a: int, b: int, j: int, gap: int) -> int:
+    """Layer of the floor j of `gap` columns on the way from node a to node b."""
+    return (2 * (np.int64(z[a]) * (gap - j) + np.int64(z[b]) * j) + gap) // (2 * gap)
+
+
+@lean_njit
+def _spans(columns: Columns, surfaces: Surfaces, a: int, b: int, stride: int, gap: int, limits: Limits) -> bool:
+    """Whether floor between nodes a and b, `gap` columns of `stride` apart, contradicts nothing that is known there."""
+    start, z, step = surfaces.start, surfaces.z, limits.step
+    for j in range(1, gap):
+        between, level = np.int64(surfaces.column[a]) + j * stride, _level_between(z, a, b, j, gap)
+        if find_node(start, z, between, level, step) >= 0 or find_node(start, z, between, np.int64(z[b]), step) >= 0:
+            return False
+        if blocking_voxel(columns, between, level, step, limits.clearance) != NO_VOXEL:
+            return False
+        if seen_down_to(columns, between, level + step + 1) == NO_VOXEL:  # something may stand there
+            return False
+        seen = seen_down_to(columns, between, level)
+        if seen != NO_VOXEL and seen <= level - step - 1:
+            return False
+    return True
+
+
+@lean_njit
+def _other_side(columns: Columns, surfaces: Surfaces, a: int, stride: int, room: int, limits: Limits) -> tuple[int, int]:
+    """The node across unknown columns beyond node a in steps of `stride` that is one floor with it, and how many columns on; -1 and 0 where
+    there is none within `room` columns."""
+    start, z, step = surfaces.start, surfaces.z, limits.step
+    c, level = np.int64(surfaces.column[a]), np.int64(surfaces.z[a])
+    if find_node(start, z, c + stride, level, step) >= 0:
+        return -1, 0
+    for gap in range(2, room + 1):
+        b = find_node(start, z, c + gap * stride, level, max(step, _MOST_RISE))
+        if b < 0:
+            continue
+        is_floor = abs(np.int64(z[b]) - level) <= _MOST_RISE and _is_one_floor(surfaces, a, b, gap, stride, limits)
+        if is_floor and _spans(columns, surfaces, a, b, stride, gap, limits):
+            if not (_is_alone(surfaces, a, columns.ny, step) or _is_alone(surfaces, b, columns.ny, step)):
+                return b, gap
+        if abs(np.int64(z[b]) - level) <= step:
+            return -1, 0
+    return -1, 0
+
+
+@njit(cache=True)
+def _find_floor(columns: Columns, surfaces: Surfaces, limits: Limits) -> tuple[NDArray, ...]:
+    """The fields of `_Floor`: lines between the sides of every gap along x and along y."""
+    nx, ny = columns.nx, columns.ny
+    found, places = [(0, 0, 0) for _ in range(0)], [(0.0, 0.0, 0.0, 0.0) for _ in range(0)]
+    for a in range(surfaces.z.size):
+        ix, iy = surfaces.column[a] // ny, surfaces.column[a] % ny
+        for k in range(2):
+            room = min(limits.fill + 1, nx - ix - _BEHIND - 1 if k == 0 else ny - iy - _BEHIND - 1)
+            if ix < _BEHIND or iy < _BEHIND:
+                continue
+            stride = ny if k == 0 else 1
+            b, gap = _other_side(columns, surfaces, a, stride, room, limits)
+            for j in range(1, gap):
+                share = j / gap
+                found.append((surfaces.column[a] + j * stride, _level_between(surfaces.z, a, b, j, gap), np.int64(gap)))
+                places.append(
+                    (
+                        surfaces.height[a] + share * (surfaces.height[b] - surfaces.height[a]),
+                        gap * max(surfaces.sigma[a], surfaces.sigma[b]),
+                        surfaces.offset[a, 0] + share * (surfaces.offset[b, 0] - surfaces.offset[a, 0]),
+                        surfaces.offset[a, 1] + share * (surfaces.offset[b, 1] - surfaces.offset[a, 1]),
+                    )
+                )
+    column, z, gaps = np.empty(len(found), np.int64), np.empty(len(found), np.int64), np.empty(len(found), np.int64)
+    values = np.empty((len(found), 4), np.float32)
+    for i in range(len(found)):
+        column[i], z[i], gaps[i] = found[i]
+        values[i, 0], values[i, 1], values[i, 2], values[i, 3] = places[i]
+    return column, z, gaps, values[:, 0].copy(), values[:, 1].copy(), values[:, 2:].copy()
+
+
+@njit(cache=True)
+def _kept(found: _Floor, order: NDArray[np.int64], step: int) -> NDArray[np.int64]:
+    """Those of the lines in `order` whose column has none before them at about their level."""
+    kept, n = np.empty(order.size, np.int64), 0
+    for i in order:
+        j, is_new = n - 1, True
+        while j >= 0 and found.column[kept[j]] == found.column[i]:
+            is_new &= abs(found.z[kept[j]] - found.z[i]) > step
+            j -= 1
+        if is_new:
+            kept[n] = i
+            n += 1
+    return kept[:n]
+
+
+def _one_per_hole(found: _Floor, step: int) -> _Floor:
+    """Where lines meet in one column at one level that over the narrowest gap stays, and of these the highest; sorted by column and z."""
+    which = _kept(found, np.lexsort((-found.z, found.gap, found.column)), step)
+    which = which[np.lexsort((found.z[which], found.column[which]))]
+    return _Floor(*(field[which] for field in found))
+
+
+@njit(cache=True)
+def _places(surfaces: Surfaces, floor: _Floor) -> NDArray[np.int64]:
+    """(M,) the node before which each floor comes."""
+    out = np.empty(floor.column.size, np.int64)
+    for i in range(out.size):
+        n = np.int64(surfaces.start[floor.column[i]])
+        while n < surfaces.start[floor.column[i] + 1] and surfaces.z[n] <= floor.z[i]:
+            n += 1
+        out[i] = n
+    return out
+
+
+def fill_gaps(columns: Columns, surfaces: Surfaces, limits: Limits) -> Surfaces:
+    """The surfaces, and floor over gaps of at most `limits.fill` unknown columns among them, with a sigma that grows with the gap."""
+    floor = _Floor(*_find_floor(columns, surfaces, limits)) if limits.fill else None
+    if floor is None or not floor.column.size:
+        return surfaces
+    floor = _one_per_hole(floor, limits.step)
+    at = _places(surfaces, floor)
+    added = np.concatenate([[0], np.cumsum(np.bincount(floor.column, minlength=surfaces.start.size - 1))])
+    return Surfaces(
+        (surfaces.start + added).astype(np.int32),
+        np.insert(surfaces.column, at, floor.column),
+        np.insert(surfaces.z, at, floor.z),
+        np.insert(surfaces.height, at, floor.height),
+        np.insert(surfaces.sigma, at, floor.sigma),
+        np.insert(surfaces.offset, at, floor.offset, axis=0),
+        np.insert(surfaces.is_open, at, False),
+        np.insert(surfaces.filled, at, True),
+    )
