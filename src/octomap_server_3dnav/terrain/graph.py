@@ -15,7 +15,7 @@ from octomap_server_3dnav.terrain.columns import DX, DY
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.surfaces import VOXEL_SIGMA, Surfaces, find_node
 
-ROWS = 4  # of columns beside an edge that its plane is fitted to, three wide
+ROWS = 5  # of columns beside an edge that its plane is fitted to, three wide: as long as the wheel base
 _POINTS = 3 * ROWS
 _ROUNDS = 4  # of reweighting
 _PRIOR = 0.02  # weight of a level plane, in points at one column's distance: defined also where few points are
@@ -108,12 +108,14 @@ def _points_beside(near: NDArray[np.int32], height: NDArray[np.float32], s: int,
 
 
 @njit(cache=True)
-def _height_at_edge(points: NDArray[np.float64], n: int, first: float, sigma: float, far: float) -> tuple[float, float, float]:
+def _height_at_edge(points: NDArray[np.float64], n: int, first: float, sigma: float, limits: Limits) -> tuple[float, float, float]:
     """Height at the edge of a plane through (n, 3) points, its variance, and how far the plane lies off the `first` of them.
 
-    Points that lie farther than `far` off the plane count little: they are of something else. The first fit is without the row at the edge,
-    in which its face was hit, too. Where fewer than half of the points lie on a plane the `first` counts.
+    Points that lie farther than a tenth of a step off the plane count little: they are of something else. The first fit is without the row at the edge,
+    in which its face was hit, too. Where fewer than half of the points lie on a plane the `first` counts. No plane leads farther beyond its
+    points than a slope that is driven.
     """
+    far = limits.max_step / 10
     b0, b1, b2 = first, 0.0, 0.0
     w0, variance = 0.0, 0.0
     for i in range(_ROUNDS):
@@ -136,19 +138,21 @@ def _height_at_edge(points: NDArray[np.float64], n: int, first: float, sigma: fl
         variance = i00 * max(sigma**2, square / w0 if i else 0.0)
     if 2 * w0 < n:
         return first, sigma**2, 0.0
-    return b0, variance, abs(first - b0 - b1 * 0.5)
+    off = abs(first - b0 - b1 * 0.5)
+    lowest, highest = points[:n, 2].min() - limits.max_slope / 2, points[:n, 2].max() + limits.max_slope / 2
+    return min(max(b0, lowest), highest), variance, off
 
 
 @njit(cache=True)
 def _is_too_high(near: NDArray[np.int32], surfaces: Surfaces, s: int, n: int, k: int, limits: Limits, points: NDArray[np.float64]) -> bool:
     """Whether the ground may jump by more than the highest step between node s and node n in direction k of it."""
-    height, far = surfaces.height, limits.max_step / 5
+    height = surfaces.height
     sigma = max(surfaces.sigma[s], surfaces.sigma[n])
     apart = abs(np.float64(height[n]) - height[s])
     count = _points_beside(near, height, s, (k + 2) % 4, points)
-    behind, variance, off = _height_at_edge(points, count, height[s], surfaces.sigma[s], far)
+    behind, variance, off = _height_at_edge(points, count, height[s], surfaces.sigma[s], limits)
     count = _points_beside(near, height, n, k, points)
-    beyond, more, beside = _height_at_edge(points, count, height[n], surfaces.sigma[n], far)
+    beyond, more, beside = _height_at_edge(points, count, height[n], surfaces.sigma[n], limits)
     jump = abs(beyond - behind)
     if max(off, beside) > limits.max_step / 2:  # one of both is no part of its plane
         jump = max(jump, apart)

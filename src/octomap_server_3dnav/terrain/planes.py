@@ -131,12 +131,11 @@ def steepness(surfaces: Surfaces, links: Links, ny: int, s: int, limits: Limits)
     if not np.isnan(robot):
         return 2 if robot > limits.max_plane_slope else 0
     base, unsure = _best_plane(surfaces, ny, s, BASE, (x, y), limits)
-    if not np.isnan(base):
-        slope, sigma = base, unsure
+    if np.isnan(base):  # an edge: steps tell whether it is climbed, if it is not as steep as a wall
+        return 2 if slope - limits.confidence * sigma > limits.max_slope else 0
+    if base - limits.confidence * unsure > limits.max_slope:
+        return 2
     fitted, _ = _best_plane(surfaces, ny, s, WHEEL, (x, y), limits)
     wheel = wheel if np.isnan(fitted) else fitted
-    if slope <= _OF_STEP * limits.max_step:
-        wheel = 0.0
-    if slope - limits.confidence * sigma > limits.max_slope:
-        return 2
-    return 1 if max(wheel, slope + limits.confidence * sigma) > limits.max_slope else 0
+    is_wheel_steep = wheel > limits.max_slope and base > _OF_STEP * limits.max_step
+    return 1 if is_wheel_steep or base + limits.confidence * unsure > limits.max_slope else 0
