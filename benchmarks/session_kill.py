@@ -30,6 +30,7 @@ from pose_graph_mapping import (  # noqa: E402
     create_registration,
 )
 from pose_graph_mapping.graph.localisation import localise  # noqa: E402
+from pose_graph_mapping.session.session_record import Measured  # noqa: E402
 from pose_graph_mapping.session.session_resume import resume  # noqa: E402
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy, translation_distance  # noqa: E402
 
@@ -72,7 +73,7 @@ def map_sweeps(data, folder, odometry_continues):
         mapper.add_sweep(INTERVAL_S * k, *cloud, T_odom, gravity_base=up, placement=placement)
         placement = None
         say("writing", k)
-        store.add_sweep(k, INTERVAL_S * k, *cloud, mapper.graph, T_odom, up)
+        store.add_sweep(k, INTERVAL_S * k, *cloud, mapper.graph, Measured(T_odom, up))
         say("accepted", k)
     mapper.graph.solve()
     store.save(mapper.graph)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, as_covariance, unit_up
 from rigid_geometry import as_transform
@@ -39,12 +39,12 @@ class Measured:
     gravity_base: Array | None = None
     gravity_sigma_rad: float | None = None
 
-    @classmethod
-    def checked(cls, T_odom_base: ArrayLike, gravity_base: ArrayLike | None, gravity_sigma_rad: float | None) -> Measured:
+    def __post_init__(self) -> None:
         """ValueError for what is no transform, direction or sigma."""
-        if gravity_sigma_rad is not None and not gravity_sigma_rad > 0.0:
-            raise ValueError(f"gravity_sigma_rad must be positive, not {gravity_sigma_rad}")
-        return cls(as_transform(T_odom_base), None if gravity_base is None else unit_up(gravity_base), gravity_sigma_rad)
+        if self.gravity_sigma_rad is not None and not self.gravity_sigma_rad > 0.0:
+            raise ValueError(f"gravity_sigma_rad must be positive, not {self.gravity_sigma_rad}")
+        object.__setattr__(self, "T_odom_base", as_transform(self.T_odom_base))
+        object.__setattr__(self, "gravity_base", None if self.gravity_base is None else unit_up(self.gravity_base))
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +117,7 @@ def _measured_entry(measured: Measured) -> dict[str, Any]:
 def _measured_of(entry: Mapping[str, Any] | None) -> Measured | None:
     if entry is None:
         return None
-    return Measured.checked(_transform(entry["T_odom_base"]), entry["gravity_base"], entry["gravity_sigma_rad"])
+    return Measured(_transform(entry["T_odom_base"]), entry["gravity_base"], entry["gravity_sigma_rad"])
 
 
 def _change_entry(change: GraphChange) -> dict[str, Any]:
