@@ -19,7 +19,7 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
     "scan_filter_node": {"": "sweep_assembly.ScanFilterConfig", "lidar": "sweep_assembly.LidarConfig"},
     "odometry_fusion_node": {"": "odometry_fusion.OdometryConfig"},
     "sweep_assembler_node": {"": "sweep_assembly.SweepAssemblyConfig", "lidar": "sweep_assembly.LidarConfig"},
-    "icp_matcher_node": {"": "pose_graph_mapping.registration.matching.RegistrationConfig"},
+    "icp_matcher_node": {"": "pose_graph_mapping.config.RegistrationConfig"},
     "pose_graph_mapping_node": {
         "": "pose_graph_mapping.config.MappingConfig",
         "localisation": "pose_graph_mapping.graph.localisation.LocalisationConfig",

@@ -10,22 +10,19 @@ import contextlib
 import dataclasses
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.graph.dead_reckoning import levelled, odometry_covariance
+from pose_graph_mapping.graph.localisation import Placement
 from pose_graph_mapping.graph.loop_closure import LoopClosure, Match, beyond_correction, detect_loop_closures
 from pose_graph_mapping.graph.mapping_update import MappingUpdate
 from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, PoseGraph, unit_up
 from pose_graph_mapping.registration.cloud import PointCloud, merged, voxel_downsample, with_normals
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from rigid_geometry import as_transform, inverse, rotation_angle
-
-if TYPE_CHECKING:
-    from pose_graph_mapping.graph.localisation import Placement
 
 Array = NDArray[np.float64]
 

@@ -19,11 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from pose_graph_mapping.graph.graph_consistency import consistent_edges, settled, trusted_edges
 from pose_graph_mapping.graph.graph_files import g2o_text, read_graph_file
-from pose_graph_mapping.graph.graph_measurements import Edge, EdgeKind, GraphNotSolvable, Gravity, as_covariance, orthonormal, unit_up
+from pose_graph_mapping.graph.graph_measurements import Edge, EdgeKind, GraphNotSolvable, Gravity, orthonormal, unit_up
 from pose_graph_mapping.graph.graph_problem import GraphProblem, poses_of, tree_poses
 from pose_graph_mapping.graph.gravity_bias import estimated_bias
 from pose_graph_mapping.graph.incremental_graph import IncrementalGraph
-from rigid_geometry import as_transform
+from rigid_geometry import as_covariance, as_transform
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ _ODOMETRY_DOUBT = 2.0
 _BIAS_ROUNDS = 6
 _BIAS_SETTLED_RAD = 2e-6
 
-__all__ = ["Edge", "EdgeKind", "GraphNotSolvable", "PoseGraph", "as_covariance", "orthonormal", "unit_up"]
+__all__ = ["Edge", "EdgeKind", "GraphNotSolvable", "PoseGraph", "orthonormal", "unit_up"]
 
 
 class PoseGraph:

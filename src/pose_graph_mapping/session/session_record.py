@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, as_covariance, unit_up
-from rigid_geometry import as_transform
+from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, unit_up
+from rigid_geometry import as_covariance, as_transform
 
 Array = NDArray[np.float64]
 

@@ -7,7 +7,8 @@ from synthetic_sweeps import furnished_room, pose, sweep, world_of
 from pose_graph_mapping.config import MappingConfig, RegistrationConfig
 from pose_graph_mapping.graph.mapper import PoseGraphMapper, levelled, odometry_covariance
 from pose_graph_mapping.graph.pose_graph import EdgeKind
-from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, create_registration, refused
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, refused
+from pose_graph_mapping.registration.methods import create_registration
 from rigid_geometry import inverse, tilt_angle, transform_from_rpy, translation_distance
 
 COVARIANCE = np.diag([1e-6] * 3 + [1e-5] * 3)

@@ -9,7 +9,8 @@ from pose_graph_mapping.graph.localisation import LocalisationConfig, Placement,
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.graph.pose_graph import EdgeKind
 from pose_graph_mapping.registration.cloud import PointCloud
-from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, create_registration, refused
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, refused
+from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import SessionStore
