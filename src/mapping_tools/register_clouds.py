@@ -157,7 +157,7 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def report(result: RegistrationResult, seconds: float) -> dict[str, Any]:
+def report(result: RegistrationResult, seconds: float) -> dict[str, object]:
     """What is written: transform, quaternion and covariance of a usable match only; of an ambiguous one all placements as `rivals`."""
     T = result.T_reference_reading if result.usable else None
     ambiguous = result.verdict is Verdict.AMBIGUOUS
