@@ -105,7 +105,7 @@ def _turn_to_path(doing: Doing, now: Moment, error: float) -> Decided:
             return TurningToPath(f"{angle:.2f} rad to turn", math.copysign(1.0, angle)), now.ramp.turning(angle)
         arc = make_room(now.config, now.around, now.pose, error, drifting=drifting, far=far)
         if arc is not None:
-            return MakingRoom("making room for a turn", arc, side), now.ramp.to(arc.motion)
+            return MakingRoom("making room for a turn", side, arc), now.ramp.to(arc.motion)
     return _wait(doing, now, f"no free turn of {error:.2f} rad", side)
 
 
@@ -122,7 +122,7 @@ def _drive(doing: Doing, now: Moment, steering: Steering, remaining: float) -> D
 
 
 def _wait(doing: Doing, now: Moment, reason: str, side: float) -> Decided:
-    waiting = Waiting(reason, doing.since_s if isinstance(doing, Waiting) else now.stamp_s, side)
+    waiting = Waiting(reason, side, doing.since_s if isinstance(doing, Waiting) else now.stamp_s)
     if now.stamp_s - waiting.since_s >= now.config.blocked_patience_s:
         return _back_off(now, FollowerState.BLOCKED, reason)
     return waiting, STAND

@@ -26,7 +26,7 @@ class Doing:
 
     @property
     def turning_side(self) -> float:
-        """To which side a turn has begun that is not over: +1 left, -1 right, 0 none."""
+        """To which side a turn has begun that is not over: +1 left, -1 right, 0 none; what lies behind is turned to by it."""
         return 0.0
 
     def paused(self, _seconds: float) -> "Doing":
@@ -54,57 +54,45 @@ class Following(Doing):
 
 
 @dataclass(frozen=True)
-class MakingRoom(Doing):
+class _Turning(Doing):
+    """With a turn that has begun, or is due, to a `side`: +1 left, -1 right, 0 not known yet."""
+
+    side: float
+
+    @property
+    def turning_side(self) -> float:
+        """The side."""
+        return self.side
+
+
+@dataclass(frozen=True)
+class MakingRoom(_Turning):
     """On an arc to where the turn that is due is free."""
 
     arc: Arc
-    side: float
     state = FollowerState.FOLLOWING
 
-    @property
-    def turning_side(self) -> float:
-        """Of the turn that room is made for."""
-        return self.side
-
 
 @dataclass(frozen=True)
-class TurningToPath(Doing):
+class TurningToPath(_Turning):
     """Turning on the spot towards the path or into the line of a passage."""
 
-    side: float
     state = FollowerState.TURNING_TO_PATH
 
-    @property
-    def turning_side(self) -> float:
-        """Of this turn."""
-        return self.side
-
 
 @dataclass(frozen=True)
-class TurningToGoal(Doing):
+class TurningToGoal(_Turning):
     """At the goal, turning to the heading that is asked for there."""
 
-    side: float
     state = FollowerState.TURNING_TO_GOAL
-
-    @property
-    def turning_side(self) -> float:
-        """Of this turn."""
-        return self.side
 
 
 @dataclass(frozen=True)
-class Waiting(Doing):
+class Waiting(_Turning):
     """Standing since a stamp for the way to become free, or for the turn that was due."""
 
     since_s: float
-    side: float
     state = FollowerState.WAITING
-
-    @property
-    def turning_side(self) -> float:
-        """Of the turn that waits."""
-        return self.side
 
     def paused(self, seconds: float) -> "Waiting":
         """Time in which it might not drive is no waiting."""
