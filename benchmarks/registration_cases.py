@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from registration_worlds import MOVED, drive_poses, with_moved_furniture, world_of
 
 from odometry_fusion import OdometryConfig, OdometryFilter
-from pose_graph_mapping import MappingConfig, PointCloud, merged, vertex_cloud
+from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.registration.cloud import PointCloud, merged, vertex_cloud
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.imu import Imu
 from pybullet_simulation.laser import Laser, Motion

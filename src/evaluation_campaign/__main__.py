@@ -9,7 +9,6 @@ import sys
 import time
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 from evaluation_campaign.plan import Campaign, CampaignProblem, Limits, RunSpec, open_campaign, parse_seeds
 from explore_command.arguments import NAMED_WORLDS, SENSORS
@@ -81,7 +80,7 @@ def _check_profile(profile: str) -> None:
         raise CampaignProblem(f"--profile {profile}: {'; '.join(problems)}")
 
 
-def about(jobs: int) -> dict[str, Any]:
+def about(jobs: int) -> dict[str, object]:
     """What campaign.json says of code and machine."""
     described = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=PROJECT, capture_output=True, text=True, check=False)
     machine = {
@@ -108,7 +107,7 @@ class _Progress:
         self._total, self._left = len(campaign.specs), len(campaign.left())
         self._asked, self._begun = self._left, time.monotonic()
 
-    def __call__(self, spec: RunSpec, outcome: dict[str, Any]) -> None:
+    def __call__(self, spec: RunSpec, outcome: dict[str, object]) -> None:
         self._left -= 1
         made = self._asked - self._left
         left_s = (time.monotonic() - self._begun) / made * self._left

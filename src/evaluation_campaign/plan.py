@@ -9,7 +9,6 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from exploration_evaluation import read_json, write_json
 
@@ -70,7 +69,7 @@ class Campaign:
         """The runs that are still to be made."""
         return tuple(spec for spec in self.specs if not self.is_done(spec))
 
-    def outcome(self, spec: RunSpec) -> dict[str, Any]:
+    def outcome(self, spec: RunSpec) -> dict[str, object]:
         """What became of a run, with its summary under "summary" where there is one. ValueError when it is not done."""
         folder = self.out / spec.folder
         outcome = read_json(folder / OUTCOME_FILE)
@@ -95,7 +94,7 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     return tuple(seeds)
 
 
-def open_campaign(campaign: Campaign, about: Mapping[str, Any]) -> Campaign:
+def open_campaign(campaign: Campaign, about: Mapping[str, object]) -> Campaign:
     """The campaign in its folder, new, gone on with, or extended by worlds, seeds or profiles; `about` (version, machine, jobs) goes into a
     new campaign.json.
 
@@ -122,18 +121,19 @@ def open_campaign(campaign: Campaign, about: Mapping[str, Any]) -> Campaign:
     return campaign
 
 
-def _identity(campaign: Campaign) -> dict[str, Any]:
+def _identity(campaign: Campaign) -> dict[str, object]:
     values = asdict(campaign)
     known = {"format": FORMAT, **{key: values[key] for key in _IDENTITY[1:]}}
-    plain: dict[str, Any] = json.loads(json.dumps(known))
+    plain: dict[str, object] = json.loads(json.dumps(known))
     return plain
 
 
-def _check_extends(campaign: Campaign, found: Mapping[str, Any]) -> None:
+def _check_extends(campaign: Campaign, found: Mapping[str, object]) -> None:
     asked = _identity(campaign)
     for key in _IDENTITY:
         was, now = found.get(key, _SINCE_FORMAT_1.get(key)), asked[key]
-        if was != now and not (key in _EXTENSIBLE and isinstance(was, list) and set(was) <= set(now)):
+        is_extended = key in _EXTENSIBLE and isinstance(was, list) and isinstance(now, list) and set(was) <= set(now)
+        if was != now and not is_extended:
             raise CampaignProblem(
                 f"--out {campaign.out}: holds another campaign, of {key} {_shown(was)}, not {_shown(now)}; choose another folder"
             )

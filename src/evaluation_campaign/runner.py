@@ -12,7 +12,6 @@ import subprocess
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from evaluation_campaign.plan import OUTCOME_FILE, Limits, RunSpec
 from exploration_evaluation import read_json, write_json
@@ -38,7 +37,7 @@ class RunRequest:
     project: Path
 
 
-def make_run(request: RunRequest) -> dict[str, Any]:
+def make_run(request: RunRequest) -> dict[str, object]:
     """Makes the run and writes its outcome.json, which is returned. DiskFull, or another OSError, when nothing can be written."""
     folder = request.out / request.spec.folder
     folder.mkdir(parents=True, exist_ok=True)
@@ -144,7 +143,7 @@ def _family(root: int) -> list[int]:
     return family
 
 
-def _ending(request: RunRequest, folder: Path, exit_code: int, in_time: bool) -> dict[str, Any]:
+def _ending(request: RunRequest, folder: Path, exit_code: int, in_time: bool) -> dict[str, object]:
     """Status and, where the run is not finished, why; without this machine's paths, for reports are passed on."""
     if not in_time:
         return {"status": "wall limit", "error": "ended from outside after the limit of wall time"}

@@ -4,7 +4,6 @@ import difflib
 import importlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import yaml
 
@@ -12,14 +11,14 @@ from stage_config import ConfigError, load_config
 
 PROFILES = Path(__file__).resolve().parents[2] / "config" / "profiles"
 
-Overrides = dict[str, dict[str, Any]]
+Overrides = dict[str, dict[str, object]]
 
 NODE_CONFIGS: dict[str, dict[str, str]] = {
     "pybullet_sim_node": {"": "pybullet_simulation.SimulationConfig", "spinning": "pybullet_simulation.SpinningLidarConfig"},
     "scan_filter_node": {"": "sweep_assembly.ScanFilterConfig", "lidar": "sweep_assembly.LidarConfig"},
     "odometry_fusion_node": {"": "odometry_fusion.OdometryConfig"},
     "sweep_assembler_node": {"": "sweep_assembly.SweepAssemblyConfig", "lidar": "sweep_assembly.LidarConfig"},
-    "icp_matcher_node": {"": "pose_graph_mapping.registration.matching.RegistrationConfig"},
+    "icp_matcher_node": {"": "pose_graph_mapping.config.RegistrationConfig"},
     "pose_graph_mapping_node": {
         "": "pose_graph_mapping.config.MappingConfig",
         "localisation": "pose_graph_mapping.graph.localisation.LocalisationConfig",
@@ -72,9 +71,9 @@ def read_profile(name: str) -> Overrides:
     return {str(node): _flat(values) for node, values in content.items()}
 
 
-def _flat(values: Mapping[str, Any]) -> dict[str, Any]:
+def _flat(values: Mapping[str, object]) -> dict[str, object]:
     """Sections one level deep as "section/name"."""
-    flat: dict[str, Any] = {}
+    flat: dict[str, object] = {}
     for key, value in values.items():
         flat.update({f"{key}/{name}": v for name, v in value.items()} if isinstance(value, dict) else {str(key): value})
     return flat
@@ -101,7 +100,7 @@ def parsed_overrides(texts: Sequence[str]) -> Overrides:
     return overrides
 
 
-def override_problems(overrides: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def override_problems(overrides: Mapping[str, Mapping[str, object]]) -> list[str]:
     """What is wrong with parameters by node, "section/name" or "name" to value: one sentence each, naming the nearest valid name."""
     found = []
     for node, values in overrides.items():
@@ -114,7 +113,7 @@ def override_problems(overrides: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return found
 
 
-def _parameter_problems(node: str, section: str, name: str, value: Any) -> list[str]:
+def _parameter_problems(node: str, section: str, name: str, value: object) -> list[str]:
     sections = NODE_CONFIGS[node]
     if section not in sections:
         return [f"{node} has no section {section!r}{_nearest(section, sections)}"]
@@ -125,6 +124,6 @@ def _parameter_problems(node: str, section: str, name: str, value: Any) -> list[
     return []
 
 
-def _nearest(word: str, known: Mapping[str, Any]) -> str:
+def _nearest(word: str, known: Mapping[str, object]) -> str:
     near = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
     return f", did you mean {near[0]}?" if near else f"; known: {', '.join(filter(None, known))}"

@@ -17,6 +17,8 @@ from ros_adapters.conversions import ros_time
 from stage_config import ConfigError, load_config
 
 C = TypeVar("C")
+M = TypeVar("M")
+R = TypeVar("R")
 
 READY_TOPIC = "/simulation/ready"
 _DIAGNOSTICS_PERIOD_S = 1.0
@@ -110,15 +112,15 @@ class Node:
         Path(out).mkdir(parents=True, exist_ok=True)
         return Path(out)
 
-    def guarded(self, callback: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    def guarded(self, callback: Callable[[M], R]) -> Callable[[M], R | None]:
         """`callback` under the node's lock; a ValueError drops the message and is counted, as does a service that fails."""
 
-        def run(message: Any) -> Any:
+        def run(message: M) -> R | None:
             with self.lock:
                 try:
                     return callback(message)
                 except ValueError as error:
-                    self.diagnostics.dropped(f"bad {message._type.rpartition('/')[2]}", str(error))
+                    self.diagnostics.dropped(f"bad {getattr(message, '_type', '').rpartition('/')[2]}", str(error))
                 except rospy.ServiceException as error:
                     self.diagnostics.dropped("service that failed", str(error))
                 except rospy.ROSException:
@@ -129,7 +131,7 @@ class Node:
         return run
 
     def subscribe(
-        self, topic: str, message_type: type, callback: Callable[[Any], Any], *, large: bool = False, required: bool = True
+        self, topic: str, message_type: type[M], callback: Callable[[M], object], *, large: bool = False, required: bool = True
     ) -> rospy.Subscriber:
         """Subscribes; `large` messages get a short queue, and what is not `required` need not be there when the clock starts.
 

@@ -24,7 +24,7 @@ _MAP_FILES = ("map.bt", "trajectory.txt", "cloud.ply")
 class RunLog:
     """Collects counters from messages; without a folder it only keeps the status line."""
 
-    def __init__(self, out: Path | None, parameters: dict[str, Any], judged: bool) -> None:
+    def __init__(self, out: Path | None, parameters: dict[str, object], judged: bool) -> None:
         """`judged`: there is a true world to judge the run by."""
         self.finished = False
         self._judged = judged
@@ -50,7 +50,8 @@ class RunLog:
             write_json(out / "run.json", self._run_description())
 
     def _run_description(self) -> dict[str, Any]:
-        own = self._parameters.get("exploration_monitor_node", {})
+        section = self._parameters.get("exploration_monitor_node")
+        own = section if isinstance(section, dict) else {}
         config = {k: v for k, v in self._parameters.items() if k.endswith("_node")}
         started = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime(self._started))
         told = {key: own.get(key) for key in (("world", "seed", "profile") if self._judged else ("profile",))}

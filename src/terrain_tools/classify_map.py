@@ -13,7 +13,7 @@ from typing import Any
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from octomap_server_3dnav.exploration import exploration
-from octomap_server_3dnav.octree.octree import replace_file
+from octomap_server_3dnav.octree.octree_files import replace_file
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig
 from terrain_tools import octree_survey
 from terrain_tools.analysis import Analysis, analyse

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -56,12 +55,12 @@ def csv_bytes(path: GroundPath) -> bytes:
     return ("\n".join(lines) + "\n").encode("ascii")
 
 
-def json_bytes(content: dict[str, Any]) -> bytes:
+def json_bytes(content: dict[str, object]) -> bytes:
     """The numbers; ValueError where one of them is none."""
     return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode("utf-8")
 
 
-def numbers(found: Analysis, robot: RobotConfig) -> dict[str, Any]:
+def numbers(found: Analysis, robot: RobotConfig) -> dict[str, object]:
     """What is written of an analysis; None is what there is not."""
     problem = found.problem
     return {
@@ -85,7 +84,7 @@ def numbers(found: Analysis, robot: RobotConfig) -> dict[str, Any]:
     }
 
 
-def _terrain_numbers(terrain: Terrain) -> dict[str, Any]:
+def _terrain_numbers(terrain: Terrain) -> dict[str, object]:
     return {
         "start_voxel_m": _center(terrain, terrain.start),
         "departure_voxel_m": _center(terrain, terrain.departure),
@@ -100,7 +99,7 @@ def _class_numbers(terrain: Terrain, terrain_class: TerrainClass) -> dict[str, f
     return {"voxels": voxels, "area_m2": round(voxels * terrain.resolution**2, 3)}
 
 
-def _frontier(frontier: Frontier) -> dict[str, Any]:
+def _frontier(frontier: Frontier) -> dict[str, object]:
     distance = frontier.distance_m
     return {
         "xyz_m": _rounded(frontier.xyz),
@@ -111,7 +110,7 @@ def _frontier(frontier: Frontier) -> dict[str, Any]:
     }
 
 
-def _path_numbers(path: GroundPath) -> dict[str, Any]:
+def _path_numbers(path: GroundPath) -> dict[str, object]:
     rise = np.diff(path.points[:, 2])
     return {
         "points": len(path.points),

@@ -191,6 +191,19 @@ def test_vertices_that_moved_less_than_a_centimetre_leave_the_tree_as_it_is():
     assert built.add_sweep(wall(), 2, [pose(0.011), pose(0.2), pose(0.4)])
 
 
+def test_vertices_that_only_turned_are_drawn_anew_beyond_a_centimetre_at_four_metres():
+    built = builder()
+    built.add_sweep(wall(), 0, [pose()])
+    assert not built.add_sweep(wall(), 1, [pose(yaw=0.0024), pose(0.2)])
+    assert built.add_sweep(wall(), 2, [pose(yaw=0.0026), pose(0.2), pose(0.4)])
+    turned, fresh = builder(), builder()
+    turned.add_sweep(wall(), 0, [pose()])
+    turned.add_sweep(wall(), 1, [pose(yaw=0.05), pose(0.2)])
+    fresh.add_sweep(wall(), 0, [pose(yaw=0.05)])
+    fresh.add_sweep(wall(), 1, [pose(yaw=0.05), pose(0.2)])
+    assert turned.tree.to_full() == fresh.tree.to_full()
+
+
 def test_lost_sweep_is_no_trouble_for_the_next():
     built = builder()
     built.add_sweep(wall(), 0, [pose()])

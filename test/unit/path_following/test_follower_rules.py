@@ -63,6 +63,18 @@ def test_time_in_which_it_may_not_drive_is_no_lack_of_progress(changes):
     assert follower.step(seen(26.05)).state is FollowerState.FOLLOWING
 
 
+@pytest.mark.parametrize("changes", [{"held": True}, {"costmap": None}])
+def test_time_in_which_it_may_not_drive_is_no_waiting(changes):
+    walled = np.zeros((100, 100), dtype=np.uint8)
+    walled[:, 58:62] = 254  # 0.64 m ahead, from side to side
+    blocked, follower = Grid(walled, (-4.0, -4.0)), following()
+    assert [follower.step(seen(1.0 + t, costmap=blocked)).state.value for t in (0.0, 0.4)] == ["waiting", "waiting"]
+    for k in range(100):
+        follower.step(seen(1.45 + 0.05 * k, **{"costmap": blocked, **changes}))
+    assert follower.step(seen(6.45, costmap=blocked)).state is FollowerState.WAITING
+    assert [follower.step(seen(6.45 + t, costmap=blocked)).state.value for t in (0.5, 1.0, 1.5, 1.6)][-1] == "backing_off"
+
+
 @pytest.mark.parametrize("later", [500.0, -3.0])
 def test_time_that_jumps_is_no_lack_of_progress(later):
     follower = following()
