@@ -20,6 +20,7 @@ OLD_NAMES = {
     "body_min_m": "robot.yaml: length_m, width_m, base_height_m and own_echo_margin_m",
     "body_max_m": "robot.yaml: length_m, width_m, height_m and own_echo_margin_m",
     "turning_slide_m": "robot.yaml: turning_slide_m",
+    "wheel_contact_slope_rad": "robot.yaml: max_step_m and wheel_radius_m, and wheel_contact_margin_rad beyond it",
     "track_factor": "robot.yaml: effective_track_factor",
     "max_speed_mps": "robot.yaml: max_speed_mps",
     "max_turn_rate_rps": "robot.yaml: max_turn_rate_radps",
