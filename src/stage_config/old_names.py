@@ -9,7 +9,7 @@ OLD_NAMES = {
     "terrain/max_slope_rad": "robot.yaml: max_slope_rad",
     "terrain/inflation_radius_m": _TURNING,
     "terrain/cliff_inflation_radius_m": _TURNING,
-    "terrain/narrow_radius_m": "robot.yaml: width_m and straying_m; terrain/narrow_length_m 0 drives no passage",
+    "terrain/narrow_radius_m": "robot.yaml: width_m and straying_m; passages/enabled false drives no passage",
     "terrain/narrow_cliff_radius_m": "robot.yaml: track_m, wheel_width_m, straying_m and straying_rad",
     "terrain/narrow_width_m": "robot.yaml: width_m",
     "costmap/inscribed_radius_m": "robot.yaml: width_m",

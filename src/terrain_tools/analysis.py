@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from octomap_server_3dnav.exploration.frontiers import Frontier, find_frontiers
+from octomap_server_3dnav.navigation.passages import navigable_terrain
 from octomap_server_3dnav.navigation.planner import Path, nearest_traversable, plan_path
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.octree.octree import OctreeMap
-from octomap_server_3dnav.terrain.classify import Terrain, classify
+from octomap_server_3dnav.terrain.classify import Terrain
 from terrain_tools.criteria import Criteria
 from terrain_tools.ground import Place, Point, nearest_ground, nearest_reached, outside, pose_on, why_no_goal, why_no_start
 
@@ -67,7 +68,7 @@ def analyse(octree: OctreeMap, by: Criteria, start: Point, goal: Point | None, t
     runs = clock.of("column_runs", octree.column_runs)
     found, no_start = Analysis(octree, runs, time_s=clock.time_s), outside(runs, start)
     if no_start is None:
-        terrain = clock.of("classification", lambda: classify(runs, T_map_base, by.terrain, by.robot, None))
+        terrain = clock.of("classification", lambda: navigable_terrain(runs, T_map_base, by.settings, None))
         no_start = None if terrain.departure is not None else why_no_start(octree, runs, terrain, start, by.terrain, by.robot)
     if no_start is not None:
         return dataclasses.replace(found, problem=Problem("no start", no_start, nearest_ground(runs, start, by.terrain, by.robot)))

@@ -14,7 +14,7 @@ from typing import Any
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from octomap_server_3dnav.exploration import exploration
 from octomap_server_3dnav.octree.octree import replace_file
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig
+from octomap_server_3dnav.terrain.classify import Terrain
 from terrain_tools import octree_survey
 from terrain_tools.analysis import Analysis, analyse
 from terrain_tools.criteria import Criteria, read_criteria
@@ -24,7 +24,7 @@ from terrain_tools.results import CLASSES, NUMBERS, PATH, PICTURE, csv_bytes, js
 FOUND, NOT_FOUND, BAD_INPUT = 0, 1, 2
 _USABLE_SHARE = 0.8  # of the memory that is free
 _FARTHEST_M = 1e6
-_DEFAULTS = TerrainConfig()
+_DEFAULTS = Criteria()
 _DESCRIPTION = f"""Tells the ground that a robot can drive on from obstacles, cliffs and what was not seen, in a map that is a file,
 and finds a way over it. FILE is an octomap octree ({" ".join(OCTREES)}), or a cloud ({" ".join(CLOUDS)}) whose points are put into
 voxels; z is up, in metres. The robot stands level at the start, and what it cannot reach from there is not classified."""
@@ -44,8 +44,8 @@ def parser() -> argparse.ArgumentParser:
         type=float,
         required=True,
         metavar=point,
-        help=f"on the ground, or off it by up to {_DEFAULTS.start_height_tolerance_m:g} m in height and "
-        f"{_DEFAULTS.start_search_radius_m:g} m aside (terrain/start_height_tolerance_m, start_search_radius_m)",
+        help=f"on the ground, or off it by up to {_DEFAULTS.terrain.start_tolerance_m:g} m in height (terrain/start_tolerance_m) and "
+        f"half the robot's length, {_DEFAULTS.robot.half_length_m:.2g} m, aside",
     )
     p.add_argument("--goal", nargs=3, type=float, metavar=point, help="on the ground, as --start is, on any storey; without it, no path")
     p.add_argument(

@@ -11,7 +11,9 @@ import yaml
 from explore_command.arguments import ArgumentProblem
 from explore_command.parameters import NODE_CONFIGS, PROFILES, ROBOT, config_class, override_problems, profile_names
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
+from octomap_server_3dnav.navigation.passages import TerrainSettings
 from octomap_server_3dnav.navigation.planner import PlannerConfig
+from octomap_server_3dnav.navigation.straight_lines import PassageConfig
 from octomap_server_3dnav.octree.map_builder import MapConfig
 from octomap_server_3dnav.octree.octree import SensorModel
 from octomap_server_3dnav.terrain.classify import TerrainConfig
@@ -29,8 +31,14 @@ class Criteria:
     octree: MapConfig = field(default_factory=MapConfig)
     sensor_model: SensorModel = field(default_factory=SensorModel)
     terrain: TerrainConfig = field(default_factory=TerrainConfig)
+    passages: PassageConfig = field(default_factory=PassageConfig)
     frontier: FrontierConfig = field(default_factory=FrontierConfig)
     planner: PlannerConfig = field(default_factory=PlannerConfig)
+
+    @property
+    def settings(self) -> TerrainSettings:
+        """What a terrain is made for."""
+        return TerrainSettings(self.robot, self.terrain, self.passages)
 
 
 def read_criteria(robot_file: Path | None = None, profile: str | None = None) -> Criteria:
@@ -50,7 +58,7 @@ def read_criteria(robot_file: Path | None = None, profile: str | None = None) ->
         criteria = _criteria(robot, content)
     except ConfigError as error:
         problems += [f"--profile {profile}: {line}" for line in str(error).splitlines()]
-    if problems or (problems := [f"--robot, --profile: {text}" for text in criteria.terrain.contradictions(robot)]):
+    if problems:
         raise ArgumentProblem("\n".join(problems))
     return criteria
 
@@ -76,6 +84,7 @@ def _criteria(robot: RobotBody, content: dict[str, Any]) -> Criteria:
         load_config(MapConfig, {key: v for key, v in values.items() if not isinstance(v, dict)}),
         load_config(SensorModel, values.get("sensor_model", {})),
         load_config(TerrainConfig, values.get("terrain", {})),
+        load_config(PassageConfig, values.get("passages", {})),
         load_config(FrontierConfig, values.get("frontier", {})),
         load_config(PlannerConfig, values.get("planner", {})),
     )

@@ -81,6 +81,7 @@ def numbers(found: Analysis, by: Criteria) -> dict[str, Any]:
             "robot": robot_mapping(by.robot),
             "sensor_model": to_mapping(by.sensor_model),
             "terrain": to_mapping(by.terrain),
+            "passages": to_mapping(by.passages),
             "frontier": to_mapping(by.frontier),
             "planner": to_mapping(by.planner),
         },

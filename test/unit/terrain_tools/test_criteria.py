@@ -32,12 +32,12 @@ def test_file_of_the_node_and_profiles_can_be_given() -> None:
     assert read_criteria(None, str(ROOT / "config" / "octomap_server_3dnav.yaml")).terrain == TerrainConfig()
     thesis = read_criteria(None, "thesis")
     assert thesis.terrain.inflation_shape == "square" and thesis.frontier.frontier_distance == "euclidean"
-    assert thesis.terrain.narrow_length_m == 0.0
+    assert not thesis.passages.enabled
 
 
 def test_parameters_of_all_sections_are_taken(tmp_path: Path) -> None:
-    found = criteria(tmp_path, "resolution: 0.05\nterrain: {cliff_look_m: 0.2}\nplanner: {climb_weight: 1}\nsensor_model: {hit: 0.8}\n")
-    assert (found.octree.resolution, found.terrain.cliff_look_m, found.planner.climb_weight) == (0.05, 0.2, 1.0)
+    found = criteria(tmp_path, "resolution: 0.05\nterrain: {look_m: 0.2}\nplanner: {climb_weight: 1}\nsensor_model: {hit: 0.8}\n")
+    assert (found.octree.resolution, found.terrain.look_m, found.planner.climb_weight) == (0.05, 0.2, 1.0)
     assert found.sensor_model.hit == 0.8
 
 
@@ -51,16 +51,15 @@ def test_profile_s_robot_lies_over_that_of_the_file(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "text, said",
     [
-        ("terrain: {clif_look_m: 0.2}", ["clif_look_m, did you mean cliff_look_m?", "terrain knows", "hole_bridge_voxels"]),
+        ("terrain: {lok_m: 0.2}", ["lok_m, did you mean look_m?", "terrain knows", "fill_columns"]),
         ("planner: {zzz: 1}", ["unknown parameter zzz", "planner knows climb_weight, passage_weight"]),
-        ("terain: {cliff_look_m: 0.2}", ["terain", "did you mean terrain?"]),
+        ("terain: {look_m: 0.2}", ["terain", "did you mean terrain?"]),
         ("zzz: 1", ["unknown parameter zzz", "without a section knows resolution"]),
-        ("terrain: {cliff_look_m: .nan}", ["cliff_look_m = nan is not finite"]),
-        ("terrain: {cliff_look_m: 7}", ["cliff_look_m = 7.0 is above 3.0"]),
-        ("terrain: {cliff_look_m: high}", ["cliff_look_m = 'high' is no float"]),
+        ("terrain: {look_m: .nan}", ["look_m = nan is not finite"]),
+        ("terrain: {look_m: 7}", ["look_m = 7.0 is above 3.0"]),
+        ("terrain: {look_m: high}", ["look_m = 'high' is no float"]),
         ("terrain: 3", ["terrain"]),
-        ("terrain: {cliff_look_m: .inf, zzz: 1}\nplanner: {climb_weight: -1}", ["cliff_look_m", "zzz", "climb_weight"]),
-        ("terrain: {cliff_look_m: 0.08}", ["cliff_look_m = 0.08 is below robot.yaml: max_step_m = 0.1"]),
+        ("terrain: {look_m: .inf, zzz: 1}\nplanner: {climb_weight: -1}", ["look_m", "zzz", "climb_weight"]),
         ("terrain: {max_step_m: 0.2}", ["terrain/max_step_m now stands in robot.yaml: max_step_m"]),
         ("base_height_m: 0.2", ["base_height_m now stands in robot.yaml: base_height_m"]),
         ("robot: {max_stp_m: 0.2}\nplanner_node: {}", ["--robot", "max_stp_m, did you mean max_step_m?"]),
