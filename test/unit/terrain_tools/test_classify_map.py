@@ -71,7 +71,7 @@ def test_numbers_and_picture_are_written_without_a_goal(tmp_path, room):
     code, found = run(tmp_path, room, *START)
     assert code == 0 and found["path"] is None and not (tmp_path / "out" / "path.csv").exists()
     assert found["terrain"]["ground_m2"] == pytest.approx(3.8**2, abs=0.01)
-    assert found["terrain"]["reachable_m2"] == found["terrain"]["classes"]["traversable"]["area_m2"] == pytest.approx(2.8**2, abs=0.01)
+    assert found["terrain"]["reachable_m2"] == found["terrain"]["classes"]["traversable"]["area_m2"] == pytest.approx(2.6**2, abs=0.01)
     assert found["terrain"]["start_voxel_m"] == pytest.approx([1.95, 1.95, 0.05], abs=0.11)
     png = (tmp_path / "out" / "terrain.png").read_bytes()
     assert png.startswith(b"\x89PNG") and len(png) < 100_000
