@@ -25,9 +25,9 @@ from octomap_server_3dnav.navigation.straight_lines import (
     points_of,
     score_of,
 )
-from octomap_server_3dnav.terrain.classified_terrain import TRAVERSABLE, UNREACHED, Passage, Terrain, TerrainClass
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
+from octomap_server_3dnav.terrain.classified_terrain import TRAVERSABLE, UNREACHED, Passage, Terrain, TerrainClass
 from octomap_server_3dnav.terrain.classify import classify
 from octomap_server_3dnav.terrain.config import TerrainConfig
 from octomap_server_3dnav.terrain.flood import components

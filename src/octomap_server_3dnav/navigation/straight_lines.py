@@ -42,7 +42,9 @@ class KeptOff(NamedTuple):
         radius = np.where((b.column >= 0) & ~b.falls, stands, max(stands, falls))
         x, y = terrain.ix[unknown] - terrain.window_key[0] + 0.5, terrain.iy[unknown] - terrain.window_key[1] + 0.5
         return cls(
-            np.append(b.x, x), np.append(b.y, y), np.append(b.level, terrain.z[unknown]).astype(np.float64),
+            np.append(b.x, x),
+            np.append(b.y, y),
+            np.append(b.level, terrain.z[unknown]).astype(np.float64),
             np.append(radius, np.full(unknown.size, falls)),
         )
 
@@ -97,9 +99,7 @@ class Demand(NamedTuple):
         half_width, step, slope = robot.half_width_m / resolution, math.ceil(robot.max_step_m / resolution), math.tan(robot.max_slope_rad)
         band = step + math.ceil(robot.passage_radius_m / resolution * slope)
         run_up, longest = config.run_up_m / resolution, max(config.run_up_m, config.longest_run_up_m) / resolution
-        return cls(
-            config.most_length_m / resolution, run_up, longest, half_width, float(band), step + math.ceil(half_width * slope)
-        )
+        return cls(config.most_length_m / resolution, run_up, longest, half_width, float(band), step + math.ceil(half_width * slope))
 
     @property
     def longest_line(self) -> int:

@@ -42,9 +42,7 @@ def _is_side(columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], c: 
 
 
 @lean_njit
-def _stands_across(
-    columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], s: int, stride: int, limits: Limits
-) -> int:
+def _stands_across(columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], s: int, stride: int, limits: Limits) -> int:
     """The column of what stands in the way of node s in steps of `stride`, across what is unknown; -1 where nothing does within the distance
     that is kept and before ground that was reached."""
     level = np.int64(surfaces.z[s])
@@ -133,7 +131,12 @@ def barriers_of(
 
 @njit(cache=True)
 def distances(
-    node: NDArray[np.int64], x: NDArray[np.float64], y: NDArray[np.float64], scene: tuple[NDArray, NDArray, int], within: float, square: bool
+    node: NDArray[np.int64],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    scene: tuple[NDArray, NDArray, int],
+    within: float,
+    square: bool,
 ) -> NDArray[np.float32]:
     """(N,) float32 distance of the middle of every node's column from the nearest of places (x, y), `within` at most, else inf.
 
