@@ -1,7 +1,7 @@
 """Passages: straight ways through where the robot fits but cannot turn, from one place with room to turn to another.
 
-After `terrain.classify`, of a finished terrain. A passage is looked for only where inflated ground parts two pieces of traversable ground: a
-door, a ramp with a drop on both sides. Its middle line is chosen so that the nearest barriers on its left and right are equally far,
+After `terrain.classify`, of a finished terrain. A passage is looked for only where inflated ground parts two pieces of traversable
+ground: a door, a ramp with a drop on both sides. Its middle line is chosen so that the nearest barriers on its left and right are equally far,
 and what the outline sweeps along it must be ground. At both ends the line goes on for a run-up over traversable ground.
 """
 
@@ -157,7 +157,7 @@ def _connected(passages: list[Passage], piece: NDArray[np.int32], first: int) ->
 
 
 def _narrow(terrain: Terrain, robot: RobotBody) -> NDArray[np.bool_]:
-    """(N,) inflated ground over which the middle of a robot may be that drives straight: a voxel's corner may be farther off than its middle."""
+    """(N,) inflated ground over which the middle of a robot may be that drives straight, at least in a corner of the voxel."""
     least_m = robot.passage_radius_m - math.sqrt(0.5) * terrain.resolution
     return np.asarray((terrain.label == TerrainClass.INFLATION) & (terrain.distance_m > least_m))
 

@@ -182,7 +182,8 @@ def _line_through(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: A
 def centred_line(g: Any, b: Any, demand: Any, s: Any, dx: Any, dy: Any, is_through: Any, ahead: Any, behind: Any) -> Any:
     """The line through node s in direction dx, dy, or up to it if it is not to lead `through`, moved aside to where as much room is on its
     left as on its right: its nodes, how many come before x, y, then x, y, and the lesser room; no nodes where there is none."""
-    x, y, node = g.column[s] // g.ny + 0.5, g.column[s] % g.ny + 0.5, np.int64(s)
+    x, y = g.column[s] // g.ny + 0.5, g.column[s] % g.ny + 0.5
+    node: Any = np.int64(s)
     line, before = _line_through(g, demand, node, x, y, dx, dy, is_through, ahead, behind)
     if line.size == 0:
         return line, 0, x, y, 0.0
