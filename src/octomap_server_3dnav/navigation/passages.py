@@ -1,8 +1,8 @@
 """Passages: straight ways through where the robot fits but cannot turn, from one place with room to turn to another.
 
 After `terrain.classify`, of a finished terrain. A passage is looked for only where inflated ground parts two pieces of traversable
-ground: a door, a ramp with a drop on both sides. Its middle line is chosen so that the nearest barriers on its left and right are equally far,
-and what the outline sweeps along it must be ground. At both ends the line goes on for a run-up over traversable ground.
+ground: a door, a ramp with a drop on both sides. Its middle line is chosen so that the nearest barriers on its left and right are
+equally far, and what the outline sweeps along it must be ground. At both ends the line goes on for a run-up over traversable ground.
 """
 
 import math

@@ -1,7 +1,8 @@
 """How far ground is from where it ends: one distance, over the ground, for inflation, narrow ways and costs.
 
-The fourth principle of docs/terrain.md, seventh step of `classify`. Barriers are what is blocked, a drop, or too steep, each at the mean place of its hits. The distance is taken
-straight, to the barriers that are near by way of the ground: never to those of another storey. Everything is in voxels.
+The fourth principle of docs/terrain.md, seventh step of `classify`. Barriers are what is blocked, a drop, or too steep, each at the mean
+place of its hits. The distance is taken straight, to the barriers that are near by way of the ground: never to those of another storey.
+Everything is in voxels.
 """
 
 from typing import NamedTuple

@@ -22,8 +22,9 @@ VOXEL_SIGMA = float(np.float32(12.0**-0.5))  # of a place that may be anywhere i
 class Surfaces(NamedTuple):
     """Surface nodes sorted by column and height.
 
-    start (C + 1,) first node of every column; column (N,); z (N,) of the voxel; height (N,) and its sigma (N,), float32; offset (N, 2) how far along x and y from the column's middle the hits lie on average; is_open (N,) whether all space above was seen free
-    as high as the robot is; filled (N,) whether the surface is assumed over unknown columns.
+    start (C + 1,) first node of every column; column (N,); z (N,) of the voxel; height (N,) and its sigma (N,), float32; offset (N, 2) how
+    far along x and y from the column's middle the hits lie on average; is_open (N,) whether all space above was seen free as high as the
+    robot is; filled (N,) whether the surface is assumed over unknown columns.
     """
 
     start: NDArray[np.int32]
