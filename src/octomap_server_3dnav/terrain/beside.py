@@ -26,7 +26,6 @@ from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
 GROUND, BLOCKED, DROP, UNKNOWN, EDGE = 0, 1, 2, 3, 4
 """What lies beside ground; an EDGE is unknown, and a beam passed where its floor would be."""
 NEAR = 2  # columns from what is BLOCKED within which the unknown may be a side of it
-_AREA = 2  # columns aside that an edge is looked across (thesis figure 5.12)
 
 
 @lean_njit
@@ -58,31 +57,14 @@ def _drops_along(columns: Columns, surfaces: Surfaces, s: Index, c: Index, strid
     return False
 
 
-@lean_njit
-def _is_ground_aside(surfaces: Surfaces, c: Index, stride: Index, aside: Index, level: Index, limits: Limits) -> bool:
-    """Whether the area beside the ray (thesis figure 5.12) holds ground at about this level."""
-    for offset in range(-_AREA, _AREA + 1):
-        for j in range(1, 4):
-            if find_node(surfaces.start, surfaces.z, c + offset * aside + j * stride, level, drivable_rise(j, limits)) >= 0:
-                return True
-    return False
-
-
 @njit(cache=True)
 def _beyond(columns: Columns, surfaces: Surfaces, s: Index, c: Index, k: Index, limits: Limits) -> Index:
     """What lies in direction k of node s of column c where no ground is near."""
-    assumed, level = limits.assumes_cliffs, np.int64(surfaces.z[s])
-    stride, aside = DX[k] * columns.ny + DY[k], DX[(k + 1) % 4] * columns.ny + DY[(k + 1) % 4]
-    if blocking_voxel(columns, c + stride, level, limits.step, limits.clearance) != NO_VOXEL:
+    stride = DX[k] * columns.ny + DY[k]
+    if blocking_voxel(columns, c + stride, np.int64(surfaces.z[s]), limits.step, limits.clearance) != NO_VOXEL:
         return BLOCKED
-    if _drops_along(columns, surfaces, s, c, stride, limits, assumed):
+    if _drops_along(columns, surfaces, s, c, stride, limits, limits.assumes_cliffs):
         return DROP
-    if _is_ground_aside(surfaces, c, stride, aside, level, limits):
-        return UNKNOWN
-    for offset in range(1, _AREA + 1):
-        for side in (-offset, offset):
-            if _drops_along(columns, surfaces, s, c + side * aside, stride, limits, assumed):
-                return DROP
     return EDGE if _drops_along(columns, surfaces, s, c, stride, limits, True) else UNKNOWN
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
-from octomap_server_3dnav.terrain.beside import BLOCKED, EDGE, UNKNOWN
+from octomap_server_3dnav.terrain.beside import BLOCKED, EDGE, UNKNOWN, stands_near
 from octomap_server_3dnav.terrain.classified_terrain import CLIFF, OBSTACLE, TRAVERSABLE, UNREACHED, Barriers
 from octomap_server_3dnav.terrain.columns import DX, DY, NO_VOXEL, Columns, blocking_voxel, lowest_occupied, top_near
 from octomap_server_3dnav.terrain.config import Limits
@@ -22,24 +22,6 @@ from octomap_server_3dnav.terrain.scene import Scene
 from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
 
 _FOOT = 1  # voxels above the ground's, from which the hits of what stands there are taken
-
-
-@lean_njit
-def _stands_at(columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], c: Index, level: Index, limits: Limits) -> bool:
-    """Whether something stands at column c, or its ground is an obstacle."""
-    if lowest_occupied(columns, c, level + limits.step + 1, level + limits.clearance) != NO_VOXEL:
-        return True
-    node = find_node(surfaces.start, surfaces.z, c, level, limits.step + 1)
-    return bool(node >= 0 and label[node] == OBSTACLE)
-
-
-@lean_njit
-def _is_side(columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], c: Index, level: Index, limits: Limits) -> bool:
-    """Whether something stands at column c or at one of its four neighbours: the unknown right before it may be a side of it."""
-    is_side = _stands_at(columns, surfaces, label, c, level, limits)
-    for k in range(4):
-        is_side |= _stands_at(columns, surfaces, label, c + DX[k] * columns.ny + DY[k], level, limits)
-    return is_side
 
 
 @lean_njit
@@ -99,7 +81,7 @@ def _barriers(
                 at.append((cx - 0.5 * DX[k], cy - 0.5 * DY[k]))
                 continue
             is_unknown = seen[s, k] == UNKNOWN or seen[s, k] == EDGE
-            if is_unknown and _is_side(columns, surfaces, label, c + 2 * stride, level, limits):
+            if is_unknown and stands_near(columns, c + stride, level + limits.step + 1, level + limits.clearance):
                 seen[s, k] = BLOCKED
                 found.append((s, level, c + stride, level, False, False))
                 at.append((cx, cy))

@@ -47,17 +47,6 @@ def _is_one_floor(surfaces: Surfaces, a: Index, b: Index, gap: Index, stride: In
 
 
 @lean_njit
-def _is_alone(surfaces: Surfaces, s: Index, ny: Index, step: Index) -> bool:
-    """Whether no column beside that of node s has ground at about its level: a hit or two that went astray carry no floor."""
-    c, level = np.int64(surfaces.column[s]), np.int64(surfaces.z[s])
-    for dx in range(-1, 2):
-        for dy in range(-1, 2):
-            if (dx != 0 or dy != 0) and find_node(surfaces.start, surfaces.z, c + dx * ny + dy, level, step) >= 0:
-                return False
-    return True
-
-
-@lean_njit
 def _level_between(z: NDArray[np.int16], a: Index, b: Index, j: Index, gap: Index) -> Index:
     """Layer of the floor j of `gap` columns on the way from node a to node b."""
     return (2 * (np.int64(z[a]) * (gap - j) + np.int64(z[b]) * j) + gap) // (2 * gap)
@@ -95,8 +84,7 @@ def _other_side(columns: Columns, surfaces: Surfaces, a: Index, stride: Index, r
             continue
         is_floor = abs(np.int64(z[b]) - level) <= _MOST_RISE and _is_one_floor(surfaces, a, b, gap, stride, limits)
         if is_floor and _spans(columns, surfaces, a, b, stride, gap, limits):
-            if not (_is_alone(surfaces, a, columns.ny, step) or _is_alone(surfaces, b, columns.ny, step)):
-                return b, gap
+            return b, gap
         if abs(np.int64(z[b]) - level) <= step:
             return -1, 0
     return -1, 0
