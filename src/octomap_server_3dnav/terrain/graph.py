@@ -53,25 +53,6 @@ def nearest_neighbours(
 
 
 @njit(cache=True)
-def supported_heights(near: NDArray[np.int32], surfaces: Surfaces, max_step: float) -> NDArray[np.float32]:
-    """(N,) float32 heights, of a lone surface that of the plane of its neighbours: a hit gone astray, or what a wheel climbs anyway.
-
-    It is lone if it is no more than a step above all four, or below them, and these lie on one plane.
-    """
-    height, far = surfaces.height, max_step / 5
-    out = height.copy()
-    for s in range(height.size):
-        a, b, c, d = near[s]
-        if a < 0 or b < 0 or c < 0 or d < 0:
-            continue
-        along, aside = 0.5 * (height[a] + height[c]), 0.5 * (height[b] + height[d])
-        off = height[s] - 0.5 * (along + aside)
-        if far < abs(off) <= max_step and abs(along - aside) <= far and max(abs(height[a] - height[c]), abs(height[b] - height[d])) <= far:
-            out[s] = 0.5 * (along + aside)
-    return out
-
-
-@njit(cache=True)
 def centred_heights(near: NDArray[np.int32], surfaces: Surfaces) -> NDArray[np.float32]:
     """(N,) float32 heights of the nodes in the middle of their columns: on a slope what was hit beside it is higher or lower.
 
