@@ -6,8 +6,7 @@ The third principle of docs/terrain.md. Asked by the flood of `classify`, of the
 import numpy as np
 from numba import njit
 
-from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
-from octomap_server_3dnav.terrain.columns import (
+from octomap_server_3dnav.octree.columns import (
     DX,
     DY,
     NO_VOXEL,
@@ -17,6 +16,7 @@ from octomap_server_3dnav.terrain.columns import (
     lowest_occupied,
     seen_down_to,
 )
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.graph import Links
 from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node

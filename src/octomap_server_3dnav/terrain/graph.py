@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.octree.columns import DX, DY
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
-from octomap_server_3dnav.terrain.columns import DX, DY
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.surfaces import VOXEL_SIGMA, Surfaces, find_node
 

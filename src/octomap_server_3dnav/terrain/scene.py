@@ -8,9 +8,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.octree.columns import Columns, crop_columns
 from octomap_server_3dnav.octree.lean_kernels import Index
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
-from octomap_server_3dnav.terrain.columns import Columns, crop_columns
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.fill import fill_gaps
 from octomap_server_3dnav.terrain.graph import ROWS, Links, centred_heights, nearest_neighbours, steppable_neighbours
