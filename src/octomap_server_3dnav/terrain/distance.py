@@ -115,6 +115,12 @@ def barriers_of(
     return Barriers(found.node, x, y, found.level, found.column, found.voxel, found.falls)
 
 
+@lean_njit
+def _apart(dx: float, dy: float, square: bool) -> float:
+    """How far places are apart: straight, or the larger of the distances along x and y."""
+    return max(abs(dx), abs(dy)) if square else np.sqrt(dx * dx + dy * dy)
+
+
 @njit(cache=True)
 def distances(
     node: NDArray[np.int64],
@@ -131,29 +137,27 @@ def distances(
     """
     column, graph, ny = scene
     out, source = np.full(column.size, np.inf, np.float32), np.full(column.size, -1, np.int64)
+    at_x, at_y = np.empty(column.size, np.float32), np.empty(column.size, np.float32)
+    for s in range(column.size):
+        at_x[s], at_y[s] = column[s] // ny + 0.5, column[s] % ny + 0.5
     queue, is_queued = np.empty(column.size + 1, np.int64), np.zeros(column.size, np.bool_)
     head, tail = 0, 0
-    for i in range(node.size + 1):
-        while i == node.size and head != tail:
-            s, head = queue[head], (head + 1) % queue.size
-            is_queued[s] = False
-            for k in range(4):
-                n = np.int64(graph[s, k])
-                if n < 0:
-                    continue
-                dx, dy = abs(column[n] // ny + 0.5 - x[source[s]]), abs(column[n] % ny + 0.5 - y[source[s]])
-                far = max(dx, dy) if square else np.hypot(dx, dy)
-                if far <= within and np.float32(far) < out[n]:
-                    out[n], source[n] = far, source[s]
-                    if not is_queued[n]:
-                        queue[tail], is_queued[n], tail = n, True, (tail + 1) % queue.size
-        if i == node.size:
-            break
-        s = node[i]
-        dx, dy = abs(column[s] // ny + 0.5 - x[i]), abs(column[s] % ny + 0.5 - y[i])
-        far = max(dx, dy) if square else np.hypot(dx, dy)
-        if far <= within and np.float32(far) < out[s]:
-            out[s], source[s] = far, i
-            if not is_queued[s]:
-                queue[tail], is_queued[s], tail = s, True, (tail + 1) % queue.size
+    for i in range(node.size):
+        far = _apart(at_x[node[i]] - x[i], at_y[node[i]] - y[i], square)
+        if far <= within and np.float32(far) < out[node[i]]:
+            out[node[i]], source[node[i]] = far, i
+            if not is_queued[node[i]]:
+                queue[tail], is_queued[node[i]], tail = node[i], True, tail + 1
+    while head != tail:
+        s, head = queue[head], (head + 1) % queue.size
+        is_queued[s] = False
+        for k in range(4):
+            n = np.int64(graph[s, k])
+            if n < 0 or source[n] == source[s]:
+                continue
+            far = _apart(at_x[n] - x[source[s]], at_y[n] - y[source[s]], square)
+            if far <= within and np.float32(far) < out[n]:
+                out[n], source[n] = far, source[s]
+                if not is_queued[n]:
+                    queue[tail], is_queued[n], tail = n, True, (tail + 1) % queue.size
     return out

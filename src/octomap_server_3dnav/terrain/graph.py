@@ -158,6 +158,11 @@ def steppable_neighbours(near: NDArray[np.int32], surfaces: Surfaces, limits: Li
             n = np.int64(near[s, k])
             if n < 0 or abs(height[n] - height[s]) < limits.max_step / 5:
                 continue
+            behind, beyond = near[s, (k + 2) % 4], near[n, k]
+            if behind >= 0 and beyond >= 0:  # a slope that goes on to both sides
+                rise = height[n] - height[s]
+                if max(abs(rise - height[s] + height[behind]), abs(rise - height[beyond] + height[n])) < limits.max_step / 5:
+                    continue
             leads_back = near[n, (k + 2) % 4] == s
             if not (leads_back and k >= 2) and _is_too_high(near, surfaces, s, n, k, limits, points):
                 out[s, k] = -1

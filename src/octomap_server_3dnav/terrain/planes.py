@@ -30,25 +30,37 @@ def diagonal(graph: NDArray[np.int32], s: Index, k: Index) -> Index:
 
 
 @lean_njit
-def gradient_at(graph: NDArray[np.int32], surfaces: Surfaces, s: Index, half: Index) -> tuple[float, float, float]:
-    """Rise along x and y of the plane fitted to the ground around node s that straight lines of the graph reach within `half` columns, and
-    the sigma of its slope."""
-    dx, dy = (1, 1, 0, -1, -1, -1, 0, 1), (0, 1, 1, 1, 0, -1, -1, -1)
-    n, sx, sy, sxx, syy, sxy = 1, 0, 0, 0, 0, 0
-    sz, sxz, syz, variance = 0.0, 0.0, 0.0, np.float64(surfaces.sigma[s]) ** 2
-    for way in range(8):
-        node = np.int64(s)
-        for j in range(1, half + 1 - (half // 2) * (way % 2)):
-            node = np.int64(diagonal(graph, node, way // 2) if way % 2 else graph[node, way // 2])
-            if node < 0:
-                break
-            x, y, h = j * dx[way], j * dy[way], np.float64(surfaces.height[node]) - surfaces.height[s]
-            n, sx, sy, sz, variance = n + 1, sx + x, sy + y, sz + h, variance + np.float64(surfaces.sigma[node]) ** 2
-            sxx, syy, sxy, sxz, syz = sxx + x * x, syy + y * y, sxy + x * y, sxz + x * h, syz + y * h
-    a, b, c = sxx - sx * sx / n + _PULL, syy - sy * sy / n + _PULL, sxy - sx * sy / n
+def _fitted(sums: tuple[float, ...], pull: float) -> tuple[float, float, float]:
+    """Rise along x and y of a plane, and the sigma of its slope, by the sums over its points: n, x, y, z, x x, y y, x y, x z, y z, and of the
+    squares of their sigmas."""
+    n, sx, sy, sz, sxx, syy, sxy, sxz, syz, variance = sums
+    a, b, c = sxx - sx * sx / n + pull, syy - sy * sy / n + pull, sxy - sx * sy / n
     p, q = sxz - sx * sz / n, syz - sy * sz / n
     det = a * b - c * c
     return (b * p - c * q) / det, (a * q - c * p) / det, np.sqrt(variance / n / min(a, b))
+
+
+@lean_njit
+def gradients_at(graph: NDArray[np.int32], surfaces: Surfaces, s: Index) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Of the planes fitted to the ground around node s that straight lines of the graph reach within two columns, and within one: rise along
+    x and y, and the sigma of the slope."""
+    dx, dy = (1, 1, 0, -1, -1, -1, 0, 1), (0, 1, 1, 1, 0, -1, -1, -1)
+    height, sigma = surfaces.height, surfaces.sigma
+    n, sx, sy, sxx, syy, sxy = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    sz, sxz, syz, variance = 0.0, 0.0, 0.0, np.float64(sigma[s]) ** 2
+    for way in range(12):  # all columns beside, then the next along the axes
+        k = way if way < 8 else 2 * (way - 8)
+        if way == 8:
+            wheel = (n, sx, sy, sz, sxx, syy, sxy, sxz, syz, variance)
+        node = np.int64(diagonal(graph, s, k // 2) if k % 2 else graph[s, k // 2])
+        if way >= 8 and node >= 0:
+            node = np.int64(graph[node, k // 2])
+        if node < 0:
+            continue
+        x, y, h = dx[k] * (1 + (way >= 8)), dy[k] * (1 + (way >= 8)), np.float64(height[node]) - height[s]
+        n, sx, sy, sz, variance = n + 1, sx + x, sy + y, sz + h, variance + np.float64(sigma[node]) ** 2
+        sxx, syy, sxy, sxz, syz = sxx + x * x, syy + y * y, sxy + x * y, sxz + x * h, syz + y * h
+    return _fitted((n, sx, sy, sz, sxx, syy, sxy, sxz, syz, variance), _PULL), _fitted(wheel, _PULL)
 
 
 @lean_njit
@@ -115,6 +127,19 @@ def _best_plane(surfaces: Surfaces, ny: Index, s: Index, half: Index, plane: tup
     return slope, np.sqrt(variance)
 
 
+@lean_njit
+def _is_gentle(graph: NDArray[np.int32], surfaces: Surfaces, s: Index, limits: Limits) -> bool:
+    """Whether a look along both axes tells that the ground around node s is gentle: most ground is, and is told so soonest."""
+    height, total = surfaces.height, 0.0
+    for k in range(2):
+        ahead, behind = np.int64(graph[s, k]), np.int64(graph[s, k + 2])
+        if ahead < 0 or behind < 0 or graph[ahead, k] < 0 or graph[behind, k + 2] < 0:
+            return False
+        near, far = np.float64(height[ahead]) - height[behind], np.float64(height[graph[ahead, k]]) - height[graph[behind, k + 2]]
+        total += max(abs(near) / 2, abs(near + 2 * far) / 10)
+    return bool(total + limits.confidence * surfaces.sigma[s] <= limits.max_slope)
+
+
 @njit(cache=True)
 def steepness(surfaces: Surfaces, links: Links, ny: Index, s: Index, limits: Limits) -> Index:
     """2 where the ground at node s is too steep, 1 where it may be within its sigma, else 0.
@@ -122,8 +147,9 @@ def steepness(surfaces: Surfaces, links: Links, ny: Index, s: Index, limits: Lim
     A plane as large as the robot decides alone, where one fits. Elsewhere the ground under the wheel base must be within the limit by
     `confidence` sigmas, and that under a wheel as it is measured, unless all of it may be a kerb.
     """
-    x, y, sigma = gradient_at(links.graph, surfaces, s, BASE)
-    wx, wy, wheel_sigma = gradient_at(links.graph, surfaces, s, WHEEL)
+    if _is_gentle(links.graph, surfaces, s, limits):
+        return 0
+    (x, y, sigma), (wx, wy, wheel_sigma) = gradients_at(links.graph, surfaces, s)
     slope, wheel = np.hypot(x, y), np.hypot(wx, wy)
     if max(slope + limits.confidence * sigma, wheel + limits.confidence * wheel_sigma) <= limits.max_slope:
         return 0
