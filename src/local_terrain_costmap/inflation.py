@@ -27,8 +27,8 @@ def inflation_cost(distance: NDArray[np.float64], config: CostmapConfig) -> NDAr
     return cost
 
 
-def inflated(cost: NDArray[np.uint8], resolution: float, config: CostmapConfig) -> NDArray[np.uint8]:
-    """(ny, nx) costs with inflation around LETHAL cells; unknown cells give way to INSCRIBED only, as in costmap_2d."""
-    around = inflation_cost(distance_to_lethal(cost, resolution), config)
+def inflated(cost: NDArray[np.uint8], distance: NDArray[np.float64], config: CostmapConfig) -> NDArray[np.uint8]:
+    """(ny, nx) costs with inflation by the `distance` to what is lethal; unknown cells give way to INSCRIBED only, as in costmap_2d."""
+    around = inflation_cost(distance, config)
     unknown = cost == NO_INFORMATION
     return np.where(unknown, np.where(around >= INSCRIBED, around, NO_INFORMATION), np.maximum(cost, around)).astype(np.uint8)

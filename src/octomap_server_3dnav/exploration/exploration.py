@@ -17,6 +17,7 @@ from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig,
 from octomap_server_3dnav.exploration.lookouts import Lookout, WayOut, find_lookouts
 from octomap_server_3dnav.exploration.tried_places import Place, TriedPlaces
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
+from octomap_server_3dnav.navigation.storey import robot_storey
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
@@ -286,7 +287,8 @@ def compile_kernels() -> None:
     states[40, 30, 4] = VoxelState.UNKNOWN
     T_map_base = np.eye(4)
     T_map_base[:3, 3] = 2.5, 2.5, 0.08 * 5 + TerrainSettings().robot.base_height_m
-    ExplorationPlanner().decide(ColumnRuns.from_dense(states), T_map_base)
+    decision = ExplorationPlanner().decide(ColumnRuns.from_dense(states), T_map_base)
+    robot_storey(decision.terrain)
     states[32, :27, 4:], states[32, 38:, 4:] = VoxelState.OCCUPIED, VoxelState.OCCUPIED  # a narrow door
     T_map_base[0, 3] = 1.2
     runs, heights = ColumnRuns.from_dense(states), SurfaceHeights(0.08)

@@ -149,11 +149,6 @@ class MapBuilder:
         x, y = T_map_base[:2, 3]
         return self._tree.column_runs((x - radius_m, y - radius_m, -np.inf), (x + radius_m, y + radius_m, np.inf))
 
-    def binary_around(self, T_map_base: Transform, radius_m: float) -> bytes:
-        """`OctreeMap.to_binary` of a cube of half side `radius_m` around the robot."""
-        self.draw_moved(T_map_base, radius_m)
-        return self._tree.to_binary(T_map_base[:3, 3] - radius_m, T_map_base[:3, 3] + radius_m)
-
     def _moved_by(self, poses: NDArray[np.float64]) -> dict[int, tuple[_PlacedSweep, Transform]]:
         """The sweeps that the tree has more than `_MOVED` voxels from where the (V, 4, 4) poses have them, by vertex."""
         if not self._sweeps:

@@ -1,7 +1,7 @@
 """The occupancy octree of the map: sweeps go in, column runs, voxels and octomap's own bytes come out (thesis 4.4, 5.5).
 
-The first box of the terrain stage: `octomap_server_3dnav_node` keeps one for the whole map, its local twin one for the
-surroundings, and both hand `column_runs()` to the terrain analysis. The tree itself is octomap's, in `_octree_binding`.
+The first box of the terrain stage: `octomap_server_3dnav_node` keeps one and hands `column_runs()` to the terrain analysis. The tree
+itself is octomap's, in `_octree_binding`.
 """
 
 import contextlib

@@ -52,10 +52,6 @@ def test_files_hold_the_defaults(node: str) -> None:
         assert to_mapping(load_config(cls, values)) == to_mapping(cls())
 
 
-def test_both_octomap_nodes_set_the_same_terrain() -> None:
-    assert _values("octomap_server_3dnav_node")["terrain"] == _values("octomap_server_3dnav_local_node")["terrain"]
-
-
 def test_both_nodes_behind_a_spinning_lidar_know_the_same_one() -> None:
     assert _values("scan_filter_node")["lidar"] == _values("sweep_assembler_node")["lidar"]
 

@@ -73,7 +73,7 @@ def test_unknown_floor_in_the_room_behind_a_door_is_a_question_there_too() -> No
 
 def test_classes_are_what_they_were_without_passages() -> None:
     states = with_door(11)
-    off = classify(runs_of(states), BEFORE, TerrainConfig().without_passages(), None)
+    off = classify(runs_of(states), BEFORE, TerrainConfig(narrow_radius_m=0.6, narrow_cliff_radius_m=0.6), None)
     on = terrain_of(states, BEFORE)
     assert not off.passages and not off.narrow.any() and way(off, *BEHIND) is None
     assert np.array_equal(off.label, on.label) and np.array_equal(off.neighbours, on.neighbours) and np.array_equal(off.cost, on.cost)
