@@ -34,9 +34,8 @@ def robot_storey(terrain: Terrain) -> Storey:
     steps = _steps_from(terrain.start, terrain.neighbours)
     before = _ground_before(terrain, steps)
     nodes = np.flatnonzero(before >= 0)
-    away = steps[before[nodes]] + (before[nodes] != nodes)
     level = terrain.z[np.where(nodes < terrain.surface_count, nodes, before[nodes])].astype(np.int64)
-    is_of_storey = np.abs(level - _level_of_nearest(terrain, nodes, away, level)) * terrain.resolution < STOREY_M
+    is_of_storey = np.abs(level - _level_of_nearest(terrain, nodes, steps[before[nodes]], level)) * terrain.resolution < STOREY_M
     nodes = nodes[is_of_storey]
     return Storey(nodes[np.isin(terrain.label[nodes], _GROUND)], nodes[np.isin(terrain.label[nodes], _LETHAL)])
 
@@ -57,7 +56,7 @@ def _ground_before(terrain: Terrain, steps: NDArray[np.int32]) -> NDArray[np.int
     at = np.stack([terrain.ix - terrain.window_key[0], terrain.iy - terrain.window_key[1], terrain.z], axis=1).astype(np.int64)
     before = np.where(steps < _FAR, np.arange(steps.size), terrain.seen_from).astype(np.int32)
     before[(before >= 0) & (steps[before] == _FAR)] = -1
-    _look_beside(before, at, steps, terrain.neighbours, terrain.column_start, size, rise)
+    _look_beside(before, at, steps, terrain.column_start, size, rise)
     return before
 
 
@@ -79,21 +78,15 @@ def _steps_from(start: Any, neighbours: Any) -> Any:
 
 
 @njit(cache=True)
-def _look_beside(before: Any, at: Any, steps: Any, neighbours: Any, column_start: Any, size: Any, rise: Any) -> None:
-    """Fill in where `before` (N,) is -1: the neighbour that is the fewest steps away, or else such ground in the four columns beside.
+def _look_beside(before: Any, at: Any, steps: Any, column_start: Any, size: Any, rise: Any) -> None:
+    """Fill in where `before` (N,) is -1: in the four columns beside the ground that is the fewest steps away.
 
-    `at` (N, 3) voxels in a window of `size` (2,) columns; ground beside is at most `rise` voxels higher or lower.
+    `at` (N, 3) voxels in a window of `size` (2,) columns; that ground is at most `rise` voxels higher or lower.
     """
     for n in range(len(at)):
         if before[n] >= 0:
             continue
         least = np.int64(_FAR)
-        for k in range(4):
-            m = neighbours[n, k]
-            if m >= 0 and steps[m] < least:
-                least, before[n] = steps[m], m
-        if before[n] >= 0:
-            continue
         for dx, dy in ((1, 0), (0, 1), (-1, 0), (0, -1)):
             x, y = at[n, 0] + dx, at[n, 1] + dy
             if x < 0 or y < 0 or x >= size[0] or y >= size[1]:

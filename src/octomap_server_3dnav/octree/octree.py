@@ -177,7 +177,7 @@ class OctreeMap:
         off = (columns + 0.5) * self._resolution - center[:2]
         layer = np.floor((center[2] - off @ normal[:2] / normal[2]) / self._resolution + 1e-6)
         points = ((np.column_stack([columns, layer]) + 0.5) * self._resolution).astype(np.float32)
-        return points[self.states_at(points) == VoxelState.UNKNOWN]
+        return np.asarray(points[self.states_at(points) == VoxelState.UNKNOWN])
 
     def redraw(self, changed: Sequence[SweepVoxels], inserted: Sequence[SweepVoxels]) -> None:
         """Make the map what inserting `inserted`, in this order, into an empty one gives, bit by bit.

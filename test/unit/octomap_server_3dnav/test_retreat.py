@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from octomap_server_3dnav.exploration.exploration import DecisionKind
+from octomap_server_3dnav.exploration.decision import DecisionKind
 from octomap_server_3dnav.exploration.retreat import Retreat, way_back
 from octomap_server_3dnav.navigation.planner import PlannerConfig
 from octomap_server_3dnav.octree.column_runs import ColumnRuns

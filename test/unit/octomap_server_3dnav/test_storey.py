@@ -83,6 +83,21 @@ def test_thing_that_hangs_into_the_way_of_the_same_storey_wins_over_the_ground_b
     assert (grid_around(states, 20, 40, 0).cost[30:50, 40] == LETHAL).all()
 
 
+@pytest.mark.parametrize("seen_from_floor", [True, False])
+def test_obstacle_is_of_the_storey_that_it_was_seen_from_whatever_its_own_height(seen_from_floor):
+    at = pose(100.5 * RESOLUTION, (MIDDLE + 0.5) * RESOLUTION, RESOLUTION)
+    terrain = terrain_of(ramp_to_drive_under(), at)
+    x, y = 125, MIDDLE
+    middle_m = (x + 0.5) * RESOLUTION, (y + 0.5) * RESOLUTION
+    floor_node, deck_node = (terrain.surface_near((*middle_m, (level + 0.5) * RESOLUTION)) for level in (0, HIGH))
+    obstacle = terrain.surface_count
+    assert terrain.seen_from[obstacle] >= 0
+    terrain.ix[obstacle], terrain.iy[obstacle], terrain.z[obstacle] = x, y, 10 if seen_from_floor else 0
+    terrain.seen_from[obstacle] = floor_node if seen_from_floor else deck_node
+    grid = project(terrain, (8.0, 8.0), 16.0)
+    assert grid.cost[y, x] == (LETHAL if seen_from_floor else FREE)
+
+
 def test_floor_that_was_not_seen_is_not_the_deck_above_it():
     states = ramp_to_drive_under()
     states[100:110, WAY, : BELOW + 6] = UNKNOWN
