@@ -28,6 +28,7 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
         "": "octomap_server_3dnav.octree.map_builder.MapConfig",
         "sensor_model": "octomap_server_3dnav.octree.octree.SensorModel",
         "terrain": "octomap_server_3dnav.terrain.classify.TerrainConfig",
+        "passages": "octomap_server_3dnav.navigation.straight_lines.PassageConfig",
         "frontier": "octomap_server_3dnav.exploration.frontiers.FrontierConfig",
         "planner": "octomap_server_3dnav.navigation.planner.PlannerConfig",
         "exploration": "octomap_server_3dnav.exploration.config.ExplorationConfig",

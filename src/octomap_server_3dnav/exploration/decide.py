@@ -16,8 +16,9 @@ from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig
 from octomap_server_3dnav.exploration.goals import GoalSearch, View
 from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
 from octomap_server_3dnav.exploration.retreat import Retreat, way_back
+from octomap_server_3dnav.navigation.passages import TerrainSettings
 from octomap_server_3dnav.navigation.planner import PlannerConfig
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig
+from octomap_server_3dnav.terrain.classified_terrain import Terrain
 from rigid_geometry import as_transforms
 from rigid_geometry.transforms import Transform
 
@@ -69,16 +70,16 @@ class Explorer:
     def __init__(
         self,
         config: ExplorationConfig | None = None,
-        terrain: TerrainConfig | None = None,
+        terrain: TerrainSettings | None = None,
         frontier: FrontierConfig | None = None,
         planner: PlannerConfig | None = None,
     ) -> None:
         """ValueError lists every violation of the four configurations."""
         self.config = config or ExplorationConfig()
-        self.terrain_config = terrain or TerrainConfig()
+        self.terrain_settings = terrain or TerrainSettings()
         self.frontier_config = frontier or FrontierConfig()
         self.planner_config = planner or PlannerConfig()
-        configs = self.config, self.terrain_config, self.frontier_config, self.planner_config
+        configs = self.config, self.terrain_settings, self.frontier_config, self.planner_config
         if problems := [problem for c in configs for problem in c.validate()]:
             raise ValueError("\n".join(problems))
         self._goals = GoalSearch(*configs)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.navigation.planner import Path
-from octomap_server_3dnav.terrain.classify import Terrain
+from octomap_server_3dnav.terrain.classified_terrain import Terrain
 
 TerrainWithin = Callable[[float | None], Terrain]
 """Gives the terrain classified within a radius in metres around the robot; None: all of the map."""

@@ -15,8 +15,9 @@ from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
 from octomap_server_3dnav.exploration.lookouts import Lookout, WayOut, find_lookouts
 from octomap_server_3dnav.exploration.tried_places import Place, TriedPlaces
+from octomap_server_3dnav.navigation.passages import TerrainSettings
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig
+from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
 from rigid_geometry import yaw_of
 from rigid_geometry.transforms import Transform
 
@@ -35,8 +36,8 @@ class View:
 class GoalSearch:
     """Chooses a goal in a terrain; remembers what was tried where, and how the robot went to where it cannot turn."""
 
-    def __init__(self, config: ExplorationConfig, terrain: TerrainConfig, frontier: FrontierConfig, planner: PlannerConfig) -> None:
-        self._config, self._terrain_config, self._frontier_config, self._planner_config = config, terrain, frontier, planner
+    def __init__(self, config: ExplorationConfig, terrain: TerrainSettings, frontier: FrontierConfig, planner: PlannerConfig) -> None:
+        self._config, self._terrain_settings, self._frontier_config, self._planner_config = config, terrain, frontier, planner
         self._tried = TriedPlaces(config)
         self._approach = Approach(config, planner.trim_m)
         self._way_out = WayOut(terrain)
@@ -134,7 +135,7 @@ class GoalSearch:
     def _lookouts_left(self, terrain: Terrain, is_inside: bool) -> list[Lookout]:
         """The one that the robot is on its way to, then all others."""
         least_m2 = self._frontier_config.least_lookout_gain_m2 * (_STILL_WORTH if is_inside else 1.0)
-        found = find_lookouts(terrain, replace(self._frontier_config, least_lookout_gain_m2=least_m2), self._terrain_config)
+        found = find_lookouts(terrain, replace(self._frontier_config, least_lookout_gain_m2=least_m2), self._terrain_settings)
         before = None if self._sent_to is None or is_inside else self._sent_to.still_in(terrain)
         return found if before is None else [before, *found]
 

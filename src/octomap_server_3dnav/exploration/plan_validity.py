@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
+from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
 
 
 class Validity(Enum):

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav.exploration.decide import Explorer, Observation, SweepOutcome
 from octomap_server_3dnav.exploration.decision import Decision, TerrainWithin
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
+from octomap_server_3dnav.terrain.config import TerrainConfig
 
 RESOLUTION = 0.08
 BELOW = 8  # voxel layers of the grids under height 0
@@ -41,7 +43,8 @@ def pose(x: float, y: float, ground: float = 0.0, yaw: float = 0.0) -> NDArray[n
 
 def terrain_of(states: NDArray[np.uint8], T_map_base: NDArray[np.float64], radius_m: float | None = None, **config: object) -> Terrain:
     """The classified terrain of a grid."""
-    return classify(runs_of(states), T_map_base, TerrainConfig(**config), radius_m)  # type: ignore[arg-type]
+    settings = TerrainSettings(terrain=TerrainConfig(**config))  # type: ignore[arg-type]
+    return navigable_terrain(runs_of(states), T_map_base, settings, radius_m)
 
 
 def label_at(terrain: Terrain, x: float, y: float, z: float, reach: float = 0.2) -> TerrainClass | None:
@@ -69,7 +72,9 @@ def decide(explorer: Explorer, world: ColumnRuns | TerrainWithin, T_map_base: ND
     """What is decided after a sweep at a goal, or at where the drive to it failed; `world`: a known one, or its terrain by radius."""
 
     def terrain_within(radius_m: float | None) -> Terrain:
-        return classify(world, T_map_base, explorer.terrain_config, radius_m) if isinstance(world, ColumnRuns) else world(radius_m)
+        if isinstance(world, ColumnRuns):
+            return navigable_terrain(world, T_map_base, explorer.terrain_settings, radius_m)
+        return world(radius_m)
 
     return explorer.step(Observation(SweepOutcome.MATCHED, T_map_base[None], terrain_within, drive_failure=drive_failure))
 

@@ -13,10 +13,10 @@ from octomap_server_3dnav.exploration.decision import DecisionKind
 from octomap_server_3dnav.exploration.first_decision import compile_kernels
 from octomap_server_3dnav.exploration.plan_validity import validity_in
 from octomap_server_3dnav.navigation.local_grid import project
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder, MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
-from octomap_server_3dnav.terrain.classify import TerrainConfig, classify
 
 
 def signatures():
@@ -69,7 +69,9 @@ def test_no_sweep_compiles_what_was_not_compiled_beforehand():
     nothing = np.zeros((0, 3), dtype=np.float32)
     builder.add_sweep(Beams(*floor_seen_from_above(), nothing, nothing), 0, np.eye(4)[None])
     decision = decide(
-        Explorer(), lambda radius_m: classify(builder.runs_around(here, radius_m), here, TerrainConfig(), radius_m, builder.heights), here
+        Explorer(),
+        lambda radius_m: navigable_terrain(builder.runs_around(here, radius_m), here, TerrainSettings(), radius_m, builder.heights),
+        here,
     )
     assert decision.kind is DecisionKind.GOAL
     assert signatures() == before

@@ -9,8 +9,9 @@ from terrain_worlds import BELOW, OCCUPIED, UNKNOWN, opening, pose, room, runs_o
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decide import Explorer, Observation, State, SweepOutcome
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
+from octomap_server_3dnav.navigation.passages import navigable_terrain
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig, classify
+from octomap_server_3dnav.terrain.classified_terrain import Terrain
 
 GOAL, KEEP, EXPLORED, TRAPPED = DecisionKind.GOAL, DecisionKind.KEEP, DecisionKind.EXPLORED, DecisionKind.TRAPPED
 MATCHED, REFUSED, UNPLACED, LOST = SweepOutcome.MATCHED, SweepOutcome.REFUSED, SweepOutcome.UNPLACED, SweepOutcome.LOST
@@ -32,7 +33,7 @@ class Run:
 
         def terrain_within(radius_m: float | None) -> Terrain:
             self.asked.append(radius_m)
-            return classify(self.runs, here, TerrainConfig(), radius_m)
+            return navigable_terrain(self.runs, here, self.explorer.terrain_settings, radius_m)
 
         self.poses += [here] if outcome in (MATCHED, REFUSED) else []
         poses = np.array([*self.poses, *([] if outcome in (MATCHED, REFUSED) else [here])])

@@ -14,6 +14,7 @@ from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder, MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
 from octomap_server_3dnav.terrain.classify import TerrainConfig, classify
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody
 
 SENSOR = (0.2, 0.0, 0.75)
 NOTHING = np.zeros((0, 3), np.float32)
@@ -194,7 +195,7 @@ def test_robot_that_starts_on_a_slope_has_ground_around_it_and_nothing_in_its_wa
     built = builder()
     beams, T_map_base = on_a_slope(math.radians(roll_deg), math.radians(pitch_deg))
     built.add_sweep(beams, 0, [T_map_base])
-    terrain = classify(built.runs_around(T_map_base, 4.0), T_map_base, TerrainConfig(), 2.0, built.heights)
+    terrain = classify(built.runs_around(T_map_base, 4.0), T_map_base, TerrainConfig(), RobotBody(), 2.0, built.heights)
     grid = project(terrain, (0.0, 0.0), 3.2)
     assert (grid.cost == FREE).all() and np.isinf(grid.distance).all()
     assert terrain.departure is not None and terrain.departure == terrain.start

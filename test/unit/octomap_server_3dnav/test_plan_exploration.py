@@ -12,8 +12,9 @@ from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import DecisionKind
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
 from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.navigation.planner import PlannerConfig
-from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.terrain.classified_terrain import TerrainClass
 
 GOAL, EXPLORED, TRAPPED = DecisionKind.GOAL, DecisionKind.EXPLORED, DecisionKind.TRAPPED
 
@@ -68,10 +69,10 @@ def test_another_look_is_never_taken_from_beside_unknown_floor():
 
 def test_goal_beside_a_kerb_is_moved_back_along_its_path():
     states, at = opening(room()), pose(2.0, 3.2)
-    plain = decide(Explorer(), lambda radius: classify(runs_of(states), at, TerrainConfig(), radius), at)
+    plain = decide(Explorer(), lambda radius: navigable_terrain(runs_of(states), at, TerrainSettings(), radius), at)
 
     def kerb_at_the_goal(radius):
-        terrain = classify(runs_of(states), at, TerrainConfig(), radius)
+        terrain = navigable_terrain(runs_of(states), at, TerrainSettings(), radius)
         terrain.near_kerb[terrain.ix > (plain.goal[0] - 0.5) / RESOLUTION] = True
         return terrain
 
@@ -180,7 +181,7 @@ def test_plan_stays_valid_until_the_path_is_blocked_or_the_frontier_is_gone():
     decision = decide(Explorer(), runs_of(states), pose(2.0, 2.0))
 
     def after(world):
-        terrain = classify(runs_of(world), pose(2.3, 2.2), TerrainConfig(), 6.0)
+        terrain = navigable_terrain(runs_of(world), pose(2.3, 2.2), TerrainSettings(), 6.0)
         return validity_in(terrain, decision, ExplorationConfig(), FrontierConfig().min_voxels)
 
     assert after(states) is Validity.VALID
@@ -202,7 +203,7 @@ def test_wrong_configuration_is_refused():
 
 
 def coverage(journey, world, start):
-    true = classify(runs_of(world), start, TerrainConfig(), None).traversable_area_m2
+    true = navigable_terrain(runs_of(world), start, TerrainSettings(), None).traversable_area_m2
     return journey.decisions[-1].terrain.traversable_area_m2 / true
 
 
@@ -232,7 +233,7 @@ def test_deck_is_explored_above_and_below_and_its_edges_are_never_left():
     last = journey.decisions[-1]
     assert last.kind is EXPLORED
     assert coverage(journey, world, pose(1.5, 1.5)) > 0.95
-    edge = classify(runs_of(world), pose(1.5, 1.5), TerrainConfig(), None)
+    edge = navigable_terrain(runs_of(world), pose(1.5, 1.5), TerrainSettings(), None)
     cliffs = edge.centers(edge.nodes_of(TerrainClass.CLIFF))
     for T_map_base in journey.poses:
         ground = T_map_base[:3, 3] - [0, 0, 0.132]

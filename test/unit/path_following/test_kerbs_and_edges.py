@@ -13,6 +13,7 @@ from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeigh
 from octomap_server_3dnav.terrain.classify import TerrainConfig, classify
 from path_following import FollowerConfig, FollowerState, PathFollower
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody
 
 HALF_M, KERB_Y, LOW_M, STEP_M = 4.0, 0.4, 0.02, 0.13  # both treads lie in neighbouring voxels, a step that voxels call none
 CELLS = round(2 * HALF_M / RESOLUTION)
@@ -49,7 +50,7 @@ class Street(World):
         self.lethal[:, :] = (np.arange(CELLS) + 0.5)[:, None] * RESOLUTION - HALF_M > KERB_Y
         runs, heights = street(kerb)
         T_map_base = transform_from_rpy((-2.5, -0.5, heights_of(kerb)[0] + 0.132))
-        terrain = classify(runs, T_map_base, TerrainConfig(), None, heights if measured else None)
+        terrain = classify(runs, T_map_base, TerrainConfig(), RobotBody(), None, heights if measured else None)
         self.terrain_grid = project(terrain, (0.0, 0.0), self.size)
         costmap, g = LocalCostmap(CostmapConfig(size_m=self.size)), self.terrain_grid
         costmap.set_terrain(g.cost, g.origin_xy, g.resolution, g.height, g.distance)
