@@ -14,9 +14,10 @@ from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import DecisionKind
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
 from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
-from octomap_server_3dnav.navigation.passages import Passage
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain, rest_from
 from octomap_server_3dnav.navigation.planner import PlannerConfig, distances_over_ground, plan_path
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.navigation.straight_lines import PassageConfig
+from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
 
 WALL_X, MIDDLE_Y = 55, 35  # columns
 CONFIG = PlannerConfig()
@@ -78,7 +79,7 @@ def test_unknown_floor_in_the_room_behind_a_door_is_a_question_there_too() -> No
 
 def test_classes_are_what_they_were_without_passages() -> None:
     states = with_door(11)
-    off = classify(runs_of(states), BEFORE, TerrainConfig(narrow_radius_m=0.6, narrow_cliff_radius_m=0.6), None)
+    off = navigable_terrain(runs_of(states), BEFORE, TerrainSettings(passages=PassageConfig(enabled=False)), None)
     on = terrain_of(states, BEFORE)
     assert not off.passages and not off.narrow.any() and way(off, *BEHIND) is None
     assert np.array_equal(off.label, on.label) and np.array_equal(off.neighbours, on.neighbours) and np.array_equal(off.cost, on.cost)
@@ -178,9 +179,9 @@ def test_robot_inside_of_a_passage_has_both_ways_out() -> None:
 
 def test_rest_of_a_passage_begins_where_the_robot_stands_in_it() -> None:
     passage = Passage((3, 9), np.column_stack([np.linspace(0, 2, 21), np.zeros(21), np.zeros(21)]))
-    rest = passage.turned().rest_from((1.21, 0.05), 7)
+    rest = rest_from(passage.turned(), (1.21, 0.05), 7)
     assert rest is not None and rest.nodes == (7, 3) and rest.line[0, 0] == pytest.approx(1.2) and rest.line[-1, 0] == 0.0
-    assert passage.rest_from((1.2, 0.5), 7) is None and passage.rest_from((2.3, 0.0), 7) is None
+    assert rest_from(passage, (1.2, 0.5), 7) is None and rest_from(passage, (2.3, 0.0), 7) is None
 
 
 def unknown_behind(columns: int) -> np.ndarray:
