@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 from registration_scores import text_table, write_json
 
-from pose_graph_mapping import MappingConfig, PoseGraph
+from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.graph.mapper import empty_graph
-from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind
+from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, PoseGraph
 from pose_graph_mapping.session.session_index import SessionIndex
 from pose_graph_mapping.session.session_record import StoredSweep
 from rigid_geometry import inverse, rotation_from_rpy

@@ -28,7 +28,9 @@ from registration_cases import case_of
 from registration_scores import RIGHT_DEG, RIGHT_M, argument_parser, share, text_table, write_json
 from registration_worlds import BUILT_IN
 
-from pose_graph_mapping import PointCloud, RegistrationConfig, create_registration
+from pose_graph_mapping.config import RegistrationConfig
+from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.registration.methods import create_registration
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy
 
 Array = NDArray[np.float64]

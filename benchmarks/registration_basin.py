@@ -19,7 +19,9 @@ from registration_cases import Case, case_of
 from registration_scores import Guess, Outcome, describe, judged, matcher_parser, share, text_table, uniform_guess, write_json
 from registration_worlds import BUILT_IN, CORRIDORS
 
-from pose_graph_mapping import Registration, RegistrationConfig, Verdict, create_registration
+from pose_graph_mapping.config import RegistrationConfig
+from pose_graph_mapping.registration.matching import Registration, Verdict
+from pose_graph_mapping.registration.methods import create_registration
 
 SHIFT_M = {20: 0.5, 45: 1.5, 90: 1.5, 180: 3.0}
 CLAIMED_UP_TO_DEG = 45

@@ -22,7 +22,9 @@ from registration_cases import DEFAULT_CACHE, MOUNTS, Case, case_of
 from registration_scores import body_error, normal_guess, share, text_table, write_json
 from registration_worlds import BUILT_IN, CORRIDORS
 
-from pose_graph_mapping import Registration, RegistrationConfig, create_registration
+from pose_graph_mapping.config import RegistrationConfig
+from pose_graph_mapping.registration.matching import Registration
+from pose_graph_mapping.registration.methods import create_registration
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 from registration_cases import DEFAULT_CACHE, MOUNTS, Case
 
-from pose_graph_mapping import PointCloud, Registration, RegistrationConfig, RegistrationResult, Verdict, voxel_downsample
+from pose_graph_mapping.config import RegistrationConfig
+from pose_graph_mapping.registration.cloud import PointCloud, voxel_downsample
+from pose_graph_mapping.registration.matching import Registration, RegistrationResult, Verdict
 from rigid_geometry import inverse, transform_from_rpy
 
 Array = NDArray[np.float64]

@@ -31,7 +31,9 @@ from registration_scores import (
 )
 from registration_worlds import BUILT_IN, CORRIDORS, MOVED
 
-from pose_graph_mapping import Registration, RegistrationConfig, Verdict, create_registration
+from pose_graph_mapping.config import RegistrationConfig
+from pose_graph_mapping.registration.matching import Registration, Verdict
+from pose_graph_mapping.registration.methods import create_registration
 from rigid_geometry import rotation_from_rpy, rpy_from_rotation
 
 Array = NDArray[np.float64]

@@ -20,17 +20,15 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "src"), str(ROOT / "test" / "unit" / "pose_graph_mapping")]
 
-from pose_graph_mapping import (  # noqa: E402
-    MappingConfig,
-    PointCloud,
-    PoseGraph,
-    PoseGraphMapper,
-    RegistrationConfig,
-    SessionStore,
-    create_registration,
-)
+from pose_graph_mapping.config import MappingConfig, RegistrationConfig  # noqa: E402
 from pose_graph_mapping.graph.localisation import localise  # noqa: E402
+from pose_graph_mapping.graph.mapper import PoseGraphMapper  # noqa: E402
+from pose_graph_mapping.graph.pose_graph import PoseGraph  # noqa: E402
+from pose_graph_mapping.registration.cloud import PointCloud  # noqa: E402
+from pose_graph_mapping.registration.methods import create_registration  # noqa: E402
+from pose_graph_mapping.session.session_record import Measured  # noqa: E402
 from pose_graph_mapping.session.session_resume import resume  # noqa: E402
+from pose_graph_mapping.session.session_store import SessionStore  # noqa: E402
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy, translation_distance  # noqa: E402
 
 INTERVAL_S = 10.0
@@ -72,7 +70,7 @@ def map_sweeps(data, folder, odometry_continues):
         mapper.add_sweep(INTERVAL_S * k, *cloud, T_odom, gravity_base=up, placement=placement)
         placement = None
         say("writing", k)
-        store.add_sweep(k, INTERVAL_S * k, *cloud, mapper.graph, T_odom, up)
+        store.add_sweep(k, INTERVAL_S * k, *cloud, mapper.graph, Measured(T_odom, up))
         say("accepted", k)
     mapper.graph.solve()
     store.save(mapper.graph)

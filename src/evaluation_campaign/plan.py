@@ -9,15 +9,14 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from exploration_evaluation import read_json, write_json
 
 FORMAT = 1
 CAMPAIGN_FILE, OUTCOME_FILE = "campaign.json", "outcome.json"
-_IDENTITY = ("format", "worlds", "seeds", "profiles", "sensor", "limits")
+_IDENTITY = ("format", "worlds", "seeds", "profiles", "sensor", "limits", "robot")
 _EXTENSIBLE = ("worlds", "seeds", "profiles")
-_SINCE_FORMAT_1 = {"sensor": "tilting"}  # what campaigns had that do not say it
+_SINCE_FORMAT_1 = {"sensor": "tilting", "robot": ""}  # what campaigns had that do not say it
 
 
 class CampaignProblem(ValueError):
@@ -48,7 +47,7 @@ class RunSpec:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign in its folder."""
+    """A campaign in its folder; `robot` is the file of its robot, empty for the project's."""
 
     out: Path
     worlds: tuple[str, ...]
@@ -56,6 +55,7 @@ class Campaign:
     profiles: tuple[str, ...]
     sensor: str
     limits: Limits
+    robot: str = ""
 
     @property
     def specs(self) -> tuple[RunSpec, ...]:
@@ -70,7 +70,7 @@ class Campaign:
         """The runs that are still to be made."""
         return tuple(spec for spec in self.specs if not self.is_done(spec))
 
-    def outcome(self, spec: RunSpec) -> dict[str, Any]:
+    def outcome(self, spec: RunSpec) -> dict[str, object]:
         """What became of a run, with its summary under "summary" where there is one. ValueError when it is not done."""
         folder = self.out / spec.folder
         outcome = read_json(folder / OUTCOME_FILE)
@@ -95,7 +95,7 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     return tuple(seeds)
 
 
-def open_campaign(campaign: Campaign, about: Mapping[str, Any]) -> Campaign:
+def open_campaign(campaign: Campaign, about: Mapping[str, object]) -> Campaign:
     """The campaign in its folder, new, gone on with, or extended by worlds, seeds or profiles; `about` (version, machine, jobs) goes into a
     new campaign.json.
 
@@ -122,18 +122,19 @@ def open_campaign(campaign: Campaign, about: Mapping[str, Any]) -> Campaign:
     return campaign
 
 
-def _identity(campaign: Campaign) -> dict[str, Any]:
+def _identity(campaign: Campaign) -> dict[str, object]:
     values = asdict(campaign)
     known = {"format": FORMAT, **{key: values[key] for key in _IDENTITY[1:]}}
-    plain: dict[str, Any] = json.loads(json.dumps(known))
+    plain: dict[str, object] = json.loads(json.dumps(known))
     return plain
 
 
-def _check_extends(campaign: Campaign, found: Mapping[str, Any]) -> None:
+def _check_extends(campaign: Campaign, found: Mapping[str, object]) -> None:
     asked = _identity(campaign)
     for key in _IDENTITY:
         was, now = found.get(key, _SINCE_FORMAT_1.get(key)), asked[key]
-        if was != now and not (key in _EXTENSIBLE and isinstance(was, list) and set(was) <= set(now)):
+        is_extended = key in _EXTENSIBLE and isinstance(was, list) and isinstance(now, list) and set(was) <= set(now)
+        if was != now and not is_extended:
             raise CampaignProblem(
                 f"--out {campaign.out}: holds another campaign, of {key} {_shown(was)}, not {_shown(now)}; choose another folder"
             )

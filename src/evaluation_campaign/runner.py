@@ -12,7 +12,6 @@ import subprocess
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from evaluation_campaign.plan import OUTCOME_FILE, Limits, RunSpec
 from exploration_evaluation import read_json, write_json
@@ -36,9 +35,10 @@ class RunRequest:
     limits: Limits
     out: Path
     project: Path
+    robot: str = ""
 
 
-def make_run(request: RunRequest) -> dict[str, Any]:
+def make_run(request: RunRequest) -> dict[str, object]:
     """Makes the run and writes its outcome.json, which is returned. DiskFull, or another OSError, when nothing can be written."""
     folder = request.out / request.spec.folder
     folder.mkdir(parents=True, exist_ok=True)
@@ -79,6 +79,7 @@ def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
     command = [str(request.project / "explore"), "--headless", "--force", "--world", spec.world, "--seed", str(spec.seed)]
     command += ["--profile", spec.profile, "--out", str(folder), "--port", str(free_port(random.sample(_PORTS, 100)))]
     command += ["--sensor", request.sensor, "--max-sim-time", str(request.limits.sim_s)]
+    command += ["--robot", request.robot] if request.robot else []
     with (folder.parent / f".{folder.name}.log").open("w") as log:
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=end_with_parent
@@ -144,7 +145,7 @@ def _family(root: int) -> list[int]:
     return family
 
 
-def _ending(request: RunRequest, folder: Path, exit_code: int, in_time: bool) -> dict[str, Any]:
+def _ending(request: RunRequest, folder: Path, exit_code: int, in_time: bool) -> dict[str, object]:
     """Status and, where the run is not finished, why; without this machine's paths, for reports are passed on."""
     if not in_time:
         return {"status": "wall limit", "error": "ended from outside after the limit of wall time"}

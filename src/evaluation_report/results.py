@@ -1,7 +1,5 @@
 """The report's numbers for programs: SI units, null for what is not known."""
 
-from typing import Any
-
 from evaluation_report.campaign import Campaign, Run
 from evaluation_report.measures import COMPARED, SCORES, class_time, missed_area
 from evaluation_report.statistics import mean_of, paired_ratio, success_count, success_ratio
@@ -20,7 +18,7 @@ _COUNTED = (
 )
 
 
-def results(campaign: Campaign) -> dict[str, Any]:
+def results(campaign: Campaign) -> dict[str, object]:
     """One object a run, and success, means and ratios by world and profile; every mean with the runs that it covers."""
     return {
         "format": 1,
@@ -34,7 +32,7 @@ def results(campaign: Campaign) -> dict[str, Any]:
     }
 
 
-def _run(run: Run) -> dict[str, Any]:
+def _run(run: Run) -> dict[str, object]:
     scores = {score.key: run.number(score.key) for score in SCORES}
     counted = {key: run.number(key) for key in _COUNTED}
     return {
@@ -52,7 +50,7 @@ def _run(run: Run) -> dict[str, Any]:
     }
 
 
-def _group(campaign: Campaign, world: str, profile: str) -> dict[str, Any]:
+def _group(campaign: Campaign, world: str, profile: str) -> dict[str, object]:
     runs = campaign.runs_of(world, profile)
     count = success_count(runs)
     bounds = count.interval
@@ -75,7 +73,7 @@ def _group(campaign: Campaign, world: str, profile: str) -> dict[str, Any]:
     }
 
 
-def _ratios(campaign: Campaign, world: str, profile: str) -> dict[str, Any] | None:
+def _ratios(campaign: Campaign, world: str, profile: str) -> dict[str, object] | None:
     """The reference over this profile; None for the reference itself."""
     if profile == campaign.reference:
         return None

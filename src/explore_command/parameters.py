@@ -1,25 +1,29 @@
-"""Which node reads which configuration under which section: --profile and --set are checked against it before anything is started."""
+"""Which node reads which configuration under which section: --profile and --set are checked against it before anything is started.
+
+What all of them share is the robot: its file, and over it the parameters of "robot" among the others.
+"""
 
 import difflib
 import importlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import yaml
 
+from robot_body import DEFAULT_ROBOT_FILE, RobotBody, contradictions, overlaid, robot_from_mapping, robot_values, urdf_file
 from stage_config import ConfigError, load_config
 
 PROFILES = Path(__file__).resolve().parents[2] / "config" / "profiles"
 
-Overrides = dict[str, dict[str, Any]]
+ROBOT = "robot"
+Overrides = dict[str, dict[str, object]]
 
 NODE_CONFIGS: dict[str, dict[str, str]] = {
     "pybullet_sim_node": {"": "pybullet_simulation.SimulationConfig", "spinning": "pybullet_simulation.SpinningLidarConfig"},
     "scan_filter_node": {"": "sweep_assembly.ScanFilterConfig", "lidar": "sweep_assembly.LidarConfig"},
     "odometry_fusion_node": {"": "odometry_fusion.OdometryConfig"},
     "sweep_assembler_node": {"": "sweep_assembly.SweepAssemblyConfig", "lidar": "sweep_assembly.LidarConfig"},
-    "icp_matcher_node": {"": "pose_graph_mapping.registration.matching.RegistrationConfig"},
+    "icp_matcher_node": {"": "pose_graph_mapping.config.RegistrationConfig"},
     "pose_graph_mapping_node": {
         "": "pose_graph_mapping.config.MappingConfig",
         "localisation": "pose_graph_mapping.graph.localisation.LocalisationConfig",
@@ -72,9 +76,9 @@ def read_profile(name: str) -> Overrides:
     return {str(node): _flat(values) for node, values in content.items()}
 
 
-def _flat(values: Mapping[str, Any]) -> dict[str, Any]:
+def _flat(values: Mapping[str, object]) -> dict[str, object]:
     """Sections one level deep as "section/name"."""
-    flat: dict[str, Any] = {}
+    flat: dict[str, object] = {}
     for key, value in values.items():
         flat.update({f"{key}/{name}": v for name, v in value.items()} if isinstance(value, dict) else {str(key): value})
     return flat
@@ -101,12 +105,15 @@ def parsed_overrides(texts: Sequence[str]) -> Overrides:
     return overrides
 
 
-def override_problems(overrides: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """What is wrong with parameters by node, "section/name" or "name" to value: one sentence each, naming the nearest valid name."""
+def override_problems(overrides: Mapping[str, Mapping[str, object]]) -> list[str]:
+    """What is wrong with parameters by node, "section/name" or "name" to value: one sentence each, naming the nearest valid name or, of
+    one that moved, where it stands now."""
     found = []
     for node, values in overrides.items():
+        if node == ROBOT:  # as a whole, with its file: `robot_of`
+            continue
         if node not in NODE_CONFIGS:
-            found.append(f"unknown node {node}{_nearest(node, NODE_CONFIGS)}")
+            found.append(f"unknown node {node}{_nearest(node, {**NODE_CONFIGS, ROBOT: {}})}")
             continue
         for path, value in values.items():
             section, _, name = path.rpartition("/")
@@ -114,7 +121,23 @@ def override_problems(overrides: Mapping[str, Mapping[str, Any]]) -> list[str]:
     return found
 
 
-def _parameter_problems(node: str, section: str, name: str, value: Any) -> list[str]:
+def robot_of(file: Path | None, overrides: Overrides) -> RobotBody:
+    """The robot of a file, by default the project's, with its overrides.
+
+    ConfigError lists all that is wrong, also where its URDF says something else, one a line.
+    """
+    path = file or DEFAULT_ROBOT_FILE
+    robot = robot_from_mapping(overlaid(robot_values(path), overrides.get(ROBOT, {})), str(path))
+    try:
+        text = urdf_file(robot).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: urdf {robot.urdf} cannot be read: {error}") from error
+    if problems := contradictions(robot, text):
+        raise ConfigError("\n".join(f"{path}: {text} ({robot.urdf})" for text in problems))
+    return robot
+
+
+def _parameter_problems(node: str, section: str, name: str, value: object) -> list[str]:
     sections = NODE_CONFIGS[node]
     if section not in sections:
         return [f"{node} has no section {section!r}{_nearest(section, sections)}"]
@@ -125,6 +148,6 @@ def _parameter_problems(node: str, section: str, name: str, value: Any) -> list[
     return []
 
 
-def _nearest(word: str, known: Mapping[str, Any]) -> str:
+def _nearest(word: str, known: Mapping[str, object]) -> str:
     near = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
     return f", did you mean {near[0]}?" if near else f"; known: {', '.join(filter(None, known))}"

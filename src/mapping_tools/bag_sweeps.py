@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import struct
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,27 @@ class BagTopics:
     odometry: str | None = "/odom"
 
 
-def cloud_columns(message: Any) -> tuple[Array, Array | None]:
+class CloudField(Protocol):
+    """A PointField."""
+
+    name: str
+    datatype: int
+    offset: int
+
+
+class CloudMessage(Protocol):
+    """A PointCloud2, of whichever library."""
+
+    fields: Sequence[CloudField]
+    width: int
+    height: int
+    point_step: int
+    row_step: int
+    is_bigendian: bool
+    data: bytes
+
+
+def cloud_columns(message: CloudMessage) -> tuple[Array, Array | None]:
     """(N, 3) points of a PointCloud2 and, where it has vp_x, vp_y, vp_z, the starts of their beams; ValueError when it cannot be read."""
     layout = {f.name: (_FLOATS[f.datatype], f.offset) for f in message.fields if f.datatype in _FLOATS}
     missing = [name for name in _POINT if name not in layout]

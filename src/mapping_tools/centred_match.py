@@ -11,7 +11,8 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
-from pose_graph_mapping import PointCloud, Registration, RegistrationResult
+from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.registration.matching import Registration, RegistrationResult
 from rigid_geometry import inverse, transform_from_rpy
 
 Array = NDArray[np.float64]

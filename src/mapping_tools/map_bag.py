@@ -22,7 +22,7 @@ from mapping_tools.mapping_run import MappingRun
 from mapping_tools.sweep_sources import SweepSource
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
-from pose_graph_mapping.registration.matching import create_registration
+from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import SessionStore, write_atomically
 from rigid_geometry import transform_from_rpy

@@ -13,6 +13,7 @@ from pose_graph_mapping.graph.localisation import localise
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import MappingUpdate, PoseGraphMapper
 from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_store import NotOnDiskError, SessionStore
 from rigid_geometry import inverse, rotation_angle
 
@@ -104,9 +105,7 @@ class MappingRun:
                 sweep.points,
                 sweep.origins,
                 self._mapper.graph,
-                T_odom_base,
-                sweep.gravity_base,
-                sweep.gravity_sigma_rad,
+                Measured(T_odom_base, sweep.gravity_base, sweep.gravity_sigma_rad),
             )
         except NotOnDiskError as error:
             word = f"{word}; {error}"

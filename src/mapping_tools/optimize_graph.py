@@ -7,9 +7,9 @@ import json
 import math
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypedDict
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.graph_solving import NumberedGraph, SolvedGraph, numbered, solve_plain, solve_robust
@@ -75,9 +75,35 @@ def output(graph: NumberedGraph, solved: SolvedGraph) -> str:
     return g2o_text(dict(zip(ids, solved.poses, strict=True)), kept, [ids[k] for k in graph.problem.fixed])
 
 
-def report(file: GraphFile, graph: NumberedGraph, solved: SolvedGraph, plain: bool, seconds: float) -> dict[str, Any]:
+class RejectedEdge(TypedDict):
+    """An edge that was left out, with its line in the file and its error."""
+
+    i: int
+    j: int
+    line: int
+    kind: str
+    error: float
+
+
+class Report(TypedDict):
     """What --json writes of a solved graph."""
-    rejected = [
+
+    solved: bool
+    vertices: int
+    edges: int
+    initialised_vertices: int
+    fixed: list[int]
+    robust: bool
+    initial_error: float
+    final_error: float
+    error_unit: str
+    rejected_edges: list[RejectedEdge]
+    time_s: float
+
+
+def report(file: GraphFile, graph: NumberedGraph, solved: SolvedGraph, plain: bool, seconds: float) -> Report:
+    """What --json writes of a solved graph."""
+    rejected: list[RejectedEdge] = [
         {"i": edge.i, "j": edge.j, "line": line, "kind": edge.kind.value, "error": float(error)}
         for edge, line, error, keep in zip(file.edges, file.edge_lines, solved.edge_errors, solved.kept, strict=True)
         if not keep
@@ -97,7 +123,7 @@ def report(file: GraphFile, graph: NumberedGraph, solved: SolvedGraph, plain: bo
     }
 
 
-def summary(content: dict[str, Any]) -> str:
+def summary(content: Report) -> str:
     """What is printed of a solved graph."""
     rejected = content["rejected_edges"]
     lines = [f"error {content['initial_error']:.6g} -> {content['final_error']:.6g} over {content['edges'] - len(rejected)} edges"]
@@ -115,7 +141,7 @@ def _check(options: argparse.Namespace) -> None:
             raise ArgumentProblem(f"{path}: there is no folder {path.parent}")
 
 
-def _write_json(path: Path, content: dict[str, Any]) -> None:
+def _write_json(path: Path, content: Mapping[str, object]) -> None:
     write_atomically(path, (json.dumps(content, indent=1) + "\n").encode("ascii"))
 
 

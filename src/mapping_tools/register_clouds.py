@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.centred_match import centre_of, match_centred
 from mapping_tools.cloud_files import VIEWPOINT_FIELDS, CloudFile, read_cloud
-from pose_graph_mapping import PointCloud, RegistrationConfig, RegistrationResult, Verdict, create_registration, merged, voxel_downsample
-from pose_graph_mapping.registration.cloud import viewpoints
+from pose_graph_mapping.config import RegistrationConfig
+from pose_graph_mapping.registration.cloud import PointCloud, merged, viewpoints, voxel_downsample
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
+from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_files import write_atomically
 from rigid_geometry import as_transform, quat_xyzw_from_transform, rpy_from_rotation, transform_from_rpy
 from stage_config import load_config
@@ -155,7 +157,7 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def report(result: RegistrationResult, seconds: float) -> dict[str, Any]:
+def report(result: RegistrationResult, seconds: float) -> dict[str, object]:
     """What is written: transform, quaternion and covariance of a usable match only; of an ambiguous one all placements as `rivals`."""
     T = result.T_reference_reading if result.usable else None
     ambiguous = result.verdict is Verdict.AMBIGUOUS

@@ -14,10 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from odometry_fusion import measurements
 from odometry_fusion.config import OdometryConfig
-from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, orthonormal, predict, rest
-from odometry_fusion.increments import carried
+from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, predict, rest
 from odometry_fusion.interval import ImuInterval, imu_interval
+from odometry_fusion.track import Rest, Track, Wheels, anchored, at_stamp, longer, track_covariance
 from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer
+from robot_body import RobotBody
 
 FloatArray = NDArray[np.float64]
 IMU_RATE_HZ = 100.0  # bandwidth for which the noise of the reported rates holds
@@ -45,55 +46,15 @@ class OdometryEstimate:
     up_sigma_rad: float | None
 
 
-@dataclass(frozen=True)
-class _Wheels:
-    """A wheel message, and since when the wheels have not turned (None while they turn)."""
-
-    stamp_s: float
-    forward_mps: float
-    yaw_rate: float
-    still_since_s: float | None
-
-
-@dataclass(frozen=True, eq=False)
-class _Rest:
-    """Sums of the accelerometer over the present time of standing."""
-
-    accel_sum: FloatArray
-    samples: int
-    duration_s: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Anchor:
-    """The end of the latest stop: position, covariance (6, 6) of the pose in the filter, and that summed up from stop to stop."""
-
-    position: FloatArray
-    filter_covariance: FloatArray
-    track_covariance: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class _Track:
-    """All that is known at the latest processed instant; `rocked_s`: when the body last moved."""
-
-    state: State
-    wheels: _Wheels
-    rate: FloatArray
-    rocked_s: float
-    rest: _Rest | None
-    anchor: _Anchor | None
-
-
 class OdometryFilter:
     """6-D extended Kalman filter of gyroscope, accelerometer and wheel velocities (thesis 5.3)."""
 
-    def __init__(self, config: OdometryConfig) -> None:
+    def __init__(self, config: OdometryConfig, robot: RobotBody) -> None:
         """ValueError when the configuration is wrong."""
         problems = config.validate()
         if problems:
             raise ValueError("; ".join(problems))
-        self._config = config
+        self._config, self._robot = config, robot
         self._noise = ProcessNoise(
             gyro=config.gyro_noise,
             velocity_walk=(config.forward_velocity_walk, config.across_velocity_walk),
@@ -105,7 +66,7 @@ class OdometryFilter:
         self._dropped: Counter[str] = Counter()
         self._imu: StampedBuffer[list[float]] = StampedBuffer("imu", config.jump_back_s, config.buffer_s, self._dropped)
         self._wheels: StampedBuffer[list[float]] = StampedBuffer("wheels", config.jump_back_s, config.buffer_s, self._dropped)
-        self._track: _Track | None = None
+        self._track: Track | None = None
 
     @property
     def dropped(self) -> dict[str, int]:
@@ -172,7 +133,7 @@ class OdometryFilter:
             self._wheels.drop_first()
             self._imu.forget_before(wheels.stamp_s)
 
-    def _observed(self, stamp_s: float, row: Sequence[float]) -> _Wheels:
+    def _observed(self, stamp_s: float, row: Sequence[float]) -> Wheels:
         """A wheel message in the light of the ones before: do the wheels stand, and since when?"""
         still = abs(row[0]) < self._config.still_wheel_mps and abs(row[1]) < self._config.still_wheel_rate
         before = self._track.wheels if self._track else None
@@ -181,9 +142,9 @@ class OdometryFilter:
             unbroken = before is not None and stamp_s - before.stamp_s <= self._config.max_wheel_gap_s
             since = before.still_since_s if unbroken and before is not None else None
             since = stamp_s if since is None else since
-        return _Wheels(stamp_s, row[0], row[1], since)
+        return Wheels(stamp_s, row[0], row[1], since)
 
-    def _started(self, wheels: _Wheels) -> _Track | None:
+    def _started(self, wheels: Wheels) -> Track | None:
         """Levelled from the samples so far; None, and counted, when they do not show where up is."""
         stamps, samples = self._imu.around(wheels.stamp_s - FIRST_LEVELLING_S, wheels.stamp_s)
         rows = np.array(samples, dtype=np.float64)
@@ -197,34 +158,34 @@ class OdometryFilter:
         disturbance = abs(strength - self._config.gravity_mps2) + (0.0 if still else self._config.gravity_driving_sigma)
         duration_s = max(float(np.ptp(stamps[before])), 0.01)
         state = measurements.level(wheels.stamp_s, force, duration_s, disturbance, still, self._config)
-        return _Track(state, wheels, rows[before, :3][-1], -math.inf, None, None)
+        return Track(state, wheels, rows[before, :3][-1], -math.inf, None, None)
 
-    def _advanced(self, track: _Track, wheels: _Wheels) -> _Track:
+    def _advanced(self, track: Track, wheels: Wheels) -> Track:
         """The track at the next wheel message, with its measurements."""
         interval = imu_interval(self._imu, track.state.stamp_s, wheels.stamp_s)
         self._count_gaps(interval, wheels.stamp_s - track.wheels.stamp_s)
         if self._stands(track, interval, wheels):
             state = measurements.stand_still(rest(track.state, interval.duration_s, self._noise), interval, self._config)
             return replace(
-                track, state=_at(state, wheels.stamp_s), wheels=wheels, rate=interval.rates[-1], rest=_longer(track.rest, interval)
+                track, state=at_stamp(state, wheels.stamp_s), wheels=wheels, rate=interval.rates[-1], rest=longer(track.rest, interval)
             )
-        track = _anchored(track)
+        track = anchored(track)
         state = self._driven(track.state, interval)
-        state = measurements.roll_wheels(state, interval, wheels.forward_mps, wheels.yaw_rate, self._config)
+        state = measurements.roll_wheels(state, interval, wheels.forward_mps, wheels.yaw_rate, self._config, self._robot)
         forward_accel = (wheels.forward_mps - track.wheels.forward_mps) / interval.duration_s
         state = measurements.feel_gravity(state, interval, forward_accel, self._config)
         rocked_s = track.rocked_s if self._quiet(track, interval) else wheels.stamp_s
-        return _Track(_at(state, wheels.stamp_s), wheels, interval.rates[-1], rocked_s, None, track.anchor)
+        return Track(at_stamp(state, wheels.stamp_s), wheels, interval.rates[-1], rocked_s, None, track.anchor)
 
-    def _between(self, track: _Track, stamp_s: float, following: _Wheels) -> _Track:
+    def _between(self, track: Track, stamp_s: float, following: Wheels) -> Track:
         """The track at a time before the wheel message that follows, which only tells whether the robot stands."""
         interval = imu_interval(self._imu, track.state.stamp_s, stamp_s)
         if self._stands(track, interval, following):
-            return replace(track, state=_at(track.state, stamp_s), rate=interval.rates[-1])
-        track = _anchored(track)
-        return replace(track, state=_at(self._driven(track.state, interval), stamp_s), rate=interval.rates[-1])
+            return replace(track, state=at_stamp(track.state, stamp_s), rate=interval.rates[-1])
+        track = anchored(track)
+        return replace(track, state=at_stamp(self._driven(track.state, interval), stamp_s), rate=interval.rates[-1])
 
-    def _stands(self, track: _Track, interval: ImuInterval, wheels: _Wheels) -> bool:
+    def _stands(self, track: Track, interval: ImuInterval, wheels: Wheels) -> bool:
         """Wheels stood for long enough, at both ends of the interval, and so did the body."""
         since = wheels.still_since_s
         if since is None or track.wheels.still_since_s is None or interval.longest_gap_s > self._config.max_imu_gap_s:
@@ -232,7 +193,7 @@ class OdometryFilter:
         still_s = interval.end_stamp_s - max(since, track.rocked_s)
         return still_s >= self._config.still_delay_s and self._quiet(track, interval)
 
-    def _quiet(self, track: _Track, interval: ImuInterval) -> bool:
+    def _quiet(self, track: Track, interval: ImuInterval) -> bool:
         """The body turns no faster than `still_gyro_rate`, or than the gyroscope's noise and its bias, as far as known, explain."""
         variance = np.trace(track.state.covariance[GYRO_BIAS, GYRO_BIAS]) + 3.0 * self._config.gyro_noise**2 / interval.duration_s
         limit = max(self._config.still_gyro_rate, 3.0 * math.sqrt(variance))
@@ -253,7 +214,7 @@ class OdometryFilter:
         if wheel_pause_s > self._config.max_wheel_gap_s:
             self._dropped["wheels_gap"] += 1
 
-    def _described(self, track: _Track) -> OdometryEstimate:
+    def _described(self, track: Track) -> OdometryEstimate:
         state, standing = track.state, track.rest is not None
         T_odom_base = np.eye(4)
         T_odom_base[:3, :3], T_odom_base[:3, 3] = state.R_odom_base, state.position
@@ -262,7 +223,7 @@ class OdometryFilter:
         return OdometryEstimate(
             stamp_s=state.stamp_s,
             T_odom_base=T_odom_base,
-            pose_covariance=_track_covariance(track),
+            pose_covariance=track_covariance(track),
             twist=np.concatenate([np.zeros(3) if standing else state.velocity, rate]),
             twist_covariance=self._twist_covariance(state),
             standing=standing,
@@ -277,50 +238,10 @@ class OdometryFilter:
         covariance[3:, 3:] = state.covariance[GYRO_BIAS, GYRO_BIAS] + np.eye(3) * self._config.gyro_noise**2 * IMU_RATE_HZ
         return covariance
 
-    def _up(self, state: State, rest_sums: _Rest) -> tuple[FloatArray, float]:
+    def _up(self, state: State, rest_sums: Rest) -> tuple[FloatArray, float]:
         force = rest_sums.accel_sum / rest_sums.samples - state.accel_bias
         strength = float(np.linalg.norm(force))
         up = force / strength
         P = state.covariance[ACCEL_BIAS, ACCEL_BIAS]
         level_variance = 0.5 * float(np.trace(P) - up @ P @ up) + self._config.accel_noise**2 / rest_sums.duration_s
         return up, math.hypot(math.sqrt(level_variance) / strength, self._config.up_sigma_floor_rad)
-
-
-def _anchored(track: _Track) -> _Track:
-    """The track as the robot leaves: a stop that ends becomes the anchor."""
-    if track.rest is None:
-        return track
-    state = track.state
-    anchor = _Anchor(state.position, state.covariance[:6, :6], _track_covariance(track))
-    return replace(track, state=replace(state, anchor_cross=state.covariance[:, :6]), rest=None, anchor=anchor)
-
-
-def _track_covariance(track: _Track) -> FloatArray:
-    """(6, 6) the anchor's covariance carried on, and what was gained since.
-
-    The difference of the filter's own covariances is not what was gained: an error that lasts, as slip does, grows on the way out and
-    shrinks on the way back. Its covariance with the anchor's error gives the gain exactly (stochastic cloning, Roumeliotis 2002).
-    """
-    P = track.state.covariance[:6, :6]
-    if track.anchor is None:
-        return P.copy()
-    carry = carried(track.state.position - track.anchor.position)
-    cross = carry @ track.state.anchor_cross[:6].T
-    gained = P + carry @ track.anchor.filter_covariance @ carry.T - cross - cross.T
-    total = carry @ track.anchor.track_covariance @ carry.T + gained
-    return np.asarray(0.5 * (total + total.T), dtype=np.float64)
-
-
-def _at(state: State, stamp_s: float) -> State:
-    """The state with an exact stamp and rotation, after sums of many steps."""
-    return replace(state, stamp_s=stamp_s, R_odom_base=orthonormal(state.R_odom_base))
-
-
-def _longer(before: _Rest | None, interval: ImuInterval) -> _Rest | None:
-    """The time of standing, with another interval; None as long as no accelerometer sample fell into it."""
-    if interval.mean_accel is None:
-        return before
-    accel_sum = interval.mean_accel * interval.samples
-    if before is None:
-        return _Rest(accel_sum, interval.samples, interval.duration_s)
-    return _Rest(before.accel_sum + accel_sum, before.samples + interval.samples, before.duration_s + interval.duration_s)

@@ -10,6 +10,7 @@ from rigid_geometry.skid_steering import slide_per_rad
 from rigid_geometry.stamped_buffer import STAMP_TOLERANCE_S, Arrival, StampedBuffer
 from rigid_geometry.transforms import (
     angle_difference,
+    as_covariance,
     as_transform,
     as_transforms,
     interpolate_transforms,
@@ -34,6 +35,7 @@ __all__ = [
     "PoseHistory",
     "StampedBuffer",
     "angle_difference",
+    "as_covariance",
     "as_transform",
     "as_transforms",
     "interpolate_transforms",

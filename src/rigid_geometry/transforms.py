@@ -41,6 +41,17 @@ def as_transforms(matrices: ArrayLike) -> NDArray[np.float64]:
     return stack
 
 
+def as_covariance(matrix: ArrayLike) -> NDArray[np.float64]:
+    """A checked (6, 6) covariance; ValueError when it is not finite, symmetric and positive definite."""
+    covariance = np.asarray(matrix, dtype=np.float64)
+    if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
+        raise ValueError(f"a covariance is a finite 6x6 matrix, not shape {covariance.shape}: {matrix!r}")
+    smallest = float(np.linalg.eigvalsh(covariance)[0])
+    if not np.allclose(covariance, covariance.T, rtol=1e-6, atol=1e-12) or smallest <= 0.0:
+        raise ValueError(f"a covariance is symmetric and positive definite; smallest eigenvalue {smallest:.3g}")
+    return covariance
+
+
 def _triple_product(R: NDArray[np.float64]) -> float:
     """The determinant of a (3, 3) matrix: as_transform is called for every pose that arrives."""
     a, b, c, d, e, f, g, h, i = map(float, R.flat)

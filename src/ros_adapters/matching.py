@@ -55,7 +55,10 @@ class MatchService:
     def __call__(
         self, reference: PointCloud, reading: PointCloud, T_guess: NDArray[np.float64], covariance: NDArray[np.float64] | None
     ) -> RegistrationResult:
-        """A service that does not answer is a refusal with its reason: the vertex then hangs on odometry."""
+        """A service that does not answer is a refusal with its reason: the vertex then hangs on odometry.
+
+        Not so while the node ends, as by Ctrl-C: then it is an error, for the sweep was neither matched nor refused.
+        """
         try:
             response = self._call(
                 _message(reference, "map"),
@@ -64,6 +67,8 @@ class MatchService:
                 [] if covariance is None else covariance.ravel().tolist(),
             )
         except rospy.ServiceException as error:
+            if rospy.core.is_shutdown_requested():
+                raise
             self._call = rospy.ServiceProxy("match_clouds", MatchClouds, persistent=True)
             return refused(T_guess, f"match_clouds did not answer: {error}")
         return _result(response, T_guess)

@@ -13,10 +13,14 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rospy.numpy_msg import numpy_msg
 from std_msgs.msg import String
 
+from robot_body import RobotBody
 from ros_adapters.conversions import ros_time
+from ros_adapters.urdf_mount import robot_of_parameters
 from stage_config import ConfigError, load_config
 
 C = TypeVar("C")
+M = TypeVar("M")
+R = TypeVar("R")
 
 READY_TOPIC = "/simulation/ready"
 _DIAGNOSTICS_PERIOD_S = 1.0
@@ -102,6 +106,10 @@ class Node:
             sys.stderr.write(f"{self.name}: wrong parameter: {'; '.join(str(error).splitlines())}\n")
             sys.exit(2)
 
+    def robot(self) -> RobotBody:
+        """The robot that all nodes share; a wrong value ends the node with exit code 2."""
+        return robot_of_parameters(self.name)
+
     def run_folder(self) -> Path | None:
         """The folder of ~out, made when it is not there; None when nothing is to be written."""
         out = str(rospy.get_param("~out", ""))
@@ -110,15 +118,15 @@ class Node:
         Path(out).mkdir(parents=True, exist_ok=True)
         return Path(out)
 
-    def guarded(self, callback: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    def guarded(self, callback: Callable[[M], R]) -> Callable[[M], R | None]:
         """`callback` under the node's lock; a ValueError drops the message and is counted, as does a service that fails."""
 
-        def run(message: Any) -> Any:
+        def run(message: M) -> R | None:
             with self.lock:
                 try:
                     return callback(message)
                 except ValueError as error:
-                    self.diagnostics.dropped(f"bad {message._type.rpartition('/')[2]}", str(error))
+                    self.diagnostics.dropped(f"bad {getattr(message, '_type', '').rpartition('/')[2]}", str(error))
                 except rospy.ServiceException as error:
                     self.diagnostics.dropped("service that failed", str(error))
                 except rospy.ROSException:
@@ -129,7 +137,7 @@ class Node:
         return run
 
     def subscribe(
-        self, topic: str, message_type: type, callback: Callable[[Any], Any], *, large: bool = False, required: bool = True
+        self, topic: str, message_type: type[M], callback: Callable[[M], object], *, large: bool = False, required: bool = True
     ) -> rospy.Subscriber:
         """Subscribes; `large` messages get a short queue, and what is not `required` need not be there when the clock starts.
 

@@ -15,6 +15,7 @@ from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import DamagedSweepError, NotOnDiskError, SessionStore
 from ros_adapters.conversions import Singles, cloud_message, free_arrays, header, pose_message
@@ -48,15 +49,14 @@ class SessionKeeper:
         stamp_s: float,
         cloud: tuple[Singles, Singles],
         free: PointCloud2,
-        T_odom_base: NDArray[np.float64],
-        gravity: tuple[NDArray[np.float64], float],
+        measured: Measured,
     ) -> None:
         """Puts the newest vertex's sweep on disk; a disk that takes nothing stops nobody, and is named."""
         if not self._store:
             return
         try:
             beams = PointCloud.of_finite(*free_arrays(free))
-            self._store.add_sweep(len(graph) - 1, stamp_s, *cloud, graph, T_odom_base, *gravity, free=beams)
+            self._store.add_sweep(len(graph) - 1, stamp_s, *cloud, graph, measured, free=beams)
         except NotOnDiskError as error:
             self._diagnostics.dropped("sweep not on disk", str(error))
         self._diagnostics.values["sweeps not on disk"] = self._store.not_on_disk

@@ -1,7 +1,6 @@
 """Joins messages of several topics that carry the same stamp: topics are not ordered among each other."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 _MAX_WAITING = 200
 
@@ -16,10 +15,10 @@ class TickJoin:
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = frozenset(names)
-        self._waiting: dict[int, dict[str, Any]] = {}
+        self._waiting: dict[int, dict[str, object]] = {}
         self._last = -1
 
-    def add(self, name: str, stamp_s: float, value: Any) -> None:
+    def add(self, name: str, stamp_s: float, value: object) -> None:
         """Adds a value; stamps that were given out already are left out, and time that jumped back starts anew."""
         key = stamp_key(stamp_s)
         if key < self._last - 5000:
@@ -30,7 +29,7 @@ class TickJoin:
         while len(self._waiting) > _MAX_WAITING:
             del self._waiting[min(self._waiting)]
 
-    def complete(self) -> Iterator[tuple[float, dict[str, Any]]]:
+    def complete(self) -> Iterator[tuple[float, dict[str, object]]]:
         """(stamp, values) of every complete stamp; older incomplete ones are given up."""
         for key in sorted(self._waiting):
             values = self._waiting.get(key)

@@ -4,11 +4,18 @@ import dataclasses
 import difflib
 import math
 from collections.abc import Collection, Iterator, Mapping
-from typing import Any, TypeVar
+from typing import Any, ClassVar, Protocol, TypeVar, cast
 
 from stage_config.old_names import OLD_NAMES
 
 C = TypeVar("C")
+V = TypeVar("V")
+
+
+class Configuration(Protocol):
+    """Any dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, dataclasses.Field[Any]]]
 
 
 class ConfigError(ValueError):
@@ -16,8 +23,8 @@ class ConfigError(ValueError):
 
 
 def parameter(
-    default: Any, unit: str, meaning: str, *, low: float | None = None, high: float | None = None, choices: tuple[str, ...] = ()
-) -> Any:
+    default: V, unit: str, meaning: str, *, low: float | None = None, high: float | None = None, choices: tuple[str, ...] = ()
+) -> V:
     """A dataclass field with its default, unit ("m", "rad", "-"), meaning and inclusive range or choices."""
     metadata = {"unit": unit, "meaning": meaning, "low": low, "high": high, "choices": choices}
     return dataclasses.field(default=default, metadata=metadata)
@@ -46,7 +53,7 @@ def _violation(field: dataclasses.Field[Any], value: Any) -> str | None:
     return None
 
 
-def check_ranges(config: Any) -> list[str]:
+def check_ranges(config: Configuration) -> list[str]:
     """All violations of the declared ranges and choices of a config dataclass, as sentences."""
     found = ((f.name, getattr(config, f.name), _violation(f, getattr(config, f.name))) for f in dataclasses.fields(config))
     return [f"{name} = {value!r} {text}" for name, value, text in found if text]
@@ -72,7 +79,7 @@ def _unknown(name: str, section: str, known: Collection[str]) -> str:
     return f"unknown parameter {name}" + (f", did you mean {near[0]}?" if near else f"; known: {', '.join(known)}")
 
 
-def load_config(cls: type[C], values: Mapping[str, Any], section: str = "") -> C:
+def load_config(cls: type[C], values: Mapping[str, object], section: str = "") -> C:
     """A `cls` from its defaults and `values`; ConfigError lists unknown names (with the nearest), wrong types and ranges.
 
     `section`: below which the values stand, by which names that moved elsewhere are known (`OLD_NAMES`).
@@ -90,18 +97,18 @@ def load_config(cls: type[C], values: Mapping[str, Any], section: str = "") -> C
             problems.append(str(error))
     config = cls(**known)
     validate = getattr(config, "validate", None)
-    problems += validate() if validate else check_ranges(config)
+    problems += validate() if validate else check_ranges(cast(Configuration, config))
     if problems:
         raise ConfigError("\n".join(f"{cls.__name__}: {p}" for p in problems))
     return config
 
 
-def documented(cls: type) -> Iterator[tuple[str, Any, str, str]]:
+def documented(cls: type) -> Iterator[tuple[str, object, str, str]]:
     """(name, default, unit, meaning) of every field, for the parameter reference."""
     for f in dataclasses.fields(cls):  # type: ignore[arg-type]
         yield f.name, f.default, f.metadata.get("unit", ""), f.metadata.get("meaning", "")
 
 
-def to_mapping(config: Any) -> dict[str, Any]:
+def to_mapping(config: Configuration) -> dict[str, object]:
     """The effective values as plain types, to be saved with the results."""
     return {k: list(v) if isinstance(v, tuple) else v for k, v in dataclasses.asdict(config).items()}

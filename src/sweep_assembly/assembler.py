@@ -121,7 +121,7 @@ class SweepAssembler:
         elif self._arrives(self._odometry, stamp_s):
             self._odometry.append(stamp_s, pose)
 
-    def add_scan(self, stamp_s: float, filtered: Any) -> None:
+    def add_scan(self, stamp_s: float, filtered: object) -> None:
         """Takes a filtered reading, of a laser (n,) ranges, with the stamp of the first beam; only what was hit becomes points.
 
         ValueError for one of another sensor. What is late or repeated is dropped and counted.
@@ -236,7 +236,9 @@ def _overlaps_gap(starts: FloatArray, ends: FloatArray, stamps: FloatArray, max_
 
 
 @njit(cache=True)
-def along_nodes(nodes: Any, T_base_laser: Any, times: Any, laser_points: Any) -> Any:
+def along_nodes(
+    nodes: FloatArray, T_base_laser: FloatArray, times: FloatArray, laser_points: FloatArray
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """(N, 3) float32 points and origins of (N, 3) points in `laser`, with the laser's pose linear in time between the nodes."""
     points, origins = np.empty((times.size, 3), np.float32), np.empty((times.size, 3), np.float32)
     last = nodes.size - 1

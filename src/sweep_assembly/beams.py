@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from sweep_assembly.geometry import FloatArray, ScanGeometry
 from sweep_assembly.revolution import LidarConfig, Revolution, free_directions
 
 STAMP_TOLERANCE_S = 1e-6
+
+Reading = TypeVar("Reading")
+"""One scan or one revolution."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,20 +38,20 @@ class FreeBeams:
     stride: int
 
 
-class Sensor(Protocol):
+class Sensor(Protocol[Reading]):
     """Readings of one kind, a scan or a revolution each."""
 
     @property
     def duration_s(self) -> float:
         """Seconds from the first beam of a reading to the last one."""
 
-    def checked(self, reading: Any) -> Any:
+    def checked(self, reading: object) -> Reading:
         """The reading as it is kept; ValueError when it is not one of this sensor."""
 
     def known_until(self, stamp_s: float) -> float:
         """With a reading of this stamp, all beams up to here have come."""
 
-    def beams(self, stamps_s: FloatArray, readings: Sequence[Any], span_s: tuple[float, float], free: FreeBeams) -> Beams:
+    def beams(self, stamps_s: FloatArray, readings: Sequence[Reading], span_s: tuple[float, float], free: FreeBeams) -> Beams:
         """The beams of readings that were fired within a span of time."""
 
 
@@ -62,7 +65,7 @@ class LaserScans:
     def duration_s(self) -> float:
         return self.geometry.duration_s
 
-    def checked(self, reading: Any) -> NDArray[np.float32]:
+    def checked(self, reading: object) -> NDArray[np.float32]:
         ranges = np.array(reading, dtype=np.float32)
         if ranges.shape != (self.geometry.count,):
             raise ValueError(f"a scan of this laser has shape ({self.geometry.count},), not {ranges.shape}")
@@ -93,7 +96,7 @@ class LidarRevolutions:
     def duration_s(self) -> float:
         return self.config.duration_s
 
-    def checked(self, reading: Any) -> Revolution:
+    def checked(self, reading: object) -> Revolution:
         if not isinstance(reading, Revolution):
             raise ValueError(f"a reading of a spinning lidar is a Revolution, not {type(reading).__name__}")
         return reading

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,9 +12,10 @@ from octomap_server_3dnav.exploration.frontiers import Frontier
 from octomap_server_3dnav.navigation.planner import Path as GroundPath
 from octomap_server_3dnav.terrain.class_colours import CLASS_RGB
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
+from robot_body import robot_mapping
 from stage_config import to_mapping
 from terrain_tools.analysis import Analysis
-from terrain_tools.robot_file import RobotConfig
+from terrain_tools.criteria import Criteria
 
 CLASSES, PATH, NUMBERS, PICTURE = "terrain.ply", "path.csv", "terrain.json", "terrain.png"
 FILES = (CLASSES, PATH, NUMBERS, PICTURE)
@@ -56,12 +56,12 @@ def csv_bytes(path: GroundPath) -> bytes:
     return ("\n".join(lines) + "\n").encode("ascii")
 
 
-def json_bytes(content: dict[str, Any]) -> bytes:
+def json_bytes(content: dict[str, object]) -> bytes:
     """The numbers; ValueError where one of them is none."""
     return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode("utf-8")
 
 
-def numbers(found: Analysis, robot: RobotConfig) -> dict[str, Any]:
+def numbers(found: Analysis, by: Criteria) -> dict[str, object]:
     """What is written of an analysis; None is what there is not."""
     problem = found.problem
     return {
@@ -77,15 +77,17 @@ def numbers(found: Analysis, robot: RobotConfig) -> dict[str, Any]:
         "path": None if found.path is None else _path_numbers(found.path),
         "time_s": found.time_s,
         "config": {
-            "sensor_model": to_mapping(robot.sensor_model),
-            "terrain": to_mapping(robot.terrain),
-            "frontier": to_mapping(robot.frontier),
-            "planner": to_mapping(robot.planner),
+            "robot": robot_mapping(by.robot),
+            "sensor_model": to_mapping(by.sensor_model),
+            "terrain": to_mapping(by.terrain),
+            "passages": to_mapping(by.passages),
+            "frontier": to_mapping(by.frontier),
+            "planner": to_mapping(by.planner),
         },
     }
 
 
-def _terrain_numbers(terrain: Terrain) -> dict[str, Any]:
+def _terrain_numbers(terrain: Terrain) -> dict[str, object]:
     return {
         "start_voxel_m": _center(terrain, terrain.start),
         "departure_voxel_m": _center(terrain, terrain.departure),
@@ -100,7 +102,7 @@ def _class_numbers(terrain: Terrain, terrain_class: TerrainClass) -> dict[str, f
     return {"voxels": voxels, "area_m2": round(voxels * terrain.resolution**2, 3)}
 
 
-def _frontier(frontier: Frontier) -> dict[str, Any]:
+def _frontier(frontier: Frontier) -> dict[str, object]:
     distance = frontier.distance_m
     return {
         "xyz_m": _rounded(frontier.xyz),
@@ -111,7 +113,7 @@ def _frontier(frontier: Frontier) -> dict[str, Any]:
     }
 
 
-def _path_numbers(path: GroundPath) -> dict[str, Any]:
+def _path_numbers(path: GroundPath) -> dict[str, object]:
     rise = np.diff(path.points[:, 2])
     return {
         "points": len(path.points),

@@ -1,37 +1,56 @@
-"""The rules of the house: who may import whom, what a node says of itself, and which configuration is read where."""
+"""The rules of the house: who may import whom, how long and wide code may be, what a node says of itself, which configuration it reads."""
 
 import ast
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from house_graph import imported_modules, modules_below
 
 from explore_command.parameters import NODE_CONFIGS
 
 ROOT = Path(__file__).resolve().parents[2]
-SHARED_ORDER = ("rigid_geometry", "stage_config", "robot_body")  # each may use those before it
-SHARED = set(SHARED_ORDER)
-STAGES = {
-    "exploration_evaluation",
-    "local_terrain_costmap",
-    "octomap_server_3dnav",
-    "odometry_fusion",
-    "path_following",
-    "pose_graph_mapping",
-    "pybullet_simulation",
-    "stop_scan_and_go",
-    "sweep_assembly",
-}
 ADAPTERS = "ros_adapters"
-PROGRAMS = {
-    "explore_command",
-    "evaluation_campaign",
-    "evaluation_report",
-    "mapping_tools",
-    "roslaunch_process",
-    "run_replay",
-    "terrain_tools",
-}  # they use stages, and no stage uses them
+BASE = {"robot_body", "rigid_geometry", "stage_config"}
+MAPPING = {"pose_graph_mapping", *(f"pose_graph_mapping.{room}" for room in ("registration", "graph", "session"))}
+TERRAIN = {f"octomap_server_3dnav.{room}" for room in ("octree", "terrain", "navigation", "exploration")}
+ORDER: dict[str, set[str]] = {
+    # shared
+    "stage_config": set(),
+    "rigid_geometry": set(),
+    "robot_body": {"rigid_geometry", "stage_config"},
+    # stages
+    "pybullet_simulation": BASE,
+    "odometry_fusion": BASE,
+    "sweep_assembly": BASE,
+    "pose_graph_mapping": {"stage_config"},  # what its rooms are configured by
+    "pose_graph_mapping.registration": BASE | {"pose_graph_mapping"},
+    "pose_graph_mapping.graph": BASE | {"pose_graph_mapping", "pose_graph_mapping.registration"},
+    "pose_graph_mapping.session": BASE | {"pose_graph_mapping", "pose_graph_mapping.registration", "pose_graph_mapping.graph"},
+    "octomap_server_3dnav": set(),
+    "octomap_server_3dnav.octree": BASE,
+    "octomap_server_3dnav.terrain": BASE | {"octomap_server_3dnav.octree"},
+    "octomap_server_3dnav.navigation": BASE | {"octomap_server_3dnav.octree", "octomap_server_3dnav.terrain"},
+    "octomap_server_3dnav.exploration": BASE | TERRAIN - {"octomap_server_3dnav.exploration"},
+    "local_terrain_costmap": BASE,
+    "path_following": BASE,
+    "stop_scan_and_go": BASE,
+    "exploration_evaluation": BASE,  # the judge knows no stage that it judges
+    # between the stages and ROS
+    ADAPTERS: BASE | MAPPING | TERRAIN | {"exploration_evaluation", "path_following", "pybullet_simulation", "sweep_assembly"},
+    # programs: they use stages, and no stage uses them
+    "roslaunch_process": set(),
+    "explore_command": BASE | {"pose_graph_mapping.session", "pybullet_simulation", "roslaunch_process"},
+    "mapping_tools": BASE | MAPPING | {"explore_command"},
+    "terrain_tools": BASE | TERRAIN | {"explore_command", "mapping_tools"},
+    "run_replay": BASE | MAPPING | {"exploration_evaluation", "explore_command", "octomap_server_3dnav.terrain", "roslaunch_process"},
+    "evaluation_report": BASE | {"exploration_evaluation"},
+    "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "roslaunch_process"},
+}
+"""Every package and what it may import, earlier ones only. Rooms count as packages."""
+SHARED = BASE
+PROGRAMS = set(list(ORDER)[list(ORDER).index(ADAPTERS) + 1 :])
+STAGES = {name.partition(".")[0] for name in ORDER} - SHARED - PROGRAMS - {ADAPTERS}
 ROS = {
     "rospy",
     "tf2_ros",
@@ -45,6 +64,7 @@ ROS = {
     "rostest",
     "roslaunch",
 }
+SRC = ROOT / "src"
 NODES = sorted((ROOT / "nodes").iterdir())
 
 
@@ -65,17 +85,25 @@ def modules_of(package: str) -> list[Path]:
     return sorted((ROOT / "src" / package).rglob("*.py"))
 
 
-def test_every_package_is_known_to_these_rules() -> None:
-    packages = {p.name for p in (ROOT / "src").iterdir() if (p / "__init__.py").exists()}
-    assert packages == STAGES | SHARED | PROGRAMS | {ADAPTERS}
+def package_of(dotted: str) -> str:
+    """The package or room that a module lies in."""
+    return max((name for name in ORDER if f"{dotted}.".startswith(f"{name}.")), key=len)
 
 
-@pytest.mark.parametrize("package", sorted(STAGES | SHARED))
-def test_stage_imports_no_other_stage(package: str) -> None:
-    others = (STAGES | SHARED | PROGRAMS | {ADAPTERS}) - {package} - SHARED
-    if package in SHARED:
-        others |= set(SHARED_ORDER[SHARED_ORDER.index(package) + 1 :])
-    found = [(path.name, name) for path in modules_of(package) for name in imported(path) if name in others]
+def test_every_package_and_room_has_its_place_in_the_order() -> None:
+    assert {".".join(path.parent.relative_to(SRC).parts) for path in SRC.rglob("__init__.py")} == ORDER.keys()
+
+
+def test_order_has_no_way_back() -> None:
+    names = list(ORDER)
+    assert not [(name, used) for name in names for used in ORDER[name] if used not in names[: names.index(name)]]
+
+
+@pytest.mark.parametrize("package", ORDER)
+def test_package_imports_what_its_line_names(package: str) -> None:
+    allowed = ORDER[package] | {package}
+    modules = {dotted: path for dotted, path in modules_below(SRC).items() if package_of(dotted) == package}
+    found = [(dotted, to) for dotted, path in modules.items() for to in imported_modules(path, SRC) if package_of(to) not in allowed]
     assert not found
 
 

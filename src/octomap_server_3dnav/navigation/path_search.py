@@ -4,13 +4,16 @@ Everything is in voxels. A node of infinite cost is closed, and no diagonal cuts
 """
 
 import heapq
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.octree.lean_kernels import lean_njit
+
+Index = int | np.integer
+"""Of a node, in whichever width it is kept."""
 
 _OPEN, _CLOSED = 1, 2
 _OUT = -2  # of a node that waits in no bucket
@@ -31,9 +34,9 @@ class Ways(NamedTuple):
 
 
 @lean_njit
-def neighbour(graph: Any, cost: Any, s: Any, move: Any) -> Any:
+def neighbour(graph: NDArray[np.int32], cost: NDArray[np.float32], s: Index, move: int) -> int:
     """Node beside s in direction `move` (0-3) or diagonally after it (4-7), -1 where there is none that is open."""
-    a = graph[s, move & 3]
+    a: int = graph[s, move & 3]
     if a < 0 or not cost[a] < np.inf:
         return -1
     if move < 4:
@@ -42,27 +45,29 @@ def neighbour(graph: Any, cost: Any, s: Any, move: Any) -> Any:
     b = graph[s, aside]
     if b < 0 or not cost[b] < np.inf or graph[a, aside] != graph[b, move & 3]:
         return -1
-    n = graph[a, aside]
+    n: int = graph[a, aside]
     return n if n >= 0 and cost[n] < np.inf else -1
 
 
 @lean_njit
-def edge_cost(a: Any, b: Any, length: Any, z: Any, cost: Any, climb: Any) -> Any:
+def edge_cost(a: Index, b: Index, length: float, z: NDArray[np.int16], cost: NDArray[np.float32], climb: float) -> float:
     """Cost of an edge in voxels: its length in space times the mean factor of its ends, and what its climb costs."""
     rise = abs(np.float64(z[b]) - np.float64(z[a]))
-    return np.sqrt(length * length + rise * rise) * 0.5 * (cost[a] + cost[b]) + climb * rise
+    total: float = np.sqrt(length * length + rise * rise) * 0.5 * (cost[a] + cost[b]) + climb * rise
+    return total
 
 
 @lean_njit
-def _ahead(ways: Any, n: Any, goal: Any) -> Any:
+def _ahead(ways: Ways, n: int, goal: int) -> float:
     """The least that a way from n to the goal can cost: over a grid it turns by half right angles only."""
     dx, dy = abs(np.float64(ways.ix[n]) - ways.ix[goal]), abs(np.float64(ways.iy[n]) - ways.iy[goal])
     across, rise = max(dx, dy) + (np.sqrt(2.0) - 1.0) * min(dx, dy), abs(np.float64(ways.z[n]) - ways.z[goal])
-    return np.sqrt(across * across + rise * rise) + ways.climb * rise
+    least: float = np.sqrt(across * across + rise * rise) + ways.climb * rise
+    return least
 
 
 @njit(cache=True)
-def _linked(ways: Any) -> Any:
+def _linked(ways: Ways) -> NDArray[np.bool_]:
     """(N,) bool nodes that links lead on from."""
     out = np.zeros(ways.cost.size, np.bool_)
     for link in ways.links:
@@ -71,7 +76,7 @@ def _linked(ways: Any) -> Any:
 
 
 @lean_njit
-def _edge(ways: Any, s: Any, move: Any) -> Any:
+def _edge(ways: Ways, s: Index, move: int) -> tuple[int, float]:
     """The node that a move (0-7) or a link (8 and on) leads to from s, -1 for none, and what it costs."""
     if move < 8:
         n = neighbour(ways.graph, ways.cost, s, move)
@@ -82,7 +87,17 @@ def _edge(ways: Any, s: Any, move: Any) -> Any:
 
 
 @njit(cache=True)
-def _grow(ways: Any, source: Any, goal: Any, weight: Any, left: Any, most: Any, total: Any, before: Any, state: Any) -> None:
+def _grow(
+    ways: Ways,
+    source: int,
+    goal: int,
+    weight: float,
+    left: NDArray[np.float64],
+    most: int,
+    total: NDArray[np.float64],
+    before: NDArray[np.int32],
+    state: NDArray[np.uint8],
+) -> None:
     """Costs and predecessors from `source`, until `goal` or `most` nodes are closed; only nodes with a `state` have any.
 
     Equal costs are settled by the smaller node index, so that the result is the same every time.
@@ -112,7 +127,7 @@ def _grow(ways: Any, source: Any, goal: Any, weight: Any, left: Any, most: Any, 
 
 
 @njit(cache=True)
-def cheapest_way(ways: Any, source: Any, goal: Any, weight: Any, left: Any, most: Any) -> Any:
+def cheapest_way(ways: Ways, source: int, goal: int, weight: float, left: NDArray[np.float64], most: int) -> tuple[NDArray[np.int64], bool]:
     """(K,) int64 nodes from `source` to `goal`, none where no way was found, which costs at most `weight` times what the cheapest does; and
     whether the search ended because `most` nodes were tried.
 
@@ -122,7 +137,7 @@ def cheapest_way(ways: Any, source: Any, goal: Any, weight: Any, left: Any, most
     total, before, state = np.empty(ways.cost.size), np.empty(ways.cost.size, np.int32), np.zeros(ways.cost.size, np.uint8)
     _grow(ways, source, goal, weight, left, most, total, before, state)
     if state[goal] != _CLOSED:
-        return np.empty(0, np.int64), np.count_nonzero(state == _CLOSED) >= most
+        return np.empty(0, np.int64), bool(np.count_nonzero(state == _CLOSED) >= most)
     count, node = 1, np.int64(goal)
     while node != source:
         node = np.int64(before[node])
@@ -135,7 +150,7 @@ def cheapest_way(ways: Any, source: Any, goal: Any, weight: Any, left: Any, most
 
 
 @njit(cache=True)
-def distances(ways: Any, source: Any) -> Any:
+def distances(ways: Ways, source: int) -> NDArray[np.float64]:
     """(N,) float64 cost of the cheapest way from `source` to every node, inf where there is none.
 
     Nodes wait in buckets one voxel wide (Dial 1969): where no edge is cheaper all that wait in the nearest are settled, in any order. A
@@ -170,7 +185,7 @@ def distances(ways: Any, source: Any) -> Any:
 
 
 @lean_njit
-def _take(first: Any, following: Any, previous: Any, n: Any, bucket: Any) -> None:
+def _take(first: NDArray[np.int32], following: NDArray[np.int32], previous: NDArray[np.int32], n: Index, bucket: int) -> None:
     """Takes node n out of its bucket."""
     if previous[n] >= 0:
         following[previous[n]] = following[n]

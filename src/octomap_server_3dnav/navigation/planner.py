@@ -6,22 +6,20 @@ both corners are open; inflated voxels cost infinity, but on the way out of the 
 
 import math
 from dataclasses import dataclass
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.navigation.passages import rest_from
-from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, distances, edge_cost, neighbour
+from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, distances
+from octomap_server_3dnav.navigation.shortcuts import resampled, straightened
 from octomap_server_3dnav.navigation.storey import STOREY_M
 from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
 from stage_config import check_ranges, parameter
 
 _NEAR_NODES = 50_000  # that are searched for the cheapest path: 320 m2 of ground at 8 cm
 _NOT_KNOWN = np.empty(0)  # what is left to the goal
-SHORTCUT_NODES = 80  # how far ahead a shortcut is looked for: 6 m at 8 cm, and keeps it linear in the length of the path
 
 
 @dataclass(frozen=True)
@@ -93,62 +91,6 @@ class Path:
     def length_m(self) -> float:
         """Length of the polyline."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
-
-
-@njit(cache=True)
-def _line(graph: Any, ix: Any, iy: Any, cost: Any, a: Any, b: Any, out: Any) -> Any:
-    """Number of nodes on the straight line over the surface from a to b, written to `out`; 0 when the surface has a gap on it."""
-    dx, dy = np.int64(ix[b] - ix[a]), np.int64(iy[b] - iy[a])
-    steps = max(abs(dx), abs(dy))
-    out[0], node, x, y = a, a, np.int64(ix[a]), np.int64(iy[a])
-    for i in range(1, steps + 1):
-        tx, ty = ix[a] + int(np.round(i * dx / steps)), iy[a] + int(np.round(i * dy / steps))
-        mx, my = tx - x, ty - y
-        if mx != 0 and my != 0:
-            move = 4 + (0 if mx > 0 and my > 0 else 1 if mx < 0 and my > 0 else 2 if mx < 0 else 3)
-        else:
-            move = 0 if mx > 0 else 2 if mx < 0 else 1 if my > 0 else 3
-        node = neighbour(graph, cost, node, move)
-        if node < 0:
-            return 0
-        x, y = tx, ty
-        out[i] = node
-    return steps + 1 if node == b else 0
-
-
-@njit(cache=True)
-def _line_cost(nodes: Any, count: Any, ix: Any, iy: Any, z: Any, cost: Any, climb: Any) -> Any:
-    """Cost of a straight line: that of its edges, scaled from the staircase of voxels to the length of the line."""
-    total, stairs = 0.0, 0.0
-    for i in range(1, count):
-        a, b = nodes[i - 1], nodes[i]
-        length = np.sqrt(np.float64((ix[a] - ix[b]) ** 2 + (iy[a] - iy[b]) ** 2))
-        stairs += length
-        total += edge_cost(a, b, length, z, cost, climb)
-    a, b = nodes[0], nodes[count - 1]
-    return total * np.sqrt(np.float64((ix[a] - ix[b]) ** 2 + (iy[a] - iy[b]) ** 2)) / max(stairs, 1e-9)
-
-
-@njit(cache=True)
-def _shortcut(graph: Any, ix: Any, iy: Any, z: Any, cost: Any, climb: Any, chain: Any, ahead: Any) -> Any:
-    """Indices into `chain` of the nodes that stay when straight lines that cost no more replace what lies between them."""
-    along = np.zeros(chain.size)
-    for i in range(1, chain.size):
-        a, b = chain[i - 1], chain[i]
-        length = np.sqrt(np.float64((ix[a] - ix[b]) ** 2 + (iy[a] - iy[b]) ** 2))
-        along[i] = along[i - 1] + edge_cost(a, b, length, z, cost, climb)
-    kept = [0]
-    line = np.empty(chain.size + 1, np.int32)
-    i = 0
-    while i < chain.size - 1:
-        best = i + 1
-        for j in range(i + 2, min(i + ahead, chain.size - 1) + 1):
-            count = _line(graph, ix, iy, cost, chain[i], chain[j], line)
-            if count > 0 and _line_cost(line, count, ix, iy, z, cost, climb) <= along[j] - along[i] + 1e-9:
-                best = j
-        kept.append(best)
-        i = best
-    return np.array(kept)
 
 
 def _passages(terrain: Terrain) -> list[Passage]:
@@ -239,33 +181,6 @@ def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np
     return np.asarray(total * terrain.resolution + math.dist(centers[:2], terrain.robot_xyz[:2]))
 
 
-def _smooth(terrain: Terrain, cost: NDArray[np.float32], chain: NDArray[np.int64], config: PlannerConfig) -> NDArray[np.float64]:
-    """(K, 3) corners of the path after shortcuts, with the height of every voxel on the way."""
-    graph, ix, iy, z = terrain.neighbours, terrain.ix, terrain.iy, terrain.z
-    kept = chain[_shortcut(graph, ix, iy, z, cost, config.climb_weight, chain, SHORTCUT_NODES)]
-    line = np.empty(chain.size + 1, dtype=np.int32)
-    parts = [terrain.centers(kept[:1]).astype(np.float64)]
-    for a, b in zip(kept[:-1], kept[1:], strict=True):
-        count = _line(graph, ix, iy, cost, a, b, line)
-        ends = terrain.centers(np.array([a, b])).astype(np.float64)
-        t = np.linspace(0.0, 1.0, count)[1:, None]
-        xy = ends[0, :2] * (1 - t) + ends[1, :2] * t
-        parts.append(np.column_stack([xy, terrain.centers(line[1:count])[:, 2]]))
-    return np.concatenate(parts)
-
-
-def _resample(corners: NDArray[np.float64], spacing_m: float) -> NDArray[np.float64]:
-    """Evenly spaced points on a polyline, ends kept, heights averaged over a few voxels so that they do not jump by one."""
-    along = np.r_[0.0, np.cumsum(np.linalg.norm(np.diff(corners[:, :2], axis=0), axis=1))]
-    if along[-1] < 1e-9:
-        return corners[:1]
-    window = min(5, corners.shape[0] - 1 + corners.shape[0] % 2)
-    half = window // 2
-    z = np.convolve(np.pad(corners[:, 2], half, mode="edge"), np.full(2 * half + 1, 1.0 / (2 * half + 1)), mode="valid")
-    at = np.linspace(0.0, along[-1], max(2, math.ceil(along[-1] / spacing_m) + 1))
-    return np.column_stack([np.interp(at, along, corners[:, 0]), np.interp(at, along, corners[:, 1]), np.interp(at, along, z)])
-
-
 def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], tolerance_m: float) -> int | None:
     """The traversable node that the robot can reach nearest to a point in map; None when none lies within `tolerance_m`.
 
@@ -311,7 +226,10 @@ def plan_path(terrain: Terrain, goal_node: int, config: PlannerConfig, start_nod
         return None
     parts = _parts(terrain, terrain.cost, nodes, config)
     if way_out is not None:
-        parts[0] = (np.concatenate([_smooth(terrain, cost, way_out, config), parts[0][0][1:]]), False)
+        parts[0] = (
+            np.concatenate([straightened(terrain, _ways(terrain, cost, config.climb_weight, config), way_out), parts[0][0][1:]]),
+            False,
+        )
     return _joined(parts, config.waypoint_spacing_m)
 
 
@@ -331,7 +249,7 @@ def plan_into(terrain: Terrain, way: Passage, config: PlannerConfig) -> Path | N
 
 def straight_path(line: NDArray[np.float64], config: PlannerConfig) -> Path:
     """Straight along a line (K, 3), where the robot cannot turn."""
-    points = _resample(line, config.waypoint_spacing_m)
+    points = resampled(line, config.waypoint_spacing_m)
     return Path(points, np.arange(len(points)) < len(points) - 1)
 
 
@@ -339,15 +257,15 @@ def _parts(
     terrain: Terrain, cost: NDArray[np.float32], chain: NDArray[np.int64], config: PlannerConfig
 ) -> list[tuple[NDArray[np.float64], bool]]:
     """The corners of what lies before, in and after every passage of a chain of nodes, and whether it is one."""
-    ways = {way.nodes: way.line for way in _passages(terrain)}
-    lines = [(i, ways[key]) for i in range(len(chain) - 1) if (key := (int(chain[i]), int(chain[i + 1]))) in ways]
+    ways, passages = _ways(terrain, cost, config.climb_weight, config), {way.nodes: way.line for way in _passages(terrain)}
+    lines = [(i, passages[key]) for i in range(len(chain) - 1) if (key := (int(chain[i]), int(chain[i + 1]))) in passages]
     parts, begin = [], 0
     for i, line in lines:
         if i > 0 or math.isfinite(cost[chain[0]]):  # else the robot stands in a passage, which begins at its side
-            parts.append((_smooth(terrain, cost, chain[begin : i + 1], config), False))
+            parts.append((straightened(terrain, ways, chain[begin : i + 1]), False))
         parts.append((line, True))
         begin = i + 1
-    return [*parts, (_smooth(terrain, cost, chain[begin:], config), False)]
+    return [*parts, (straightened(terrain, ways, chain[begin:]), False)]
 
 
 def _joined(parts: list[tuple[NDArray[np.float64], bool]], spacing_m: float) -> Path:
@@ -357,7 +275,7 @@ def _joined(parts: list[tuple[NDArray[np.float64], bool]], spacing_m: float) -> 
         if not is_passage:
             before, after = (parts[j][0] if 0 <= j < len(parts) else np.empty((0, 3)) for j in (i - 1, i + 1))
             corners = np.concatenate([before[-1:], corners, after[:1]])
-        even = _resample(corners, spacing_m)
+        even = resampled(corners, spacing_m)
         points.append(even[1:] if i else even)
         straight.append(np.full(len(even) - 1, is_passage))
     return Path(np.concatenate(points), np.concatenate([*straight, np.zeros(1, dtype=bool)]))

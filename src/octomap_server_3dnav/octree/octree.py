@@ -4,11 +4,8 @@ The first box of the terrain stage: `octomap_server_3dnav_node` keeps one and ha
 itself is octomap's, in `_octree_binding`.
 """
 
-import contextlib
 import math
 import os
-import re
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,56 +16,13 @@ from _octree_binding import SweepVoxels as SweepVoxels  # given out by trace_swe
 from numpy.typing import ArrayLike, NDArray
 
 from octomap_server_3dnav.octree.column_runs import KEY_OFFSET, ColumnRuns, VoxelState
-from stage_config import check_ranges, parameter
+from octomap_server_3dnav.octree.octree_files import file_header, parsed_file, replace_file
+from octomap_server_3dnav.octree.sensor_model import SensorModel as SensorModel  # the map is made with one
 
-_FORMATS = {b"# Octomap OcTree binary file": ".bt", b"# Octomap OcTree file": ".ot"}
-_COMMENT = b"# (feel free to add / change comments, but leave the first line as it is!)\n#\n"
 _UP = (0.0, 0.0, 1.0)
 
 Corner = tuple[int, int, int]
 Bounds = tuple[ArrayLike, ArrayLike]
-
-
-@dataclass(frozen=True)
-class SensorModel:
-    """What one sweep says about a voxel: octomap_server's `sensor_model/*` and what grazing rays may not erase."""
-
-    hit: float = parameter(
-        0.7, "-", "probability of a voxel in which a beam ended; higher: one hit is worth more misses", low=0.5, high=0.999
-    )
-    miss: float = parameter(
-        0.47,
-        "-",
-        "probability of a voxel that beams only crossed: they may have passed over the floor in it; lower: more floor is lost again",
-        low=0.001,
-        high=0.5,
-    )
-    through: float = parameter(
-        0.28,
-        "-",
-        "the same of an occupied voxel where the sweep saw all that is beside it, too: what stood there has gone; as miss: off",
-        low=0.001,
-        high=0.5,
-    )
-    min: float = parameter(
-        0.45,
-        "-",
-        "lower clamping probability: so free a voxel can get; lower: floor over which beams have passed often must be hit more often",
-        low=0.001,
-        high=0.5,
-    )
-    max: float = parameter(0.97, "-", "upper clamping probability; lower: occupied voxels are revised sooner", low=0.5, high=0.999)
-    grazing_m: float = parameter(
-        2.0,
-        "m",
-        "for this length before its end a ray frees no voxel in the layer of the surface it hits, so that flat rays keep the ground; "
-        "should exceed resolution * range / sensor height; 0: off",
-        low=0.0,
-    )
-
-    def validate(self) -> list[str]:
-        """All violations, as sentences."""
-        return check_ranges(self)
 
 
 @dataclass(frozen=True)
@@ -261,12 +215,12 @@ class OctreeMap:
     def write_bt(self, path: str | os.PathLike[str]) -> None:
         """Write octomap's .bt file: free and occupied only, small. An older file is replaced when the new one is complete."""
         data = self.to_binary()
-        replace_file(Path(path), _header(b"# Octomap OcTree binary file\n", _octree_binding.binary_nodes(data), self._resolution) + data)
+        replace_file(Path(path), file_header(".bt", _octree_binding.binary_nodes(data), self._resolution) + data)
 
     def write_ot(self, path: str | os.PathLike[str]) -> None:
         """Write octomap's .ot file, with every log-odds. An older file is replaced when the new one is complete."""
         data = self.to_full()
-        replace_file(Path(path), _header(b"# Octomap OcTree file\n", _octree_binding.full_nodes(data), self._resolution) + data)
+        replace_file(Path(path), file_header(".ot", _octree_binding.full_nodes(data), self._resolution) + data)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], sensor_model: SensorModel | None = None) -> "OctreeMap":
@@ -278,11 +232,10 @@ class OctreeMap:
 
     @classmethod
     def _parse(cls, content: bytes, sensor_model: SensorModel | None) -> "OctreeMap":
-        kind = _FORMATS.get(content.split(b"\n", 1)[0].rstrip())
-        if kind is None:
-            raise ValueError("no octomap file: it must begin with one of " + ", ".join(f"'{line.decode()}'" for line in _FORMATS))
-        fields, data = _parse_header(content)
-        count, read = (_octree_binding.binary_nodes, cls.from_binary) if kind == ".bt" else (_octree_binding.full_nodes, cls.from_full)
+        fields, data = parsed_file(content)
+        count, read = (
+            (_octree_binding.binary_nodes, cls.from_binary) if fields.kind == ".bt" else (_octree_binding.full_nodes, cls.from_full)
+        )
         nodes = count(data)
         if nodes != fields.nodes:
             raise ValueError(f"its header says {fields.nodes} nodes, its data holds {nodes}")
@@ -297,12 +250,6 @@ class OctreeMap:
         first = np.clip(np.floor(low / self._resolution + 1e-6), -KEY_OFFSET, KEY_OFFSET - 1)
         last = np.clip(np.maximum(np.ceil(high / self._resolution - 1e-6) - 1, first), -KEY_OFFSET, KEY_OFFSET - 1)
         return _indices(first), _indices(last)
-
-
-@dataclass(frozen=True)
-class _Header:
-    nodes: int
-    resolution: float
 
 
 def _indices(values: NDArray[np.float64]) -> Corner:
@@ -322,42 +269,3 @@ def _corner(name: str, value: ArrayLike) -> NDArray[np.float64]:
     if corner.shape != (3,):
         raise ValueError(f"{name} must be three metres x, y, z, not {value!r}")
     return corner
-
-
-def _header(first_line: bytes, nodes: int, resolution: float) -> bytes:
-    return first_line + _COMMENT + f"id OcTree\nsize {nodes}\nres {resolution!r}\ndata\n".encode()
-
-
-def _field(lines: Sequence[bytes], name: bytes) -> bytes:
-    found = [line.split(None, 1)[1].strip() for line in lines if re.match(name + rb"\s+\S", line)]
-    if len(found) != 1:
-        raise ValueError(f"its header needs one line '{name.decode()} VALUE', it has {len(found)}")
-    return found[0]
-
-
-def _parse_header(content: bytes) -> tuple[_Header, bytes]:
-    """Header and data of a file; ValueError where the header is cut off or of another kind of tree."""
-    head, mark, data = content.partition(b"\ndata\n")
-    if not mark:
-        raise ValueError("its header ends without a line 'data'")
-    lines = [line for line in head.split(b"\n") if not line.startswith(b"#")]
-    kind = _field(lines, b"id")
-    if kind != b"OcTree":
-        raise ValueError(f"its trees are of type '{kind.decode(errors='replace')}', expected OcTree")
-    return _Header(int(_field(lines, b"size")), float(_field(lines, b"res"))), data
-
-
-def replace_file(path: Path, content: bytes) -> None:
-    """Write beside `path` and rename, so that there is never half a file; OSError as the system gives it."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)  # mkstemp's 0600 would hide the map from others
-        os.replace(temporary, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
-        raise

@@ -43,17 +43,6 @@ class GraphNotSolvable(ValueError):
     """A graph that has no solution, or more than one."""
 
 
-def as_covariance(matrix: ArrayLike) -> Array:
-    """A checked (6, 6) covariance; ValueError when it is not finite, symmetric and positive definite."""
-    covariance = np.asarray(matrix, dtype=np.float64)
-    if covariance.shape != (6, 6) or not np.isfinite(covariance).all():
-        raise ValueError(f"a covariance is a finite 6x6 matrix, not shape {covariance.shape}: {matrix!r}")
-    smallest = float(np.linalg.eigvalsh(covariance)[0])
-    if not np.allclose(covariance, covariance.T, rtol=1e-6, atol=1e-12) or smallest <= 0.0:
-        raise ValueError(f"a covariance is symmetric and positive definite; smallest eigenvalue {smallest:.3g}")
-    return covariance
-
-
 def unit_up(up_body: ArrayLike) -> Array:
     """(3,) unit vector of a measured up direction; ValueError when it has no direction."""
     up = np.asarray(up_body, dtype=np.float64)

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pose_graph_mapping.graph.dead_reckoning import levelled
 from pose_graph_mapping.graph.loop_closure import Match
-from pose_graph_mapping.graph.mapper import levelled
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.registration.cloud import PointCloud, merged
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict

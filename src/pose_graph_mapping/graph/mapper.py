@@ -6,25 +6,23 @@ call, a registration of this package or a fake can stand there.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.graph.dead_reckoning import levelled, odometry_covariance
+from pose_graph_mapping.graph.localisation import Placement
 from pose_graph_mapping.graph.loop_closure import LoopClosure, Match, beyond_correction, detect_loop_closures
 from pose_graph_mapping.graph.mapping_update import MappingUpdate
-from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, PoseGraph, as_covariance, unit_up
+from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, PoseGraph, unit_up
 from pose_graph_mapping.registration.cloud import PointCloud, merged, voxel_downsample, with_normals
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from rigid_geometry import as_transform, inverse, rotation_angle
-
-if TYPE_CHECKING:
-    from pose_graph_mapping.graph.localisation import Placement
 
 Array = NDArray[np.float64]
 
@@ -71,44 +69,53 @@ class PoseGraphMapper:
         points_base: ArrayLike,
         origins_base: ArrayLike,
         T_odom_base: ArrayLike,
-        odom_covariance: ArrayLike | None = None,
         gravity_base: ArrayLike | None = None,
         gravity_sigma_rad: float | None = None,
         placement: Placement | None = None,
     ) -> MappingUpdate:
         """Algorithm 1 for one sweep; line numbers in the code are its.
 
-        points_base, origins_base (N, 3) at the stamp; T_odom_base (4, 4); odom_covariance (6, 6) of the motion since the last sweep,
-        rotation first, in the body frame, which is added to the model of distance and turning; gravity_base (3,): up as the resting IMU
-        measured it; placement: where the sweep was found in the map (`localise`), which then stands in for odometry. ValueError for a
-        stamp that does not increase, too few finite points, or anything that is no transform, covariance, direction or accepted placement;
-        nothing is changed then.
+        points_base, origins_base (N, 3) at the stamp; T_odom_base (4, 4); gravity_base (3,): up as the resting IMU measured it; placement:
+        where the sweep was found in the map (`localise`), which then stands in for odometry. ValueError for a stamp that does not
+        increase, too few finite points, or anything that is no transform, direction or accepted placement. A sweep that ends in an
+        error, be it the matcher's, leaves mapper and graph as they were.
         """
         sweep = PointCloud.of_finite(points_base, origins_base)
         T_odom_base = as_transform(T_odom_base)
-        covariance = None if odom_covariance is None else as_covariance(odom_covariance)
         up = None if gravity_base is None or not self._config.use_gravity else unit_up(gravity_base)
         self._check(stamp_s, sweep, gravity_sigma_rad)
-        before, edges_before = self.graph.poses(), self.graph.measurements()
         self.finish_cloud()
         cloud = voxel_downsample(sweep, self._config.vertex_voxel_m)
-        correction = self._last_vertex_correction()
-        if placement is not None:
-            placed: _Placed | None = self._localised_vertex(placement)
-        elif len(self.graph):
-            placed = self._next_vertex(cloud, T_odom_base, covariance)
-        else:
-            placed = self._first_vertex(T_odom_base, up)
-        self._clouds.append(cloud)
-        self._stamps_s.append(float(stamp_s))
-        if up is not None:
-            self.graph.add_gravity(len(self.graph) - 1, up, gravity_sigma_rad or self._config.gravity_sigma_rad)
-        self._old_last_vertex_estimate = self.graph.pose(len(self.graph) - 1)  # 4, 19
-        self._T_odom_last = T_odom_base  # 5
-        loops = detect_loop_closures(self.graph, self._clouds, self._match, self._config)  # 20
+        before, edges_before, correction = self.graph.poses(), self.graph.measurements(), self._last_vertex_correction()
+        with self._whole():
+            if placement is not None:
+                placed: _Placed | None = self._localised_vertex(placement)
+            elif len(self.graph):
+                placed = self._next_vertex(cloud, T_odom_base)
+            else:
+                placed = self._first_vertex(T_odom_base, up)
+            self._clouds.append(cloud)
+            self._stamps_s.append(float(stamp_s))
+            if up is not None:
+                self.graph.add_gravity(len(self.graph) - 1, up, gravity_sigma_rad or self._config.gravity_sigma_rad)
+            self._old_last_vertex_estimate = self.graph.pose(len(self.graph) - 1)  # 4, 19
+            self._T_odom_last = T_odom_base  # 5
+            loops = detect_loop_closures(self.graph, self._clouds, self._match, self._config)  # 20
         rejected = {id(edge) for edge in self.graph.rejected()}
         update = self._update(before, placed, correction, tuple(loops), sweep.dropped)
         return dataclasses.replace(update, rejected_edges=tuple(edge for edge in edges_before if id(edge) in rejected))
+
+    @contextlib.contextmanager
+    def _whole(self) -> Iterator[None]:
+        """What is done inside is done wholly, or not at all: a vertex without its sweep could not be saved."""
+        clouds, stamps_s, last = list(self._clouds), list(self._stamps_s), (self._T_odom_last, self._old_last_vertex_estimate)
+        try:
+            with self.graph.whole():
+                yield
+        except BaseException:
+            self._clouds, self._stamps_s = clouds, stamps_s
+            self._T_odom_last, self._old_last_vertex_estimate = last
+            raise
 
     def solve(self) -> tuple[Edge, ...]:
         """Solve the whole graph again and judge every match and loop; the edges that were left out by it. For the end of a session."""
@@ -173,7 +180,7 @@ class PoseGraphMapper:
         self.graph.add_edge(beside, self.graph.add_vertex(T_map_base), T_beside_base, result.covariance, EdgeKind.MATCH)
         return _Placed(T_map_base, result, True, placement.tries)
 
-    def _next_vertex(self, cloud: PointCloud, T_odom_base: Array, covariance: Array | None) -> _Placed:
+    def _next_vertex(self, cloud: PointCloud, T_odom_base: Array) -> _Placed:
         """Lines 8 to 18, with an odometry edge whatever the match says: it holds what the match leaves open."""
         last = len(self.graph) - 1
         relative_odom = inverse(self._T_odom_last) @ T_odom_base  # 8, 10
@@ -181,7 +188,7 @@ class PoseGraphMapper:
         # estimate that has it already; it belongs to the old one.
         last_vertex_lc_corr = inverse(self._old_last_vertex_estimate) @ self.graph.pose(last)
         trans_curr_pc = as_transform(self._old_last_vertex_estimate @ last_vertex_lc_corr @ relative_odom)
-        grown = odometry_covariance(relative_odom, self._config) + (0.0 if covariance is None else covariance)
+        grown = odometry_covariance(relative_odom, self._config)
         placed = self._matched(cloud, trans_curr_pc, grown)  # 9, 14 to 17
         current = self.graph.add_vertex(placed.T_map_base)  # 18
         self.graph.add_edge(last, current, relative_odom, grown, EdgeKind.ODOMETRY)

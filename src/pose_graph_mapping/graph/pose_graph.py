@@ -7,10 +7,11 @@ stays the exchange format. The same calls always give the same poses.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import heapq
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +19,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from pose_graph_mapping.graph.graph_consistency import consistent_edges, settled, trusted_edges
 from pose_graph_mapping.graph.graph_files import g2o_text, read_graph_file
-from pose_graph_mapping.graph.graph_measurements import Edge, EdgeKind, GraphNotSolvable, Gravity, as_covariance, orthonormal, unit_up
+from pose_graph_mapping.graph.graph_measurements import Edge, EdgeKind, GraphNotSolvable, Gravity, orthonormal, unit_up
 from pose_graph_mapping.graph.graph_problem import GraphProblem, poses_of, tree_poses
 from pose_graph_mapping.graph.gravity_bias import estimated_bias
 from pose_graph_mapping.graph.incremental_graph import IncrementalGraph
-from rigid_geometry import as_transform
+from rigid_geometry import as_covariance, as_transform
 
 Array = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ _ODOMETRY_DOUBT = 2.0
 _BIAS_ROUNDS = 6
 _BIAS_SETTLED_RAD = 2e-6
 
-__all__ = ["Edge", "EdgeKind", "GraphNotSolvable", "PoseGraph", "as_covariance", "orthonormal", "unit_up"]
+__all__ = ["Edge", "EdgeKind", "GraphNotSolvable", "PoseGraph", "orthonormal", "unit_up"]
 
 
 class PoseGraph:
@@ -74,6 +75,20 @@ class PoseGraph:
         if not sigma_rad > 0.0:
             raise ValueError(f"sigma_rad must be positive, not {sigma_rad}")
         self._gravity.append(Gravity(self._known(vertex_id), unit_up(up_body), sigma_rad))
+
+    @contextlib.contextmanager
+    def whole(self) -> Iterator[None]:
+        """What is done to the graph inside is done wholly; an error that leaves it leaves the graph as it was."""
+        held = list(self._poses), list(self._edges), list(self._kept), list(self._gravity), self._bias
+        solved = self._solved_edges, self._solved_gravity
+        try:
+            yield
+        except BaseException:
+            if (len(self._poses), len(self._edges), len(self._gravity)) != (len(held[0]), len(held[1]), len(held[3])):
+                self._running = None  # it may have grown: the next solution starts anew
+            self._poses, self._edges, self._kept, self._gravity, self._bias = held
+            self._solved_edges, self._solved_gravity = solved
+            raise
 
     def pose(self, vertex_id: int) -> Array:
         """(4, 4) current estimate T_map_base of a vertex."""
@@ -159,9 +174,13 @@ class PoseGraph:
         self._mark_solved(self._running.poses())
         return tuple(edge for edge, was, now in zip(self._edges, before, self._kept, strict=True) if was and not now)
 
-    def g2o_text(self) -> str:
-        """VERTEX_SE3:QUAT and EDGE_SE3:QUAT lines; kinds of edges as comments, measured gravity is not part of the format."""
-        return g2o_text(dict(enumerate(self._poses)), self.measurements())
+    def g2o_text(self, vertices: int | None = None) -> str:
+        """VERTEX_SE3:QUAT and EDGE_SE3:QUAT lines of the first `vertices`, or of all, and of the edges between them.
+
+        Kinds of edges stand in comments; measured gravity is not part of the format.
+        """
+        count = len(self) if vertices is None else vertices
+        return g2o_text(dict(enumerate(self._poses[:count])), [e for e in self.measurements() if max(e.i, e.j) < count])
 
     def save_g2o(self, path: str | os.PathLike[str]) -> None:
         """Write `g2o_text` to a file."""

@@ -14,7 +14,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pose_graph_mapping.config import RegistrationConfig
-from pose_graph_mapping.graph.graph_measurements import as_covariance
 from pose_graph_mapping.registration.cloud import PointCloud, farthest, moved_points, reference_cloud, vertex_cloud, within
 from pose_graph_mapping.registration.correlative import Window, window_of
 from pose_graph_mapping.registration.gicp_alignment import Alignment, Stage, align
@@ -32,7 +31,7 @@ from pose_graph_mapping.registration.match_quality import (
 from pose_graph_mapping.registration.matching import RegistrationResult, refused
 from pose_graph_mapping.registration.placement_search import ROUGH_POINTS, Pair, decided, is_found, is_worth_refining, rough_placements
 from pose_graph_mapping.registration.residual_pattern import pattern_covariance, residual_pattern
-from rigid_geometry import as_transform
+from rigid_geometry import as_covariance, as_transform
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud
 
 Array = NDArray[np.float64]
@@ -81,15 +80,4 @@ def refused(T_guess: Array, reason: str) -> RegistrationResult:
     return RegistrationResult(T_guess, np.full((6, 6), nan), nan, nan, nan, 0, np.zeros((0, 6)), Verdict.REFUSED, reason)
 
 
-def create_registration(config: RegistrationConfig) -> Registration:
-    """The implementation that `config.method` names; ValueError lists every wrong value."""
-    from pose_graph_mapping.registration.gicp import GicpRegistration
-    from pose_graph_mapping.registration.thesis_chain import ThesisChainRegistration
-
-    problems = config.validate()
-    if problems:
-        raise ValueError("; ".join(problems))
-    return ThesisChainRegistration(config) if config.method == "thesis_chain" else GicpRegistration(config)
-
-
-__all__ = ["PointCloud", "Registration", "RegistrationResult", "Verdict", "create_registration", "refused"]
+__all__ = ["PointCloud", "Registration", "RegistrationResult", "Verdict", "refused"]

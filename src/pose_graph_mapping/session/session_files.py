@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.session.session_record import SweepEntry
 from rigid_geometry import quat_xyzw_from_transform
 
 Array = NDArray[np.float64]
@@ -67,7 +68,7 @@ def sweep_clouds(data: bytes) -> tuple[PointCloud, PointCloud | None]:
         raise ValueError(f"it cannot be read: {error}") from error
 
 
-def recorded_entry(data: bytes, vertex_id: int) -> dict[str, Any]:
+def recorded_entry(data: bytes, vertex_id: int) -> SweepEntry:
     """The object whose text `sweep_bytes` was given; of a file that has none, the little that it knows of itself.
 
     ValueError when anything in the file is not whole, by the checksums of its parts.
@@ -79,9 +80,10 @@ def recorded_entry(data: bytes, vertex_id: int) -> dict[str, Any]:
                 raise ValueError(f"{broken} in it has changed")
         with np.load(io.BytesIO(data)) as arrays:
             if "record" in arrays:
-                return dict(json.loads(bytes(arrays["record"])))
-            known = {"vertex_id": vertex_id, "stamp_s": float(arrays["stamp_s"]), "points": len(arrays["points"])}
-            return {**known, "measured": None, "change": None}
+                entry: SweepEntry = json.loads(bytes(arrays["record"]))
+                return entry
+            stamp_s, points = float(arrays["stamp_s"]), len(arrays["points"])
+            return {"vertex_id": vertex_id, "stamp_s": stamp_s, "points": points, "measured": None, "change": None}
     except (KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
         raise ValueError(f"it cannot be read: {error}") from error
 

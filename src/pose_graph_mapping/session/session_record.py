@@ -9,13 +9,13 @@ import json
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, as_covariance, unit_up
-from rigid_geometry import as_transform
+from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, unit_up
+from rigid_geometry import as_covariance, as_transform
 
 Array = NDArray[np.float64]
 
@@ -39,12 +39,12 @@ class Measured:
     gravity_base: Array | None = None
     gravity_sigma_rad: float | None = None
 
-    @classmethod
-    def checked(cls, T_odom_base: ArrayLike, gravity_base: ArrayLike | None, gravity_sigma_rad: float | None) -> Measured:
+    def __post_init__(self) -> None:
         """ValueError for what is no transform, direction or sigma."""
-        if gravity_sigma_rad is not None and not gravity_sigma_rad > 0.0:
-            raise ValueError(f"gravity_sigma_rad must be positive, not {gravity_sigma_rad}")
-        return cls(as_transform(T_odom_base), None if gravity_base is None else unit_up(gravity_base), gravity_sigma_rad)
+        if self.gravity_sigma_rad is not None and not self.gravity_sigma_rad > 0.0:
+            raise ValueError(f"gravity_sigma_rad must be positive, not {self.gravity_sigma_rad}")
+        object.__setattr__(self, "T_odom_base", as_transform(self.T_odom_base))
+        object.__setattr__(self, "gravity_base", None if self.gravity_base is None else unit_up(self.gravity_base))
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +62,41 @@ class StoredSweep:
     sha256: str
     measured: Measured | None = None
     change: GraphChange | None = None
+
+
+class MeasuredEntry(TypedDict):
+    """`Measured` as JSON has it; transforms are their upper three rows."""
+
+    T_odom_base: list[float]
+    gravity_base: list[float] | None
+    gravity_sigma_rad: float | None
+
+
+class EdgeEntry(TypedDict):
+    """`Edge` as JSON has it; of the covariance the upper triangle."""
+
+    i: int
+    j: int
+    kind: str
+    T_i_j: list[float]
+    covariance: list[float]
+
+
+class ChangeEntry(TypedDict):
+    """`GraphChange` as JSON has it."""
+
+    poses: dict[str, list[float]]
+    added: list[EdgeEntry]
+
+
+class SweepEntry(TypedDict):
+    """What a sweep's own file says of it, as JSON has it."""
+
+    vertex_id: int
+    stamp_s: float
+    points: int
+    measured: MeasuredEntry | None
+    change: ChangeEntry | None
 
 
 def payload_text(sweep: StoredSweep) -> str:
@@ -87,7 +122,7 @@ def sweep_of_line(line: str) -> StoredSweep:
     return sweep_of_payload(entry, entry["file"], entry["bytes"], entry["sha256"])
 
 
-def sweep_of_payload(entry: Mapping[str, Any], file: str, size: int, sha256: str) -> StoredSweep:
+def sweep_of_payload(entry: SweepEntry, file: str, size: int, sha256: str) -> StoredSweep:
     """The sweep that `payload_text` was made of, with its file; ValueError when something is missing or wrong."""
     try:
         measured, change = _measured_of(entry["measured"]), _change_of(entry["change"])
@@ -96,7 +131,7 @@ def sweep_of_payload(entry: Mapping[str, Any], file: str, size: int, sha256: str
         raise ValueError(f"it lacks {error}") from error
 
 
-def _payload(sweep: StoredSweep) -> dict[str, Any]:
+def _payload(sweep: StoredSweep) -> SweepEntry:
     return {
         "vertex_id": sweep.vertex_id,
         "stamp_s": sweep.stamp_s,
@@ -106,7 +141,7 @@ def _payload(sweep: StoredSweep) -> dict[str, Any]:
     }
 
 
-def _measured_entry(measured: Measured) -> dict[str, Any]:
+def _measured_entry(measured: Measured) -> MeasuredEntry:
     return {
         "T_odom_base": _rows(measured.T_odom_base),
         "gravity_base": None if measured.gravity_base is None else measured.gravity_base.tolist(),
@@ -114,13 +149,14 @@ def _measured_entry(measured: Measured) -> dict[str, Any]:
     }
 
 
-def _measured_of(entry: Mapping[str, Any] | None) -> Measured | None:
+def _measured_of(entry: MeasuredEntry | None) -> Measured | None:
     if entry is None:
         return None
-    return Measured.checked(_transform(entry["T_odom_base"]), entry["gravity_base"], entry["gravity_sigma_rad"])
+    up = entry["gravity_base"]
+    return Measured(_transform(entry["T_odom_base"]), None if up is None else np.array(up), entry["gravity_sigma_rad"])
 
 
-def _change_entry(change: GraphChange) -> dict[str, Any]:
+def _change_entry(change: GraphChange) -> ChangeEntry:
     return {
         "poses": {str(vertex): _rows(T) for vertex, T in change.poses.items()},
         "added": [
@@ -130,14 +166,14 @@ def _change_entry(change: GraphChange) -> dict[str, Any]:
     }
 
 
-def _change_of(entry: Mapping[str, Any] | None) -> GraphChange | None:
+def _change_of(entry: ChangeEntry | None) -> GraphChange | None:
     if entry is None:
         return None
     poses = {int(vertex): as_transform(_transform(rows)) for vertex, rows in entry["poses"].items()}
     return GraphChange(poses, tuple(_edge(e) for e in entry["added"]))
 
 
-def _edge(entry: Mapping[str, Any]) -> Edge:
+def _edge(entry: EdgeEntry) -> Edge:
     upper = np.zeros((6, 6))
     upper[_UPPER] = entry["covariance"]
     covariance = as_covariance(upper + np.triu(upper, 1).T)

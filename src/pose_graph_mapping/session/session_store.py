@@ -90,19 +90,16 @@ class SessionStore:
         points_base: ArrayLike,
         origins_base: ArrayLike,
         graph: PoseGraph | None = None,
-        T_odom_base: ArrayLike | None = None,
-        gravity_base: ArrayLike | None = None,
-        gravity_sigma_rad: float | None = None,
+        measured: Measured | None = None,
         free: PointCloud | None = None,
     ) -> StoredSweep:
         """Write the (N, 3) finite points and origins of a vertex, what measured it, and what `graph` has become by it.
 
-        free: ends and origins of its beams that met nothing, which a map of free space is made of again. Without `graph` and
-        `T_odom_base` (4, 4) the session cannot be gone on with. ValueError for a vertex out of turn. NotOnDiskError when the disk does not
-        take it: the session is as it was, and the next call, or `save`, tries again.
+        free: ends and origins of its beams that met nothing, which a map of free space is made of again. Without `graph` and `measured`
+        the session cannot be gone on with. ValueError for a vertex out of turn. NotOnDiskError when the disk does not take it: the
+        session is as it was, and the next call, or `save`, tries again.
         """
-        self._check_turn(vertex_id, graph, T_odom_base)
-        measured = None if T_odom_base is None else Measured.checked(T_odom_base, gravity_base, gravity_sigma_rad)
+        self._check_turn(vertex_id, graph, measured)
         cloud = PointCloud.of_finite(points_base, origins_base)
         if free is not None and free.origins is None:
             raise ValueError("beams that met nothing need their origins")
@@ -144,16 +141,19 @@ class SessionStore:
     def save(self, graph: PoseGraph, map_voxel_m: float = 0.04) -> tuple[str, ...]:
         """Write graph.g2o, trajectory.txt (TUM), cloud.ply and cloud.pcd (map frame, voxel means).
 
-        What it returns names the sweeps that are damaged and not in the clouds. ValueError when not every vertex has a sweep.
+        What it returns names the sweeps that are damaged and not in the clouds. Where there are more vertices than sweeps, or fewer, the
+        sweeps that are there are saved with the vertices that belong to them, and it says so.
         """
         stamps_s = [s.stamp_s for s in self._index.sweeps] + [s.stamp_s for s in self._waiting]
-        if len(graph) != len(stamps_s):
-            raise ValueError(f"{len(graph)} vertices for {len(stamps_s)} stored sweeps")
-        self._write_waiting()
-        write_atomically(self._directory / "graph.g2o", graph.g2o_text().encode("ascii"))
-        write_atomically(self._directory / "trajectory.txt", tum_text(stamps_s, graph.poses()).encode("ascii"))
+        count = min(len(graph), len(stamps_s))
         left_out: list[str] = []
-        points = self.merged_points(graph.poses(), map_voxel_m, left_out)
+        if len(graph) != len(stamps_s):
+            left_out.append(f"{len(graph)} vertices for {len(stamps_s)} stored sweeps: the first {count} are saved")
+        self._write_waiting()
+        poses = graph.poses()[:count]
+        write_atomically(self._directory / "graph.g2o", graph.g2o_text(count).encode("ascii"))
+        write_atomically(self._directory / "trajectory.txt", tum_text(stamps_s[:count], poses).encode("ascii"))
+        points = self.merged_points(poses, map_voxel_m, left_out)
         write_atomically(self._directory / "cloud.ply", ply_bytes(points))
         write_atomically(self._directory / "cloud.pcd", pcd_bytes(points))
         return tuple(left_out)
@@ -175,12 +175,12 @@ class SessionStore:
                     raise
                 left_out.append(str(error))
 
-    def _check_turn(self, vertex_id: int, graph: PoseGraph | None, T_odom_base: ArrayLike | None) -> None:
+    def _check_turn(self, vertex_id: int, graph: PoseGraph | None, measured: Measured | None) -> None:
         following = len(self._index.sweeps) + len(self._waiting)
         if vertex_id != following:
             raise ValueError(f"vertex {vertex_id} where {following} is next")
-        if (graph is None) != (T_odom_base is None):
-            raise ValueError("graph and T_odom_base go together: one without the other cannot be gone on with")
+        if (graph is None) != (measured is None):
+            raise ValueError("graph and what measured the sweep go together: one without the other cannot be gone on with")
         if graph is not None and len(graph) != vertex_id + 1:
             raise ValueError(f"a graph of {len(graph)} vertices with sweep {vertex_id}")
 

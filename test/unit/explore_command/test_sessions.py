@@ -10,6 +10,7 @@ from explore_command.__main__ import main
 from explore_command.arguments import ArgumentProblem, parse, prepare_out
 from explore_command.sessions import clock_after, earlier_run
 from pose_graph_mapping.graph.pose_graph import PoseGraph
+from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_store import SessionStore
 
 
@@ -20,7 +21,7 @@ def session(tmp_path: Path) -> Path:
     graph = PoseGraph()
     graph.add_vertex(np.eye(4))
     points = np.ones((300, 3))
-    SessionStore(folder).add_sweep(0, 42.5, points, 0.0 * points, graph, np.eye(4))
+    SessionStore(folder).add_sweep(0, 42.5, points, 0.0 * points, graph, Measured(np.eye(4)))
     (folder / "run.json").write_text(json.dumps({"world": "rooms", "seed": 7, "sensor": "spinning"}))
     (folder / "summary.json").write_text("{}")
     return folder

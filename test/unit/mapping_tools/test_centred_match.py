@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from mapping_tools.centred_match import carried, match_centred
-from pose_graph_mapping import PointCloud, RegistrationResult, Verdict
+from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from rigid_geometry import transform_from_rpy, transform_points
 
 T_TRUE = transform_from_rpy((3.0, -1.0, 0.5), (0.1, -0.2, 1.1))

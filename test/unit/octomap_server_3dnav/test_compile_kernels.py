@@ -17,6 +17,7 @@ from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_
 from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder, MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
+from robot_body import RobotBody
 
 
 def signatures():
@@ -65,7 +66,7 @@ def test_no_sweep_compiles_what_was_not_compiled_beforehand():
     """The columns and heights that the node classifies."""
     compile_kernels()
     before = signatures()
-    builder, here = MapBuilder(MapConfig(), SensorModel()), pose(2.0, 2.0)
+    builder, here = MapBuilder(MapConfig(), SensorModel(), RobotBody()), pose(2.0, 2.0)
     nothing = np.zeros((0, 3), dtype=np.float32)
     builder.add_sweep(Beams(*floor_seen_from_above(), nothing, nothing), 0, np.eye(4)[None])
     decision = decide(

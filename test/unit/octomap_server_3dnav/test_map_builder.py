@@ -33,7 +33,7 @@ def pose(x: float = 0.0, yaw: float = 0.0) -> np.ndarray:
 
 
 def builder() -> MapBuilder:
-    return MapBuilder(MapConfig(), SensorModel())
+    return MapBuilder(MapConfig(), SensorModel(), RobotBody())
 
 
 def state(built: MapBuilder, *xyz: float) -> VoxelState:
@@ -220,6 +220,19 @@ def test_vertices_that_moved_less_than_a_centimetre_leave_the_tree_as_it_is():
     assert built.add_sweep(wall(), 2, [pose(0.011), pose(0.2), pose(0.4)])
 
 
+def test_vertices_that_only_turned_are_drawn_anew_beyond_a_centimetre_at_four_metres():
+    built = builder()
+    built.add_sweep(wall(), 0, [pose()])
+    assert not built.add_sweep(wall(), 1, [pose(yaw=0.0024), pose(0.2)])
+    assert built.add_sweep(wall(), 2, [pose(yaw=0.0026), pose(0.2), pose(0.4)])
+    turned, fresh = builder(), builder()
+    turned.add_sweep(wall(), 0, [pose()])
+    turned.add_sweep(wall(), 1, [pose(yaw=0.05), pose(0.2)])
+    fresh.add_sweep(wall(), 0, [pose(yaw=0.05)])
+    fresh.add_sweep(wall(), 1, [pose(yaw=0.05), pose(0.2)])
+    assert turned.tree.to_full() == fresh.tree.to_full()
+
+
 def test_lost_sweep_is_no_trouble_for_the_next():
     built = builder()
     built.add_sweep(wall(), 0, [pose()])
@@ -270,4 +283,4 @@ def test_clearing_an_empty_map_or_no_box_is_no_harm():
     with pytest.raises(ValueError, match="lo <= hi"):
         built.clear_box(BOX[1], BOX[0])
     with pytest.raises(ValueError, match="miss is 0.5"):
-        MapBuilder(MapConfig(), SensorModel(miss=0.5)).clear_box(*BOX)
+        MapBuilder(MapConfig(), SensorModel(miss=0.5), RobotBody()).clear_box(*BOX)

@@ -52,7 +52,7 @@ class Street(World):
         T_map_base = transform_from_rpy((-2.5, -0.5, heights_of(kerb)[0] + 0.132))
         terrain = classify(runs, T_map_base, TerrainConfig(), RobotBody(), None, heights if measured else None)
         self.terrain_grid = project(terrain, (0.0, 0.0), self.size)
-        costmap, g = LocalCostmap(CostmapConfig(size_m=self.size)), self.terrain_grid
+        costmap, g = LocalCostmap(CostmapConfig(size_m=self.size), RobotBody()), self.terrain_grid
         costmap.set_terrain(g.cost, g.origin_xy, g.resolution, g.height, g.distance)
         self.view = costmap.master()
 
@@ -75,14 +75,14 @@ def test_voxels_alone_would_call_the_kerb_ground(kerb):
 @pytest.mark.parametrize("kerb", [1.0, -1.0])
 @pytest.mark.parametrize("gap_m", [0.15, 0.25, 0.32])
 def test_robot_whose_path_leads_too_near_to_the_kerb_does_not_touch_it(kerb, gap_m):
-    follower, world = PathFollower(FollowerConfig()), Street(kerb)
+    follower, world = PathFollower(FollowerConfig(), RobotBody()), Street(kerb)
     follower.set_path(along(KERB_Y - gap_m), None)
     assert not drive(follower, world, (-2.5, KERB_Y - 0.6, 0.0)).touched
 
 
 @pytest.mark.parametrize("kerb", [1.0, -1.0])
 def test_robot_drives_along_the_kerb_half_a_metre_off(kerb):
-    follower, world = PathFollower(FollowerConfig()), Street(kerb)
+    follower, world = PathFollower(FollowerConfig(), RobotBody()), Street(kerb)
     follower.set_path(along(KERB_Y - 0.5), 0.0)
     result = drive(follower, world, (-2.5, KERB_Y - 0.5, 0.0))
     assert result.last.state is FollowerState.REACHED and not result.touched
@@ -96,6 +96,5 @@ def test_cells_cost_inscribed_up_to_half_the_robot_s_width_from_the_kerb_itself(
     exact = world.terrain_grid.distance[:, CELLS // 2]
     here = (away > 0.1) & (away < 0.8)
     np.testing.assert_allclose(exact[here], away[here], atol=0.05)
-    inscribed = CostmapConfig().inscribed_radius_m
-    np.testing.assert_array_equal(column[here] >= INSCRIBED, exact[here] <= inscribed)
+    np.testing.assert_array_equal(column[here] >= INSCRIBED, exact[here] <= RobotBody().half_width_m)
     assert math.isclose(float(exact[here].min()), float(away[here].min()), abs_tol=0.05)

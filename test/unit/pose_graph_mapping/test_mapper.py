@@ -7,7 +7,8 @@ from synthetic_sweeps import furnished_room, pose, sweep, world_of
 from pose_graph_mapping.config import MappingConfig, RegistrationConfig
 from pose_graph_mapping.graph.mapper import PoseGraphMapper, levelled, odometry_covariance
 from pose_graph_mapping.graph.pose_graph import EdgeKind
-from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, create_registration, refused
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, refused
+from pose_graph_mapping.registration.methods import create_registration
 from rigid_geometry import inverse, tilt_angle, transform_from_rpy, translation_distance
 
 COVARIANCE = np.diag([1e-6] * 3 + [1e-5] * 3)
@@ -212,12 +213,6 @@ def test_odometry_covariance_grows_with_distance_and_turning():
     assert turned[2, 2] > far[2, 2] and turned[3, 3] > still[3, 3]
 
 
-def test_given_odometry_covariance_is_added():
-    mapper = PoseGraphMapper(MappingConfig(), never)
-    drive(mapper, line_of(2), odom_covariance=np.eye(6))
-    assert np.diag(mapper.graph.measurements()[0].covariance).min() > 1.0
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -226,7 +221,6 @@ def test_given_odometry_covariance_is_added():
         ({"points_base": np.zeros((0, 3)), "origins_base": np.zeros((0, 3))}, "0 finite points"),
         ({"points_base": np.full((600, 3), np.nan)}, "600 dropped"),
         ({"T_odom_base": np.full((4, 4), np.nan)}, "transform"),
-        ({"odom_covariance": np.zeros((6, 6))}, "positive definite"),
         ({"gravity_base": (0, 0, 0)}, "up direction"),
         ({"gravity_base": UP, "gravity_sigma_rad": 0.0}, "gravity_sigma_rad"),
     ],
@@ -241,6 +235,32 @@ def test_bad_input_is_an_error_and_changes_nothing(changes, message):
         mapper.add_sweep(**{**good, "stamp_s": 2.0, **changes})
     assert mapper.graph.g2o_text() == before and mapper.stamps_s == (1.0,)
     assert mapper.add_sweep(**{**good, "stamp_s": 2.0}).vertex_id == 1
+
+
+class Interrupted(Exception):
+    """What no matcher should raise."""
+
+
+@pytest.mark.parametrize("call", [1, 2], ids=["match", "loop"])
+def test_matcher_that_breaks_off_leaves_no_half_of_a_sweep(call):
+    """As when Ctrl-C ends the matcher's node: the vertex is there with its cloud, or it is not there."""
+    truth, broken = hairpin()[:8], []
+
+    def match(reference, reading, T_guess, covariance):
+        if broken and broken.pop():
+            raise Interrupted
+        return result_at(T_guess)
+
+    mapper = PoseGraphMapper(MappingConfig(loop_max_dist_m=4.0, loop_min_dist_m=8.0), match)
+    drive(mapper, truth[:7])
+    before = mapper.graph.g2o_text(), mapper.stamps_s, len(mapper.vertex_clouds())
+    broken[:] = [True] if call == 1 else [True, False]
+    with pytest.raises(Interrupted):
+        mapper.add_sweep(500.0, *any_sweep(7), truth[7])
+    assert (mapper.graph.g2o_text(), mapper.stamps_s, len(mapper.vertex_clouds())) == before
+    update = mapper.add_sweep(600.0, *any_sweep(7), truth[7])
+    assert update.vertex_id == 7 and update.loop_closures == 1
+    np.testing.assert_allclose(update.vertex_poses, truth, atol=1e-6)
 
 
 def test_dropped_points_are_counted():

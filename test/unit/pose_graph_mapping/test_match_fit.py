@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pose_graph_mapping import RegistrationConfig, Verdict
+from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud
 from pose_graph_mapping.registration.match_quality import Degeneracy, Fit, fit_of, judge
+from pose_graph_mapping.registration.matching import Verdict
 
 CONFIG = RegistrationConfig()
 UP = np.array([0.0, 0.0, 1.0])

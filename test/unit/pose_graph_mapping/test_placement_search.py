@@ -9,7 +9,8 @@ from pose_graph_mapping.registration import placement_search
 from pose_graph_mapping.registration.cloud import PointCloud, merged, vertex_cloud, with_normals
 from pose_graph_mapping.registration.correlative import Window, coarse_placements, window_of
 from pose_graph_mapping.registration.match_quality import Degeneracy, FreeSpace, keep_guess, known_directions, offset_between
-from pose_graph_mapping.registration.matching import Verdict, create_registration
+from pose_graph_mapping.registration.matching import Verdict
+from pose_graph_mapping.registration.methods import create_registration
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy
 
 CONFIG = RegistrationConfig()

@@ -12,7 +12,8 @@ from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud, merged, vertex_cloud
 from pose_graph_mapping.registration.gicp import facing
 from pose_graph_mapping.registration.match_quality import free_space_contradiction
-from pose_graph_mapping.registration.matching import Verdict, create_registration
+from pose_graph_mapping.registration.matching import Verdict
+from pose_graph_mapping.registration.methods import create_registration
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy
 
 METHODS = ("gicp", "thesis_chain")

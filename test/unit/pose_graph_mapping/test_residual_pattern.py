@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pose_graph_mapping import RegistrationConfig
+from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.residual_pattern import pattern_covariance, residual_pattern
 from rigid_geometry import rotation_from_rpy, transform_from_rpy, transform_points
 

@@ -9,7 +9,9 @@ from pose_graph_mapping.graph.localisation import LocalisationConfig, Placement,
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.graph.pose_graph import EdgeKind
 from pose_graph_mapping.registration.cloud import PointCloud
-from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, create_registration, refused
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, refused
+from pose_graph_mapping.registration.methods import create_registration
+from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import transform_from_rpy, translation_distance
@@ -37,7 +39,7 @@ def drive(mapper, store, count, match_from=0):
     for k in range(match_from, count):
         T_odom = transform_from_rpy((1.5 * k, 0.05 * k * k, 0.1), (0.01, 0.0, 0.02 * k))
         mapper.add_sweep(2.0 * k, *any_sweep(k), T_odom, gravity_base=UP, gravity_sigma_rad=0.01)
-        store.add_sweep(k, 2.0 * k, *any_sweep(k), mapper.graph, T_odom, UP, 0.01)
+        store.add_sweep(k, 2.0 * k, *any_sweep(k), mapper.graph, Measured(T_odom, UP, 0.01))
     return mapper
 
 
@@ -247,7 +249,7 @@ def test_robot_carried_to_another_room_is_found_by_the_real_matcher(tmp_path):
     for k, T in enumerate(truth):
         cloud = [part.astype(np.float32) for part in sweep(scene, T, rng)]
         mapper.add_sweep(float(k), *cloud, T, gravity_base=T[2, :3])
-        store.add_sweep(k, float(k), *cloud, mapper.graph, T, T[2, :3])
+        store.add_sweep(k, float(k), *cloud, mapper.graph, Measured(T, T[2, :3]))
     resumed = resume(SessionStore(tmp_path), MappingConfig(), match).mapper
     T_true = pose(-1.6, -0.2, 2.6)
     cloud = PointCloud(*sweep(scene, T_true, rng))

@@ -1,0 +1,92 @@
+"""What the filter knows at an instant, of the robot, its wheels and its stops: the track of which estimates are made."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odometry_fusion.error_state import State, orthonormal
+from odometry_fusion.increments import carried
+from odometry_fusion.interval import ImuInterval
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Wheels:
+    """A wheel message, and since when the wheels have not turned (None while they turn)."""
+
+    stamp_s: float
+    forward_mps: float
+    yaw_rate: float
+    still_since_s: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """Sums of the accelerometer over the present time of standing: `accel_sum` (3,) m/s^2 of so many samples."""
+
+    accel_sum: FloatArray
+    samples: int
+    duration_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Anchor:
+    """The end of the latest stop: position, covariance (6, 6) of the pose in the filter, and that summed up from stop to stop."""
+
+    position: FloatArray
+    filter_covariance: FloatArray
+    track_covariance: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """All that is known at the latest processed instant; `rocked_s`: when the body last moved."""
+
+    state: State
+    wheels: Wheels
+    rate: FloatArray
+    rocked_s: float
+    rest: Rest | None
+    anchor: Anchor | None
+
+
+def anchored(track: Track) -> Track:
+    """The track as the robot leaves: a stop that ends becomes the anchor."""
+    if track.rest is None:
+        return track
+    state = track.state
+    anchor = Anchor(state.position, state.covariance[:6, :6], track_covariance(track))
+    return replace(track, state=replace(state, anchor_cross=state.covariance[:, :6]), rest=None, anchor=anchor)
+
+
+def track_covariance(track: Track) -> FloatArray:
+    """(6, 6) the anchor's covariance carried on, and what was gained since.
+
+    The difference of the filter's own covariances is not what was gained: an error that lasts, as slip does, grows on the way out and
+    shrinks on the way back. Its covariance with the anchor's error gives the gain exactly (stochastic cloning, Roumeliotis 2002).
+    """
+    P = track.state.covariance[:6, :6]
+    if track.anchor is None:
+        return P.copy()
+    carry = carried(track.state.position - track.anchor.position)
+    cross = carry @ track.state.anchor_cross[:6].T
+    gained = P + carry @ track.anchor.filter_covariance @ carry.T - cross - cross.T
+    total = carry @ track.anchor.track_covariance @ carry.T + gained
+    return np.asarray(0.5 * (total + total.T), dtype=np.float64)
+
+
+def at_stamp(state: State, stamp_s: float) -> State:
+    """The state with an exact stamp and rotation, after sums of many steps."""
+    return replace(state, stamp_s=stamp_s, R_odom_base=orthonormal(state.R_odom_base))
+
+
+def longer(before: Rest | None, interval: ImuInterval) -> Rest | None:
+    """The time of standing, with another interval; None as long as no accelerometer sample fell into it."""
+    if interval.mean_accel is None:
+        return before
+    accel_sum = interval.mean_accel * interval.samples
+    if before is None:
+        return Rest(accel_sum, interval.samples, interval.duration_s)
+    return Rest(before.accel_sum + accel_sum, before.samples + interval.samples, before.duration_s + interval.duration_s)

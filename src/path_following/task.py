@@ -1,0 +1,100 @@
+"""What a step is decided on: the task with how far it is, the moment, and the command of the last step."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from path_following.config import FollowerConfig
+from path_following.manoeuvres import Motion
+from path_following.progress import ProgressWatch
+from path_following.pursuit import approached
+from path_following.reference_path import Pose, Projection, ReferencePath, Stretch
+from path_following.surroundings import Surroundings
+
+AT_BEGIN_M = 0.08  # so near to where a passage begins the robot is there
+
+
+@dataclass(eq=False)
+class Task:
+    """A path to follow and the heading wanted at its end, and how far the robot is with it.
+
+    `s`: arc length of the place beside the robot; `off_path`: its signed distance, None before the first step; `entered`: the latest
+    passage at whose beginning the robot was.
+    """
+
+    path: ReferencePath
+    goal_yaw: float | None
+    s: float = 0.0
+    off_path: float | None = None
+    entered: Stretch | None = None
+    watch: ProgressWatch | None = None
+
+    @property
+    def remaining_m(self) -> float | None:
+        """What is left of the path; None before the first step."""
+        return None if self.off_path is None else self.path.length - self.s
+
+    def locate(self, pose: Pose) -> Projection:
+        """The place beside the robot; near the last one only: the path may pass over or under itself."""
+        at = self.path.project(np.array(pose[:2]), self.s - 0.5, self.s + 1.0)
+        self.s, self.off_path = at.s, at.off_path
+        return at
+
+    def is_in(self, stretch: Stretch, s: float, pose: Pose) -> bool:
+        """Whether the robot is where the stretch begins, or was: a turn there may take it a little back."""
+        at_begin = s >= stretch.begin or math.dist(stretch.begin_xy, pose[:2]) < AT_BEGIN_M
+        self.entered = stretch if at_begin else self.entered
+        return self.entered is stretch
+
+    def is_stalled(self, config: FollowerConfig, stamp_s: float, yaw: float, *, is_waiting: bool) -> bool:
+        """Whether there was no progress for too long; waiting does not count."""
+        if self.watch is None:
+            self.watch = ProgressWatch(config, stamp_s, self.s, yaw)
+        return not is_waiting and self.watch.is_stalled(stamp_s, self.s, yaw)
+
+    def pause(self, seconds: float) -> None:
+        """Let `seconds` count for nothing."""
+        if self.watch:
+            self.watch.pause(seconds)
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """From the `last` command to the next: what `dt` seconds allow."""
+
+    config: FollowerConfig
+    last: Motion
+    dt: float
+
+    def to(self, wanted: Motion) -> Motion:
+        """The command nearest to what is wanted."""
+        config, dt = self.config, self.dt
+        v = approached(self.last.v, wanted.v, config.max_acceleration_mps2 * dt, config.max_deceleration_mps2 * dt)
+        turn_change = config.max_turn_acceleration_radps2 * dt
+        w = approached(self.last.w, wanted.w, turn_change, turn_change)
+        return Motion(v, max(-config.max_turn_rate_radps, min(config.max_turn_rate_radps, w)))
+
+    def along(self, speed: float, curvature: float) -> Motion:
+        """The same on an arc: its turn rate follows the speed that is possible now, for the robot to start on that arc."""
+        v = self.to(Motion(speed, 0.0)).v
+        return self.to(Motion(speed, v * curvature))
+
+    def turning(self, angle: float) -> Motion:
+        """The same of a turn on the spot by an angle, slower towards its end."""
+        rate = min(max(1.5 * abs(angle), self.config.min_turn_rate_radps), self.config.max_turn_rate_radps)
+        return self.to(Motion(0.0, math.copysign(rate, angle)))
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where the robot is in its task (`at`) and in map, what is around it, and how fast it drives."""
+
+    config: FollowerConfig
+    task: Task
+    at: Projection
+    pose: Pose
+    around: Surroundings
+    stamp_s: float
+    speed: float
+    ramp: Ramp
