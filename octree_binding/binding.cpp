@@ -65,13 +65,6 @@ SweepVoxels trace(const Array& points, const Array& origins, double resolution, 
   return trace_sweep(p, o, n, {resolution, max_range, grazing, box_of(lo, hi)});
 }
 
-SweepVoxels unknown_hit(Tree& self, const Corner& lo, const Corner& hi) {
-  SweepVoxels out;
-  out.blocks = locked(self, [&](const OccupancyTree& tree) { return tree.unknown(box_of(lo, hi)); });
-  for (const VoxelBlock& block : out.blocks) out.occupied += count(block.hit);
-  return out;
-}
-
 SweepVoxels known_free(Tree& self, const Corner& lo, const Corner& hi) {
   SweepVoxels out;
   out.blocks = locked(self, [&](const OccupancyTree& tree) { return tree.known(box_of(lo, hi)); });
@@ -134,7 +127,6 @@ PYBIND11_MODULE(_octree_binding, m) {
       .def("column_runs", &column_runs)
       .def("occupied_leaves", &occupied_leaves)
       .def("states", &states)
-      .def("unknown_hit", &unknown_hit)
       .def("known_free", &known_free)
       .def("free_known",
            [](Tree& self, const Corner& lo, const Corner& hi) {

@@ -186,19 +186,6 @@ StateRegion* OccupancyTree::region_of(const Node* node, const Voxel& corner, boo
   return &states_.make(corner, fresh ? kUnknown : state_of(node));
 }
 
-OccupancyTree::Blocks OccupancyTree::unknown(const VoxelBox& box) const {
-  VoxelBlocks found;
-  for (int x = box.lo.x; x <= box.hi.x; ++x) {
-    for (int y = box.lo.y; y <= box.hi.y; ++y) {
-      for (int z = box.lo.z; z <= box.hi.z; ++z) {
-        const Voxel v{x, y, z};
-        if (state(v) == kUnknown) VoxelBlocks::set(found.at(v).hit, VoxelBlocks::bit(v));
-      }
-    }
-  }
-  return found.take_sorted();
-}
-
 OccupancyTree::Blocks OccupancyTree::known(const VoxelBox& box) const {
   VoxelBlocks found;
   for (const Leaf& leaf : leaves(box)) {

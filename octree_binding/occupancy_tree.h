@@ -41,7 +41,6 @@ class OccupancyTree : public octomap::OcTree {
   void apply(const Blocks& blocks);                             // one hit or miss for every voxel of the set
   // Leaves in all blocks that `changed` hold what applying `all`, one after the other, to an empty tree leaves there.
   void redraw(const std::vector<const Blocks*>& changed, const std::vector<const Blocks*>& all);
-  Blocks unknown(const VoxelBox& box) const;                    // one hit for every unknown voxel
   Blocks known(const VoxelBox& box) const;                      // one miss for every known voxel
   void free_known(const VoxelBox& box);                         // as octomap_server's clear_bbx
   void clear() override;

@@ -38,8 +38,7 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
         "exploration": "octomap_server_3dnav.exploration.config.ExplorationConfig",
     },
     "octomap_server_3dnav_local_node": {
-        "": "octomap_server_3dnav.terrain.local_grid.LocalGridConfig",
-        "terrain": "octomap_server_3dnav.terrain.classify.TerrainConfig",
+        "": "octomap_server_3dnav.navigation.local_grid.LocalGridConfig",
     },
     "move_base_node": {"costmap": "local_terrain_costmap.CostmapConfig", "follower": "path_following.FollowerConfig"},
     "stop_scan_and_go_node": {"": "stop_scan_and_go.StopScanAndGoConfig"},

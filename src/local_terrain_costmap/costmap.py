@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from local_terrain_costmap.config import CostmapConfig
-from local_terrain_costmap.inflation import inflated
+from local_terrain_costmap.inflation import distance_to_lethal, inflated
 from local_terrain_costmap.obstacle import ObstacleLayer
 from local_terrain_costmap.terrain import TerrainLayer
-from local_terrain_costmap.view import LETHAL, CostmapView
+from local_terrain_costmap.view import FREE, LETHAL, CostmapView
 from local_terrain_costmap.window import Window
 from robot_body import RobotBody
 
@@ -39,14 +39,22 @@ class LocalCostmap:
         self._obstacles.move(window)
         self._view = None
 
-    def set_terrain(self, cost: ArrayLike, origin_xy: tuple[float, float], resolution: float, height: ArrayLike | None = None) -> None:
+    def set_terrain(
+        self,
+        cost: ArrayLike,
+        origin_xy: tuple[float, float],
+        resolution: float,
+        height: ArrayLike | None = None,
+        distance: ArrayLike | None = None,
+    ) -> None:
         """Replace the terrain by the classification of a new sweep.
 
         `cost` (ny, nx): 100 obstacle or cliff, 0 traversable, -1 unknown; row = y, column = x; `origin_xy` the lower left corner in
         map and `resolution`, metres. `height` (ny, nx) in map, metres, NaN unknown: marks that lie on this ground are taken back.
-        ValueError when shapes or values are others.
+        `distance` (ny, nx) of ground from what is lethal, at its exact place, metres, inf where that is far; where it is NaN, that from
+        the middle of the next lethal cell counts. ValueError when shapes or values are others.
         """
-        self._terrain.set_terrain(cost, origin_xy, resolution, height)
+        self._terrain.set_terrain(cost, origin_xy, resolution, height, distance)
         self._obstacles.drop_explained(self._terrain.height)
         self._view = None
 
@@ -79,11 +87,18 @@ class LocalCostmap:
     def master(self) -> CostmapView:
         """The costs of all layers together; the same object until something changes."""
         if self._view is None:
-            cost = np.where(self._obstacles.marked, np.uint8(LETHAL), self._terrain.cost)
-            cost = inflated(cost, self._contact_m, self._config)
+            marks = np.where(self._obstacles.marked, np.uint8(LETHAL), np.uint8(FREE))
+            cost = np.where(self._obstacles.marked, marks, self._terrain.cost)
+            cost = inflated(cost, self._distance(marks), self._contact_m, self._config)
             cost.setflags(write=False)
             self._view = CostmapView(cost, self._window.origin_xy, self._config.resolution_m)
         return self._view
+
+    def _distance(self, marks: NDArray[np.uint8]) -> NDArray[np.float64]:
+        """Metres from every cell's middle to what is lethal: exact over ground that was classified, else to the middle of a cell."""
+        to_mark, to_cell = (distance_to_lethal(cost, self._config.resolution_m) for cost in (marks, self._terrain.cost))
+        exact = self._terrain.distance
+        return np.minimum(to_mark, np.where(np.isnan(exact), to_cell, exact))
 
 
 def _points(values: ArrayLike, name: str) -> NDArray[np.float64]:

@@ -27,11 +27,11 @@ def inflation_cost(distance: NDArray[np.float64], contact_m: float, config: Cost
     return cost
 
 
-def inflated(cost: NDArray[np.uint8], contact_m: float, config: CostmapConfig) -> NDArray[np.uint8]:
-    """(ny, nx) costs with inflation around LETHAL cells; unknown cells give way to INSCRIBED only, as in costmap_2d.
+def inflated(cost: NDArray[np.uint8], distance: NDArray[np.float64], contact_m: float, config: CostmapConfig) -> NDArray[np.uint8]:
+    """(ny, nx) costs with inflation by the `distance` to what is lethal; unknown cells give way to INSCRIBED only, as in costmap_2d.
 
-    `contact_m`: nearer to a lethal cell the robot's middle is a contact, whatever its heading: half its width.
+    `contact_m`: nearer to that the robot's middle is a contact, whatever its heading: half its width.
     """
-    around = inflation_cost(distance_to_lethal(cost, config.resolution_m), contact_m, config)
+    around = inflation_cost(distance, contact_m, config)
     unknown = cost == NO_INFORMATION
     return np.where(unknown, np.where(around >= INSCRIBED, around, NO_INFORMATION), np.maximum(cost, around)).astype(np.uint8)

@@ -5,13 +5,14 @@ import math
 
 import numpy as np
 import rospy
-from explore_3dnav.msg import TerrainGrid
+from explore_3dnav.msg import TerrainGrid as TerrainGridMessage
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry, Path
 from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 from std_msgs.msg import Header
 
+from octomap_server_3dnav.navigation.local_grid import TerrainGrid
 from rigid_geometry import quat_xyzw_from_transform, transform_from_quat, transform_from_rpy
 from sweep_assembly import ScanGeometry
 
@@ -183,28 +184,27 @@ def _grid_info(shape: tuple[int, ...], origin_xy: tuple[float, float], resolutio
     return info
 
 
-def terrain_grid_message(
-    stamp_s: float, frame: str, cost: NDArray[np.int8], height: Singles, origin_xy: tuple[float, float], resolution: float
-) -> TerrainGrid:
-    """(ny, nx) costs of -1, 0 or 100 and ground heights; cell (0, 0) starts at `origin_xy`."""
-    info = _grid_info(cost.shape, origin_xy, resolution)
-    return TerrainGrid(header(stamp_s, frame), info, cost.ravel().tolist(), height.ravel().tolist())
+def terrain_grid_message(stamp_s: float, frame: str, grid: TerrainGrid) -> TerrainGridMessage:
+    info = _grid_info(grid.cost.shape, grid.origin_xy, grid.resolution)
+    cost, height, distance = (values.ravel().tolist() for values in (grid.cost, grid.height, grid.distance))
+    return TerrainGridMessage(header(stamp_s, frame), info, cost, height, distance)
 
 
-def terrain_grid_arrays(message: TerrainGrid) -> tuple[NDArray[np.int8], Singles, tuple[float, float], float]:
-    """Costs (ny, nx), heights (ny, nx), origin (x, y) and resolution; ValueError when the sizes do not agree."""
+def terrain_grid(message: TerrainGridMessage) -> TerrainGrid:
+    """The grid of a message in the frame map; ValueError for another, or when the sizes do not agree."""
+    if message.header.frame_id != "map":
+        raise ValueError(f"terrain grid in frame {message.header.frame_id!r}, expected 'map'")
     shape = (message.info.height, message.info.width)
-    if not len(message.cost) == len(message.height) == shape[0] * shape[1] or not message.info.resolution > 0:
+    layers = message.cost, message.height, message.distance
+    if any(len(layer) != shape[0] * shape[1] for layer in layers) or not message.info.resolution > 0:
         raise ValueError(
-            f"terrain grid of {shape} cells with {len(message.cost)} costs and {len(message.height)} heights, "
+            f"terrain grid of {shape} cells with {', '.join(str(len(layer)) for layer in layers)} costs, heights and distances, "
             f"resolution {message.info.resolution}"
         )
+    cost, height, distance = (np.asarray(layer).reshape(shape) for layer in layers)
     origin = message.info.origin.position
-    return (
-        np.asarray(message.cost, dtype=np.int8).reshape(shape),
-        np.asarray(message.height, dtype=np.float32).reshape(shape),
-        (origin.x, origin.y),
-        float(message.info.resolution),
+    return TerrainGrid(
+        cost.astype(np.int8), height.astype(np.float32), distance.astype(np.float32), (origin.x, origin.y), float(message.info.resolution)
     )
 
 

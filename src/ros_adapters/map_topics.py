@@ -8,11 +8,10 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from octomap_server_3dnav.navigation.local_grid import project
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.class_colours import CLASS_RGB
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
-from octomap_server_3dnav.terrain.local_grid import project
-from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import cloud_message, header, occupancy_grid_message, path_message
 from ros_adapters.node import Node
 from ros_adapters.octomap_messages import Octomap, whole_octomap
@@ -74,10 +73,11 @@ def graph_lines(stamp_s: float, terrain: Terrain) -> MarkerArray:
 
 
 def projected_map(stamp_s: float, terrain: Terrain) -> OccupancyGrid:
-    """octomap_server's 2-D map, of classified ground: 100 obstacle or cliff, 0 ground, -1 unknown."""
+    """octomap_server's 2-D map, of the robot's storey: 100 obstacle or cliff, 0 ground, -1 unknown."""
     centers = terrain.centers()
     low, high = centers.min(axis=0), centers.max(axis=0)
-    grid = project(terrain, transform_from_rpy((low + high) / 2), float((high - low)[:2].max()) + terrain.resolution, terrain.resolution)
+    x, y = ((low + high) / 2)[:2].tolist()
+    grid = project(terrain, (x, y), float((high - low)[:2].max()) + 3 * terrain.resolution)
     return occupancy_grid_message(stamp_s, "map", grid.cost, grid.origin_xy, grid.resolution)
 
 

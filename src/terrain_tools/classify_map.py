@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
-from octomap_server_3dnav.exploration import exploration
+from octomap_server_3dnav.exploration import first_decision
 from octomap_server_3dnav.octree.octree_files import replace_file
 from octomap_server_3dnav.terrain.classify import Terrain
 from terrain_tools import octree_survey
@@ -83,7 +83,7 @@ def classify_map(options: argparse.Namespace) -> int:
     _check(options)
     by = read_criteria(options.robot, options.profile)
     prepare_folder(options.out)
-    for module in (octree_survey, exploration):
+    for module in (octree_survey, first_decision):
         module.compile_kernels()  # loads them: the times are those of the map
     begun = time.perf_counter()
     octree = read_map(options.map, by, options.resolution, options.origins, _allowed_bytes(options.max_memory), _say)

@@ -7,7 +7,8 @@ import unittest
 
 import numpy as np
 import rospy
-from explore_3dnav.msg import FollowerCommand, TerrainGrid
+from explore_3dnav.msg import FollowerCommand
+from explore_3dnav.msg import TerrainGrid as TerrainGridMessage
 from explore_3dnav.srv import PlanPath, PlanPathRequest, PlanPathResponse, StorePlan
 from geometry_msgs.msg import Point, PointStamped, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
@@ -17,6 +18,7 @@ from std_srvs.srv import Empty, SetBool
 from tf2_msgs.msg import TFMessage
 
 import rostest
+from octomap_server_3dnav.navigation.local_grid import TerrainGrid
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import header, path_message, pose_message, terrain_grid_message, transform_stamped
 
@@ -26,6 +28,12 @@ STOREY_M = 2.4  # of the only ground that make_plan knows here
 TRANSFORM_PATIENCE_S = 2.3  # a little more than the node's
 CELLS, RESOLUTION_M = 100, 0.08
 HALF_M = CELLS * RESOLUTION_M / 2
+
+
+def grid_of(cost: np.ndarray) -> TerrainGrid:
+    """Level terrain whose lower left corner lies where that of the map does; of distances nothing is known."""
+    height, unknown = np.zeros(cost.shape, np.float32), np.full(cost.shape, np.nan, np.float32)
+    return TerrainGrid(cost, height, unknown, (-HALF_M, -HALF_M), RESOLUTION_M)
 
 
 class MoveBaseTest(unittest.TestCase):
@@ -39,7 +47,7 @@ class MoveBaseTest(unittest.TestCase):
         cls.diagnostics = DiagnosticsOf(NODE).wait_until_connected()
         cls.odometry = feed("/odom", Odometry)
         cls.scans = feed("/scan_horizontal", LaserScan)
-        cls.terrain = feed("/terrain_grid", TerrainGrid)
+        cls.terrain = feed("/terrain_grid", TerrainGridMessage)
         cls.tf = feed("/tf", TFMessage)
         cls.store_plan = rospy.ServiceProxy("storePlan", StorePlan)
         cls.hold = rospy.ServiceProxy(f"/{NODE}/hold", SetBool)
@@ -67,8 +75,7 @@ class MoveBaseTest(unittest.TestCase):
 
     def publish_terrain(self, cost: np.ndarray) -> None:
         """Terrain whose middle is the map's origin; the next command is that of a robot that knows it."""
-        height = np.zeros(cost.shape, np.float32)
-        self.terrain.publish(terrain_grid_message(self.clock_s, "map", cost, height, (-HALF_M, -HALF_M), RESOLUTION_M))
+        self.terrain.publish(terrain_grid_message(self.clock_s, "map", grid_of(cost)))
         deadline = time.monotonic() + 5.0
         while abs(self.tick().terrain_stamp.to_sec() - self.clock_s) > 60.0 and time.monotonic() < deadline:
             continue
@@ -182,7 +189,7 @@ class MoveBaseTest(unittest.TestCase):
         self.diagnostics.wait_for_dropped("bad Odometry", before + 1)
 
     def test_terrain_whose_sizes_do_not_agree_is_counted_and_dropped(self) -> None:
-        bad = terrain_grid_message(self.clock_s, "map", np.zeros((4, 4), np.int8), np.zeros((4, 4), np.float32), (0.0, 0.0), 0.08)
+        bad = terrain_grid_message(self.clock_s, "map", grid_of(np.zeros((4, 4), np.int8)))
         bad.cost = bad.cost[:5]
         self.terrain.publish(bad)
         time.sleep(QUIET_S)
@@ -192,8 +199,7 @@ class MoveBaseTest(unittest.TestCase):
 
     def test_terrain_in_another_frame_is_counted_and_dropped(self) -> None:
         before = self.diagnostics.dropped("bad TerrainGrid")
-        grid = np.zeros((4, 4), np.int8)
-        self.terrain.publish(terrain_grid_message(self.clock_s, "odom", grid, grid.astype(np.float32), (0.0, 0.0), 0.08))
+        self.terrain.publish(terrain_grid_message(self.clock_s, "odom", grid_of(np.zeros((4, 4), np.int8))))
         time.sleep(QUIET_S)
         MoveBaseTest.clock_s += 2.0
         self.tick()

@@ -6,7 +6,7 @@ import unittest
 
 import numpy as np
 import rospy
-from explore_3dnav.msg import ExplorationDecision, MappedSweep
+from explore_3dnav.msg import ExplorationDecision, MappedSweep, TerrainGrid
 from explore_3dnav.srv import PlanPath, StorePlan, StorePlanRequest, StorePlanResponse
 from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import Path
@@ -19,7 +19,7 @@ import rostest
 from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.octree import OctreeMap
 from rigid_geometry import transform_from_rpy
-from ros_adapters.conversions import cloud_message, header, pose_message
+from ros_adapters.conversions import cloud_message, header, pose_message, terrain_grid
 from ros_adapters.octomap_messages import BoundingBoxQuery, GetOctomap, Octomap, octomap_bytes
 
 NODE = "octomap_server_3dnav_node"
@@ -37,7 +37,7 @@ class OctomapServer3dnavTest(unittest.TestCase):
         cls.service = rospy.Service("storePlan", StorePlan, cls.store)
         wait_for_node(NODE)
         cls.decisions = Inbox("/exploration/decision", ExplorationDecision).wait_until_connected()
-        cls.local = Inbox("/octomap_local", Octomap).wait_until_connected()
+        cls.local = Inbox("/local_terrain", TerrainGrid).wait_until_connected()
         cls.full = Inbox("/octomap_full", Octomap).wait_until_connected()
         cls.binary = Inbox("/octomap_binary", Octomap).wait_until_connected()
         cls.markers = Inbox("/terrain_markers", MarkerArray).wait_until_connected()
@@ -91,12 +91,16 @@ class OctomapServer3dnavTest(unittest.TestCase):
         first = self.plans[-1].poses[0].pose.position
         self.assertLess(np.hypot(first.x, first.y), 0.3)
 
-    def test_local_octomap_holds_the_surroundings(self) -> None:
+    def test_local_terrain_holds_the_classified_surroundings(self) -> None:
         self.decision()
-        message = self.local.wait_for_stamp(self.clock_s)
-        self.assertEqual((message.header.frame_id, message.id, message.binary), ("map", "OcTree", True))
-        centers, _ = OctreeMap.from_binary(octomap_bytes(message), message.resolution).occupied_voxels()
-        self.assertGreater(len(centers), 1000)
+        grid = terrain_grid(self.local.wait_for_stamp(self.clock_s))
+        at = lambda x, y: (int((y - grid.origin_xy[1]) / grid.resolution), int((x - grid.origin_xy[0]) / grid.resolution))  # noqa: E731
+        self.assertEqual(grid.cost[at(1.0, 1.0)], 0)
+        self.assertAlmostEqual(float(grid.height[at(1.0, 1.0)]), 0.0, delta=grid.resolution)
+        row, column = at(-3.0, 0.0)
+        self.assertTrue((grid.cost[row, column - 2 : column + 3] == 100).any())
+        self.assertAlmostEqual(float(grid.distance[at(-2.5, 0.0)]), 0.5, delta=0.1)
+        self.assertEqual(grid.cost[at(5.5, 5.5)], -1)
 
     def test_octomaps_of_the_whole_can_be_read(self) -> None:
         self.decision()

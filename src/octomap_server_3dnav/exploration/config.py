@@ -33,6 +33,9 @@ class ExplorationConfig:
     max_refused_sweeps: int = parameter(
         2, "-", "sweeps in a row that match nothing after which the robot goes back to known ground; 0: never", low=0, high=100
     )
+    max_unplaced_sweeps: int = parameter(
+        3, "-", "sweeps in a row that did not come into the map at all after which the robot ends", low=1, high=100
+    )
     entry_m: float = parameter(
         0.25, "m", "a robot so near to where a passage begins drives in; from farther it stops there", low=0.0, high=2.0
     )

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from octomap_server_3dnav.exploration.exploration import Decision, DecisionKind, TerrainWithin
+from octomap_server_3dnav.exploration.decision import Decision, DecisionKind, TerrainWithin
 from octomap_server_3dnav.navigation.planner import PlannerConfig, nearest_traversable, plan_path
 from rigid_geometry.transforms import Transform
 
@@ -55,6 +55,5 @@ def way_back(
         yaw = math.atan2(end[1] - before[1], end[0] - before[0])
         away = math.dist((x, y), T_map_base[:2, 3])
         reason = f"sweeps found no place in the map: back to where one did, {away:.1f} m away"
-        goal = (float(end[0]), float(end[1]), float(end[2]), yaw)
-        return Decision(DecisionKind.GOAL, reason, terrain, scope, 0, 0, path.points, goal, (x, y, z), path.points, path.straight)
+        return Decision(DecisionKind.GOAL, reason, terrain, scope).along(path, path, yaw, (x, y, z))
     return None

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.navigation.passages import rest_from
 from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, distances
 from octomap_server_3dnav.navigation.shortcuts import resampled, straightened
+from octomap_server_3dnav.navigation.storey import STOREY_M
 from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
 from stage_config import check_ranges, parameter
 
-_STOREY_M = 0.5  # ground that differs by less in height is of one storey
 _NEAR_NODES = 50_000  # that are searched for the cheapest path: 320 m2 of ground at 8 cm
 _NOT_KNOWN = np.empty(0)  # what is left to the goal
 
@@ -194,7 +194,7 @@ def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], toler
         gaps = np.hypot(off[:, 0], off[:, 1])
         near = np.flatnonzero(gaps <= gaps.min() + terrain.resolution)
         aside = np.abs(terrain.z[nodes[near]] * terrain.resolution - terrain.robot_xyz[2])
-        near = near[aside <= aside.min() + _STOREY_M]
+        near = near[aside <= aside.min() + STOREY_M]
         best = int(near[np.argmin(gaps[near])])
     else:
         gaps = np.linalg.norm(off, axis=1)

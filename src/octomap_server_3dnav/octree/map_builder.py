@@ -21,6 +21,9 @@ from stage_config import check_ranges, parameter
 _MOVED = 0.125  # voxels: of what is kept off things 1 cm is for errors, so sweeps must not lie farther off than that
 _LEVER_M = 4.0  # a turned sweep counts as moved by what its points at this distance move
 
+_SUNK = 0.25  # voxels by which the ground under the robot is put lower: it must not stand out of what was seen beside it
+_UPRIGHT = 0.5  # of a robot that leans farther nobody knows what it stands on: 60 degrees
+
 RUNS_MARGIN_M = 2.25  # columns beyond a classified radius that inflation and the look for cliffs read
 
 
@@ -149,11 +152,6 @@ class MapBuilder:
         x, y = T_map_base[:2, 3]
         return self._tree.column_runs((x - radius_m, y - radius_m, -np.inf), (x + radius_m, y + radius_m, np.inf))
 
-    def binary_around(self, T_map_base: Transform, radius_m: float) -> bytes:
-        """`OctreeMap.to_binary` of a cube of half side `radius_m` around the robot."""
-        self.draw_moved(T_map_base, radius_m)
-        return self._tree.to_binary(T_map_base[:3, 3] - radius_m, T_map_base[:3, 3] + radius_m)
-
     def _moved_by(self, poses: NDArray[np.float64]) -> dict[int, tuple[_PlacedSweep, Transform]]:
         """The sweeps that the tree has more than `_MOVED` voxels from where the (V, 4, 4) poses have them, by vertex."""
         if not self._sweeps:
@@ -189,7 +187,10 @@ class MapBuilder:
         self.heights.add(HitHeights.together([seen.hits for seen in after]))
 
     def _trace(self, b: Beams, T: Transform, *, first: bool) -> _Seen:
-        """What a sweep at T_map_base saw; of the first one also the plane under the robot, where it saw nothing."""
+        """What a sweep at T_map_base saw; of the first one also the ground under the robot, where it saw nothing.
+
+        That lies as the robot lies, whose roll and pitch gravity tells: on a slope a level plane would stand in its way.
+        """
         c = self.config
         x, y, z = T[:3, 3]
         bounds = ((x - c.crop_half_m, y - c.crop_half_m, z - c.crop_below_m), (x + c.crop_half_m, y + c.crop_half_m, z + c.crop_above_m))
@@ -198,12 +199,23 @@ class MapBuilder:
         voxels = [self._tree.trace_sweep(ends, origins, c.max_range_m, bounds)]
         hits = ends[: len(b.points)]
         inside = ((hits >= bounds[0]) & (hits <= bounds[1])).all(axis=1)
-        if first and c.start_plane_half_m > 0:
-            alone = OctreeMap(c.resolution, self._tree.sensor_model)
-            alone.insert(voxels[0])
-            ground = T[:3, 3] - self.robot.base_height_m * T[:3, 2]
-            voxels.append(alone.trace_plane(ground - (0, 0, 0.25 * c.resolution), c.start_plane_half_m))
-        return _Seen(voxels, HitHeights.of(hits[inside], c.resolution))
+        hits = hits[inside]
+        if first and c.start_plane_half_m > 0 and T[2, 2] > _UPRIGHT:
+            middles, stood_on = self._ground_under(T, voxels[0])
+            voxels.append(self._tree.trace_sweep(middles, middles))  # beams that end where they begin
+            hits = np.concatenate([hits, stood_on])
+        return _Seen(voxels, HitHeights.of(hits, c.resolution))
+
+    def _ground_under(self, T: Transform, seen: SweepVoxels) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Voxels of the plane that a robot at T_map_base stands on, where a sweep saw nothing: their middles, and where in them it is."""
+        c, up = self.config, T[:3, 2]
+        alone = OctreeMap(c.resolution, self._tree.sensor_model)
+        alone.insert(seen)
+        below = T[:3, 3] - self.robot.base_height_m * up
+        middles = alone.unknown_on_plane(below - (0, 0, _SUNK * c.resolution), c.start_plane_half_m, up)
+        height = below[2] - (middles[:, :2] - below[:2]) @ up[:2] / up[2]
+        top = middles[:, 2] + 0.499 * c.resolution
+        return middles, np.column_stack([middles[:, :2], np.minimum(height, top)]).astype(np.float32)
 
 
 def _beyond(ends: NDArray[np.float32], origins: NDArray[np.float32], max_range_m: float) -> NDArray[np.float32]:

@@ -1,7 +1,7 @@
 """The occupancy octree of the map: sweeps go in, column runs, voxels and octomap's own bytes come out (thesis 4.4, 5.5).
 
-The first box of the terrain stage: `octomap_server_3dnav_node` keeps one for the whole map, its local twin one for the
-surroundings, and both hand `column_runs()` to the terrain analysis. The tree itself is octomap's, in `_octree_binding`.
+The first box of the terrain stage: `octomap_server_3dnav_node` keeps one and hands `column_runs()` to the terrain analysis. The tree
+itself is octomap's, in `_octree_binding`.
 """
 
 import math
@@ -15,9 +15,11 @@ import numpy as np
 from _octree_binding import SweepVoxels as SweepVoxels  # given out by trace_sweep, taken by insert and redraw
 from numpy.typing import ArrayLike, NDArray
 
-from octomap_server_3dnav.octree.column_runs import KEY_OFFSET, ColumnRuns
+from octomap_server_3dnav.octree.column_runs import KEY_OFFSET, ColumnRuns, VoxelState
 from octomap_server_3dnav.octree.octree_files import file_header, parsed_file, replace_file
 from octomap_server_3dnav.octree.sensor_model import SensorModel as SensorModel  # the map is made with one
+
+_UP = (0.0, 0.0, 1.0)
 
 Corner = tuple[int, int, int]
 Bounds = tuple[ArrayLike, ArrayLike]
@@ -107,21 +109,29 @@ class OctreeMap:
         self._tree.apply(voxels)
         return InsertionReport(voxels.free, voxels.occupied, voxels.dropped)
 
-    def insert_plane(self, center_xyz: ArrayLike, half_size: float) -> int:
-        """Count one hit for every unknown voxel of a level square, and say how many these were (thesis 5.5, Alg. 3 line 2).
+    def insert_plane(self, center_xyz: ArrayLike, half_size: float, up: ArrayLike = _UP) -> int:
+        """Count one hit for every unknown voxel of a plane over a square, and say how many these were (thesis 5.5, Alg. 3 line 2).
 
-        `center_xyz` (3,) and `half_size` in metres; for the blind spot under the robot at the start. What beams have seen,
-        free or occupied, stays as it is, and later beams overrule the guess.
+        `center_xyz` (3,) and `half_size` in metres, along the axes of map; `up` (3,) its normal, upwards. For the blind spot under the
+        robot at the start: what beams have seen, free or occupied, stays as it is, and later beams overrule the guess.
         """
-        return self.insert(self.trace_plane(center_xyz, half_size)).occupied
+        middles = self.unknown_on_plane(center_xyz, half_size, up)
+        return self.insert(self.trace_sweep(middles, middles)).occupied  # beams that end where they begin
 
-    def trace_plane(self, center_xyz: ArrayLike, half_size: float) -> SweepVoxels:
-        """What `insert_plane` would insert."""
-        center = _corner("center_xyz", center_xyz)
+    def unknown_on_plane(self, center_xyz: ArrayLike, half_size: float, up: ArrayLike = _UP) -> NDArray[np.float32]:
+        """(N, 3) middles of the voxels that `insert_plane` would hit."""
+        center, normal = _corner("center_xyz", center_xyz), _corner("up", up)
         if not (np.isfinite(center).all() and half_size > 0 and math.isfinite(half_size)):
             raise ValueError(f"center_xyz must be finite and half_size positive, not {center_xyz!r}, {half_size!r}")
+        if not (np.isfinite(normal).all() and normal[2] > 0):
+            raise ValueError(f"up must be finite and point upwards, not {up!r}")
         reach = np.array([half_size, half_size, 0.0])
-        return self._tree.unknown_hit(*self._box(center - reach, center + reach))
+        first, last = self._box(center - reach, center + reach)
+        columns = np.indices((last[0] - first[0] + 1, last[1] - first[1] + 1)).reshape(2, -1).T + first[:2]
+        off = (columns + 0.5) * self._resolution - center[:2]
+        layer = np.floor((center[2] - off @ normal[:2] / normal[2]) / self._resolution + 1e-6)
+        points = ((np.column_stack([columns, layer]) + 0.5) * self._resolution).astype(np.float32)
+        return np.asarray(points[self.states_at(points) == VoxelState.UNKNOWN])
 
     def redraw(self, changed: Sequence[SweepVoxels], inserted: Sequence[SweepVoxels]) -> None:
         """Make the map what inserting `inserted`, in this order, into an empty one gives, bit by bit.

@@ -58,10 +58,6 @@ def test_reference_has_every_value_of_the_robot_and_all_that_is_derived_from_it(
     assert all(f"| `{name}` |" in chapter for name in names)
 
 
-def test_both_octomap_nodes_set_the_same_terrain() -> None:
-    assert _values("octomap_server_3dnav_node")["terrain"] == _values("octomap_server_3dnav_local_node")["terrain"]
-
-
 def test_both_nodes_behind_a_spinning_lidar_know_the_same_one() -> None:
     assert _values("scan_filter_node")["lidar"] == _values("sweep_assembler_node")["lidar"]
 

@@ -73,7 +73,7 @@ def test_cost_falls_as_costmap_2d_has_it():
 def test_inflation_leaves_unknown_cells_unknown_beyond_the_inscribed_radius():
     cost = np.full((1, 12), NO_INFORMATION, dtype=np.uint8)
     cost[0, 0] = LETHAL
-    out = inflated(cost, 0.34, CostmapConfig(resolution_m=0.1))
+    out = inflated(cost, distance_to_lethal(cost, 0.1), 0.34, CostmapConfig())
     assert out[0].tolist() == [LETHAL] + [INSCRIBED] * 3 + [NO_INFORMATION] * 8
 
 

@@ -210,6 +210,8 @@ def test_outside_the_window_nothing_is_known():
         lambda c: c.set_terrain(np.zeros((3, 3)), (0.0, math.nan), 0.1),
         lambda c: c.set_terrain(np.zeros((3, 3)), (0.0, 0.0), 0.0),
         lambda c: c.set_terrain(np.zeros((3, 3)), (0.0, 0.0), 0.1, np.zeros((2, 3))),
+        lambda c: c.set_terrain(np.zeros((3, 3)), (0.0, 0.0), 0.1, None, np.zeros((2, 3))),
+        lambda c: c.set_terrain(np.zeros((3, 3)), (0.0, 0.0), 0.1, None, np.full((3, 3), -0.1)),
         lambda c: c.add_scan(np.zeros((3, 3)), NOTHING, (0.0, 0.0)),
         lambda c: c.add_scan(np.zeros((3, 2)), NOTHING, (0.0, 0.0), np.zeros(2)),
         lambda c: c.add_scan(NOTHING, NOTHING, (math.nan, 0.0)),
@@ -248,3 +250,51 @@ def test_hit_above_the_robot_is_passed_under_by_a_lower_one_only():
 def test_robot_wider_than_the_inflation_is_refused():
     with pytest.raises(ValueError, match="inflation_radius_m = 0.3 is below half of the robot's width_m = 0.67"):
         LocalCostmap(CostmapConfig(inflation_radius_m=0.3), RobotBody())
+
+
+def street_of_distances(resolution: float, offset: float) -> tuple[np.ndarray, np.ndarray]:
+    """Ground before a wall in the last column that stands `offset` m before the middle of that, and the exact distances from it."""
+    cost = np.zeros((20, 20), dtype=np.int8)
+    cost[:, 19] = 100
+    distance = np.tile((19 - np.arange(20)) * resolution - offset, (20, 1)).astype(np.float32)
+    distance[:, 19] = 0.0
+    return cost, distance
+
+
+@pytest.mark.parametrize("offset, nearest_free", [(-0.04, 15), (0.0, 14), (0.04, 14)])
+def test_ground_is_inscribed_by_its_exact_distance_not_by_the_middle_of_the_wall_s_cell(offset, nearest_free):
+    cost, distance = street_of_distances(0.08, offset)
+    costmap = LocalCostmap(CostmapConfig(size_m=3.2, resolution_m=0.08), RobotBody())
+    costmap.set_terrain(cost, (-0.8, -0.8), 0.08, None, distance)
+    row = costmap.master().cost[20, 10:30]
+    assert row[19] == LETHAL and (row[nearest_free + 1 : 19] == INSCRIBED).all() and row[nearest_free] < INSCRIBED
+
+
+def test_mark_inflates_ground_whose_terrain_is_far_from_anything():
+    costmap = LocalCostmap(CostmapConfig(size_m=4.0, resolution_m=0.08), RobotBody())
+    costmap.set_terrain(np.zeros((50, 50)), (-2.0, -2.0), 0.08, None, np.full((50, 50), np.inf))
+    assert (costmap.master().cost == FREE).all()
+    costmap.add_scan([[1.0, 0.04]], NOTHING, (0.04, 0.04))
+    assert at(costmap, (1.0, 0.04), (1.0, 0.3), (1.0, 0.6), (-0.5, 0.04))[:2] == [LETHAL, INSCRIBED]
+    assert 0 < at(costmap, (1.0, 0.6))[0] < INSCRIBED
+
+
+def test_lethal_things_of_another_storey_beside_the_ground_do_not_inflate_it():
+    cost = np.zeros((20, 20), dtype=np.int8)
+    cost[:, 10] = 100
+    costmap = LocalCostmap(CostmapConfig(size_m=3.2, resolution_m=0.08), RobotBody())
+    costmap.set_terrain(cost, (-0.8, -0.8), 0.08, None, np.where(cost == 0, np.inf, 0.0))
+    row = costmap.master().cost[20, 10:30]
+    assert row[10] == LETHAL and row[9] == FREE and row[11] == FREE
+
+
+@pytest.mark.parametrize("resolution", [0.05, 0.2])
+def test_distance_on_another_raster_is_never_too_large(resolution):
+    cost, distance = street_of_distances(0.08, 0.0)
+    costmap = LocalCostmap(CostmapConfig(size_m=4.0, resolution_m=resolution, inflation_radius_m=0.3), replace(RobotBody(), width_m=0.6))
+    costmap.set_terrain(cost, (-0.8, -0.8), 0.08, None, distance)
+    wall_x = -0.8 + 19.5 * 0.08
+    for x in np.arange(wall_x - 0.29, wall_x - 0.06, 0.02):
+        column = math.floor((x + 2.0) / resolution)
+        if wall_x - (-2.0 + (column + 0.5) * resolution) <= 0.3:
+            assert at(costmap, (x, 0.01))[0] >= INSCRIBED

@@ -7,8 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.exploration.decide import Explorer, Observation, SweepOutcome
+from octomap_server_3dnav.exploration.decision import Decision, TerrainWithin
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
+from octomap_server_3dnav.terrain.config import TerrainConfig
 from robot_body import RobotBody
 
 RESOLUTION = 0.08
@@ -54,8 +58,9 @@ def terrain_of(
     robot: RobotBody | None = None,
     **config: object,
 ) -> Terrain:
-    """The classified terrain of a grid."""
-    return classify(runs_of(states), T_map_base, TerrainConfig(**config), robot or RobotBody(), radius_m)  # type: ignore[arg-type]
+    """The classified terrain of a grid, with its passages."""
+    settings = TerrainSettings(robot or RobotBody(), TerrainConfig(**config))  # type: ignore[arg-type]
+    return navigable_terrain(runs_of(states), T_map_base, settings, radius_m)
 
 
 def label_at(terrain: Terrain, x: float, y: float, z: float, reach: float = 0.2) -> TerrainClass | None:
@@ -77,3 +82,31 @@ def drawn(terrain: Terrain, y_voxel: int, first: int, last: int) -> str:
 def label_set(terrain: Terrain) -> set[tuple[int, int, int, int]]:
     """All (ix, iy, z, label)."""
     return set(zip(terrain.ix.tolist(), terrain.iy.tolist(), terrain.z.tolist(), terrain.label.tolist(), strict=True))
+
+
+def decide(explorer: Explorer, world: ColumnRuns | TerrainWithin, T_map_base: NDArray[np.float64], drive_failure: str = "") -> Decision:
+    """What is decided after a sweep at a goal, or at where the drive to it failed; `world`: a known one, or its terrain by radius."""
+
+    def terrain_within(radius_m: float | None) -> Terrain:
+        if isinstance(world, ColumnRuns):
+            return navigable_terrain(world, T_map_base, explorer.terrain_settings, radius_m)
+        return world(radius_m)
+
+    return explorer.step(Observation(SweepOutcome.MATCHED, T_map_base[None], terrain_within, drive_failure=drive_failure))
+
+
+def room(nx: int = 90, ny: int = 90, height: Callable[[NDArray, NDArray], NDArray] = lambda x, y: 0.04 + 0 * x * y) -> NDArray[np.uint8]:
+    """A walled world whose solid ground reaches down, so that its steps have sides."""
+    states = grid_of_heights(height, nx, ny, top_m=3.6)
+    layer, top = np.arange(states.shape[2]), (states == OCCUPIED).argmax(axis=2)
+    states[(layer <= top[:, :, None]) & (layer >= BELOW)] = OCCUPIED
+    for edge in (np.s_[0], np.s_[-1]):
+        states[edge, :, BELOW:] = OCCUPIED
+        states[:, edge, BELOW:] = OCCUPIED
+    return states
+
+
+def opening(states: NDArray[np.uint8], first: int = 30, last: int = 50) -> NDArray[np.uint8]:
+    """The same with a part of its wall at the end of x that nobody has seen."""
+    states[-1, first:last] = UNKNOWN
+    return states

@@ -5,13 +5,18 @@ import sys
 import numpy as np
 import pytest
 from numba.core.registry import CPUDispatcher
-from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, grid_of_heights, pose, runs_of
+from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, decide, grid_of_heights, pose, runs_of
 
-from octomap_server_3dnav.exploration import exploration
+from octomap_server_3dnav.exploration.config import ExplorationConfig
+from octomap_server_3dnav.exploration.decide import Explorer
+from octomap_server_3dnav.exploration.decision import DecisionKind
+from octomap_server_3dnav.exploration.first_decision import compile_kernels
+from octomap_server_3dnav.exploration.plan_validity import validity_in
+from octomap_server_3dnav.navigation.local_grid import project
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder, MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
-from octomap_server_3dnav.terrain.classify import TerrainConfig, classify
 from robot_body import RobotBody
 
 
@@ -48,24 +53,26 @@ def octree_runs():
 
 @pytest.mark.parametrize("runs, here", [(runs_of(busy_world()), pose(22.5 * RESOLUTION, 2.4)), (octree_runs(), pose(2.0, 2.0))])
 def test_no_decision_compiles_what_was_not_compiled_beforehand(runs, here):
-    exploration.compile_kernels()
+    compile_kernels()
     before = signatures()
-    planner_of_goals = exploration.ExplorationPlanner()
-    decision = planner_of_goals.decide(runs, here)
-    assert decision.kind is exploration.DecisionKind.GOAL
-    planner_of_goals.still_valid(decision.terrain, decision.path, decision.frontier)
+    decision = decide(Explorer(), runs, here)
+    assert decision.kind is DecisionKind.GOAL
+    validity_in(decision.terrain, decision, ExplorationConfig(), 6)
+    project(decision.terrain, decision.terrain.robot_xyz[:2], 12.0)
     assert signatures() == before
 
 
 def test_no_sweep_compiles_what_was_not_compiled_beforehand():
     """The columns and heights that the node classifies."""
-    exploration.compile_kernels()
+    compile_kernels()
     before = signatures()
     builder, here = MapBuilder(MapConfig(), SensorModel(), RobotBody()), pose(2.0, 2.0)
     nothing = np.zeros((0, 3), dtype=np.float32)
     builder.add_sweep(Beams(*floor_seen_from_above(), nothing, nothing), 0, np.eye(4)[None])
-    decision = exploration.ExplorationPlanner().decide(
-        lambda radius_m: classify(builder.runs_around(here, radius_m), here, TerrainConfig(), RobotBody(), radius_m, builder.heights), here
+    decision = decide(
+        Explorer(),
+        lambda radius_m: navigable_terrain(builder.runs_around(here, radius_m), here, TerrainSettings(), radius_m, builder.heights),
+        here,
     )
-    assert decision.kind is exploration.DecisionKind.GOAL
+    assert decision.kind is DecisionKind.GOAL
     assert signatures() == before

@@ -4,18 +4,18 @@ import math
 
 import numpy as np
 import pytest
-from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of, terrain_of
+from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, UNKNOWN, decide, grid_of_heights, pose, runs_of, terrain_of
 from virtual_explorer import explore
 
 from octomap_server_3dnav.exploration.approach import Approach
 from octomap_server_3dnav.exploration.config import ExplorationConfig
-from octomap_server_3dnav.exploration.exploration import DecisionKind, ExplorationPlanner
+from octomap_server_3dnav.exploration.decide import Explorer
+from octomap_server_3dnav.exploration.decision import DecisionKind
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
 from octomap_server_3dnav.exploration.lookouts import WayOut, find_lookouts
-from octomap_server_3dnav.navigation.passages import Passage
+from octomap_server_3dnav.navigation.passages import TerrainSettings
 from octomap_server_3dnav.navigation.planner import PlannerConfig, plan_into, plan_path
-from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig
-from robot_body import RobotBody
+from octomap_server_3dnav.terrain.classified_terrain import Passage, TerrainClass
 
 BLOCK_M, SLOPE = 1.2, math.tan(math.radians(15.0))
 FOOT_X, HEAD_X = 2.4, 2.4 + BLOCK_M / SLOPE
@@ -50,13 +50,13 @@ def dead_end(width=11, last_x=60, nx=70):
 
 
 def lookouts_in(states, least_m2=0.5):
-    return find_lookouts(terrain_of(states, pose(1.2, 2.6)), FrontierConfig(least_lookout_gain_m2=least_m2), TerrainConfig(), RobotBody())
+    return find_lookouts(terrain_of(states, pose(1.2, 2.6)), FrontierConfig(least_lookout_gain_m2=least_m2), TerrainSettings())
 
 
 @pytest.mark.parametrize("lookouts", [True, False])
 def test_block_at_the_head_of_a_narrow_ramp_is_looked_at_from_the_ramp(lookouts):
     world = ramp_to_a_block(HEAD_X + 2.1, (1.9, 4.0))
-    journey = explore(world, 1.2, 2.9, 0.0, ExplorationPlanner(ExplorationConfig(lookouts=lookouts)))
+    journey = explore(world, 1.2, 2.9, 0.0, Explorer(ExplorationConfig(lookouts=lookouts)))
     highest, last = max(T[2, 3] for T in journey.poses), journey.poses[-1]
     top = journey.known[int(HEAD_X / RESOLUTION) + 4 : int((HEAD_X + 1.8) / RESOLUTION), 30:44, BELOW + int(BLOCK_M / RESOLUTION)]
     assert journey.decisions[-1].kind is DecisionKind.EXPLORED and last[2, 3] < 0.3
@@ -65,7 +65,7 @@ def test_block_at_the_head_of_a_narrow_ramp_is_looked_at_from_the_ramp(lookouts)
 
 
 def test_robot_drives_straight_in_and_straight_out_again():
-    journey = explore(ramp_to_a_block(HEAD_X + 2.1, (1.9, 4.0)), 1.2, 2.9, 0.0, ExplorationPlanner(ExplorationConfig(lookouts=True)))
+    journey = explore(ramp_to_a_block(HEAD_X + 2.1, (1.9, 4.0)), 1.2, 2.9, 0.0, Explorer(ExplorationConfig(lookouts=True)))
     on_ramp = [i for i, T in enumerate(journey.poses) if FOOT_X + 0.5 < T[0, 3] < HEAD_X and RAMP_Y[0] < T[1, 3] < RAMP_Y[1]]
     way_in, way_out = journey.decisions[on_ramp[0] - 1], journey.decisions[on_ramp[-1]]
     for decision in (way_in, way_out):
@@ -80,7 +80,7 @@ def test_lookout_is_the_middle_of_the_corridor_up_to_what_was_not_seen():
     x, y, _ = found.line.T
     assert found.xyz[0] == pytest.approx(60.5 * RESOLUTION) and found.gain_m2 > 0.5
     assert np.abs(y - 32.5 * RESOLUTION).max() < 0.06 and x[-1] == pytest.approx(59.5 * RESOLUTION, abs=0.1)
-    assert x[0] < 34 * RESOLUTION - RobotBody().turning_radius_m
+    assert x[0] < 34 * RESOLUTION - TerrainSettings().robot.turning_radius_m
     way = found.way_in(1.0)
     assert way.line[-1, 0] == pytest.approx(x[-1] - 1.0, abs=0.09) and way.nodes == (found.nodes[0], found.nodes[len(way.line) - 1])
     assert found.way_in(10.0) is None
@@ -92,7 +92,7 @@ def test_no_lookout_where_the_robot_does_not_fit_or_little_is_to_be_seen(states,
 
 
 def test_way_out_is_the_way_in_until_the_robot_can_turn():
-    states, way_out = dead_end(), WayOut(TerrainConfig(), RobotBody())
+    states, way_out = dead_end(), WayOut(TerrainSettings())
     way = lookouts_in(states)[0].way_in(1.0)
     inside, outside = terrain_of(states, pose(way.line[-1, 0], way.line[-1, 1])), terrain_of(states, pose(1.2, 2.6))
     assert way_out.from_inside(inside) is None and way_out.added_to(inside) is inside
@@ -111,13 +111,13 @@ def test_way_out_is_the_way_in_until_the_robot_can_turn():
 @pytest.mark.parametrize("yaw", [0.0, math.pi, 0.1, -0.1])
 def test_robot_that_wakes_up_inside_leaves_straight_if_it_stands_in_line(yaw):
     x = 34 * RESOLUTION + 1.5
-    decision = ExplorationPlanner().decide(runs_of(dead_end()), pose(x, 32.5 * RESOLUTION + 0.05, yaw=yaw))
+    decision = decide(Explorer(), runs_of(dead_end()), pose(x, 32.5 * RESOLUTION + 0.05, yaw=yaw))
     assert "out of" in decision.reason and decision.straight[:-1].all() and decision.goal[0] < 34 * RESOLUTION - 0.6
     assert np.abs(decision.path[:, 1] - 32.5 * RESOLUTION).max() < 0.1
 
 
 def test_robot_that_wakes_up_inside_across_has_no_way_out():
-    terrain, way_out = terrain_of(dead_end(), pose(34 * RESOLUTION + 1.5, 32.5 * RESOLUTION)), WayOut(TerrainConfig(), RobotBody())
+    terrain, way_out = terrain_of(dead_end(), pose(34 * RESOLUTION + 1.5, 32.5 * RESOLUTION)), WayOut(TerrainSettings())
     way_out.notice(terrain, 1.2)
     assert way_out.from_inside(terrain) is None
     way_out.notice(terrain, 0.0)
@@ -125,13 +125,13 @@ def test_robot_that_wakes_up_inside_across_has_no_way_out():
 
 
 def test_robot_beside_a_wall_is_not_inside():
-    terrain, way_out = terrain_of(dead_end(), pose(1.2, 0.5)), WayOut(TerrainConfig(), RobotBody())
+    terrain, way_out = terrain_of(dead_end(), pose(1.2, 0.5)), WayOut(TerrainSettings())
     way_out.notice(terrain, 0.0)
     assert terrain.is_inside and way_out.from_inside(terrain) is None
 
 
 def test_robot_that_goes_on_inside_comes_out_by_where_it_went_in():
-    states, way_out = dead_end(), WayOut(TerrainConfig(), RobotBody())
+    states, way_out = dead_end(), WayOut(TerrainSettings())
     (lookout,) = lookouts_in(states)
     way, aside = lookout.way_in(1.5), lookout.way_in(0.75)
     aside = Passage(aside.nodes, aside.line + [0.0, 0.1, 0.0])
@@ -144,17 +144,17 @@ def test_robot_that_goes_on_inside_comes_out_by_where_it_went_in():
 
 
 def test_robot_inside_leaves_straight_although_there_is_ground_ahead_that_no_passage_leads_to():
-    states, planner = dead_end(last_x=60, nx=82), ExplorationPlanner(ExplorationConfig(lookouts=True, edge_trim_m=0.75))
-    goal = planner.decide(runs_of(states), pose(1.2, 2.6)).goal
-    decision = planner.decide(runs_of(states), pose(*goal[:2]))
+    states, planner = dead_end(last_x=60, nx=82), Explorer(ExplorationConfig(lookouts=True, edge_trim_m=0.75))
+    goal = decide(planner, runs_of(states), pose(1.2, 2.6)).goal
+    decision = decide(planner, runs_of(states), pose(*goal[:2]))
     assert decision.goal[0] > 2.5 and decision.straight.any()  # in
     inside, known = pose(*decision.goal[:2]), dead_end(last_x=82, nx=82)
     known[60:77, 8:58], known[77:, :, BELOW:] = grid_of_heights(lambda x, y: 0.04 + 0 * x * y, 17, 50), OCCUPIED  # no room to run up
     terrain = terrain_of(known, inside)
     assert terrain.centers(np.array([terrain.departure]))[0, 0] > 5.0 and not terrain.passages
-    out = planner.decide(runs_of(known), inside)
+    out = decide(planner, runs_of(known), inside)
     assert "out of" in out.reason and out.straight[:-1].all() and out.goal[0] < 2.5
-    again = planner.decide(runs_of(states), inside)  # what was to be seen is unknown again: out all the same
+    again = decide(planner, runs_of(states), inside)  # what was to be seen is unknown again: out all the same
     assert "out of" in again.reason
     assert np.ptp(out.path[:, 1]) < 0.1
 
@@ -163,13 +163,13 @@ def test_robot_inside_leaves_straight_although_there_is_ground_ahead_that_no_pas
 def test_robot_inside_goes_on_for_less_than_it_goes_in_for(last_x, is_worth_it):
     (seen,) = lookouts_in(dead_end())
     of = FrontierConfig(least_lookout_gain_m2=0.9 * seen.gain_m2)
-    planner = ExplorationPlanner(ExplorationConfig(edge_trim_m=0.75), frontier=of)
-    assert planner.decide(runs_of(dead_end(last_x=last_x)), pose(1.2, 2.6)).kind is DecisionKind.EXPLORED
-    goal = planner.decide(runs_of(dead_end()), pose(1.2, 2.6)).goal
-    planner.decide(runs_of(dead_end()), pose(*goal[:2]))  # in
-    decision = planner.decide(runs_of(dead_end(last_x=last_x)), pose(3.5, goal[1]))
+    planner = Explorer(ExplorationConfig(edge_trim_m=0.75), frontier=of)
+    assert decide(planner, runs_of(dead_end(last_x=last_x)), pose(1.2, 2.6)).kind is DecisionKind.EXPLORED
+    goal = decide(planner, runs_of(dead_end()), pose(1.2, 2.6)).goal
+    decide(planner, runs_of(dead_end()), pose(*goal[:2]))  # in
+    decision = decide(planner, runs_of(dead_end(last_x=last_x)), pose(3.5, goal[1]))
     assert ("a look" in decision.reason) is is_worth_it and ("out of" in decision.reason) is not is_worth_it
-    assert planner.decide(runs_of(dead_end(last_x=last_x)), pose(1.2, 2.6)).kind is DecisionKind.EXPLORED
+    assert decide(planner, runs_of(dead_end(last_x=last_x)), pose(1.2, 2.6)).kind is DecisionKind.EXPLORED
 
 
 def test_robot_goes_on_to_where_it_was_sent_to_look_until_that_was_seen_or_the_way_is_barred():
@@ -179,16 +179,16 @@ def test_robot_goes_on_to_where_it_was_sent_to_look_until_that_was_seen_or_the_w
     less[66:] = OCCUPIED  # less to see
     barred[44, :, BELOW:] = OCCUPIED
     for states, goes_on in ((less, True), (barred, False), (dead_end(last_x=70), False)):
-        planner = ExplorationPlanner(ExplorationConfig(edge_trim_m=0.75), frontier=of)
-        assert planner.decide(runs_of(states), pose(1.2, 2.6)).kind is DecisionKind.EXPLORED
-        first = planner.decide(runs_of(dead_end()), pose(1.2, 2.6))
-        after = planner.decide(runs_of(states), pose(1.3, 2.6))
+        planner = Explorer(ExplorationConfig(edge_trim_m=0.75), frontier=of)
+        assert decide(planner, runs_of(states), pose(1.2, 2.6)).kind is DecisionKind.EXPLORED
+        first = decide(planner, runs_of(dead_end()), pose(1.2, 2.6))
+        after = decide(planner, runs_of(states), pose(1.1, 2.6))
         assert (after.kind is DecisionKind.GOAL) is goes_on
         assert not goes_on or math.dist(after.goal[:2], first.goal[:2]) < 0.1
 
 
 def test_path_out_is_driven_at_once_whichever_way_the_robot_faces():
-    states, way_out = dead_end(), WayOut(TerrainConfig(), RobotBody())
+    states, way_out = dead_end(), WayOut(TerrainSettings())
     way = lookouts_in(states)[0].way_in(1.0)
     way_out.enter(way, terrain_of(states, pose(1.2, 2.6)))
     T_map_base = pose(way.line[-1, 0], way.line[-1, 1])  # nose first

@@ -8,9 +8,11 @@ import math
 import numpy as np
 import pytest
 
+from octomap_server_3dnav.navigation.local_grid import FREE, project
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder, MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
+from octomap_server_3dnav.terrain.classify import TerrainConfig, classify
 from rigid_geometry import transform_from_rpy
 from robot_body import RobotBody
 
@@ -138,11 +140,11 @@ def test_surroundings_are_up_to_date_before_the_rest_is(seed, monkeypatch):
     traced = []
     trace = OctreeMap.trace_sweep
     monkeypatch.setattr(OctreeMap, "trace_sweep", lambda *args: traced.append(1) or trace(*args))
-    local, part = built.runs_around(poses[-1], 2.0), built.binary_around(poses[-1], 2.0)
+    local = built.runs_around(poses[-1], 2.0)
     assert len(traced) < 18
     monkeypatch.undo()
     scratch = from_scratch(beams, poses)
-    assert same_runs(local, scratch.runs_around(poses[-1], 2.0)) and part == scratch.binary_around(poses[-1], 2.0)
+    assert same_runs(local, scratch.runs_around(poses[-1], 2.0))
     assert same_heights(built, scratch, local)
     assert built.tree.to_full() == scratch.tree.to_full()
 
@@ -177,6 +179,32 @@ def test_plane_at_the_start_moves_with_the_first_sweep():
     built.add_sweep(wall(), 1, [pose(10.0), pose(10.2)])
     assert state(built, 0.0, 0.0, -0.02) is VoxelState.UNKNOWN
     assert state(built, 10.0, 0.0, -0.02) is VoxelState.OCCUPIED
+
+
+def on_a_slope(roll_rad: float, pitch_rad: float) -> tuple[Beams, np.ndarray]:
+    """A sweep of a plane by a robot that stands on it, and its pose; it sees nothing within 0.7 m, where the laser is blind."""
+    T_map_base = transform_from_rpy((0.0, 0.0, 0.0), (roll_rad, pitch_rad, 0.0)) @ transform_from_rpy((0.0, 0.0, 0.132))
+    x, y = (v.ravel() for v in np.meshgrid(*[np.arange(-4.0, 4.0, 0.03)] * 2))
+    seen = np.hypot(x, y) > 0.7
+    points = np.column_stack([x[seen], y[seen], np.full(seen.sum(), -0.132)]).astype(np.float32)
+    return Beams(points, np.tile(np.float32(SENSOR), (len(points), 1)), NOTHING, NOTHING), T_map_base
+
+
+@pytest.mark.parametrize("roll_deg, pitch_deg", [(0, 0), (18, 0), (0, 18), (0, -18), (-12, 13)])
+def test_robot_that_starts_on_a_slope_has_ground_around_it_and_nothing_in_its_way(roll_deg, pitch_deg):
+    built = builder()
+    beams, T_map_base = on_a_slope(math.radians(roll_deg), math.radians(pitch_deg))
+    built.add_sweep(beams, 0, [T_map_base])
+    terrain = classify(built.runs_around(T_map_base, 4.0), T_map_base, TerrainConfig(), RobotBody(), 2.0, built.heights)
+    grid = project(terrain, (0.0, 0.0), 3.2)
+    assert (grid.cost == FREE).all() and np.isinf(grid.distance).all()
+    assert terrain.departure is not None and terrain.departure == terrain.start
+
+
+def test_nothing_is_put_under_a_robot_that_lies_on_its_side():
+    built = builder()
+    built.add_sweep(wall(), 0, [transform_from_rpy((0.0, 0.0, 0.4), (1.4, 0.0, 0.0))])
+    assert built.tree.occupied_voxels()[0][:, 0].min() > 2.5
 
 
 def test_beams_and_voxels_of_the_sweeps_are_counted():

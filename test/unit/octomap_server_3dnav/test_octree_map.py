@@ -107,6 +107,22 @@ def test_plane_fills_only_what_is_unknown():
     assert rows == ["######..", "######..", "######..", "###1111#", "######..", "######.."]
 
 
+@pytest.mark.parametrize("up", [(0.0, 0.0, 1.0), (-0.3, 0.1, 0.9), (0.0, 0.42, 0.9), (1.0, 1.0, 0.8)])
+def test_plane_lies_as_its_normal_says(up):
+    octree, center = OctreeMap(RES), np.array([0.33, -0.21, 0.45])
+    assert octree.insert_plane(center, 0.6, up) == 13 * 13
+    centers, _ = octree.occupied_voxels()
+    off = (centers - center) @ (np.array(up) / up[2])
+    assert len(centers) == 13 * 13 and np.abs(off).max() <= RES / 2 + 1e-6
+    assert len(np.unique(np.round(centers[:, :2] / RES, 1), axis=0)) == 13 * 13  # one voxel a column
+
+
+@pytest.mark.parametrize("up", [(0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (np.nan, 0.0, 1.0), (0.0, 1.0)])
+def test_plane_whose_normal_does_not_point_upwards_is_refused(up):
+    with pytest.raises(ValueError, match="up"):
+        OctreeMap(RES).insert_plane([0.0, 0.0, 0.0], 0.5, up)
+
+
 def test_plane_is_overruled_by_what_beams_see_later():
     octree = OctreeMap(RES)
     octree.insert_plane([0.0, 0.0, 0.05], 0.2)

@@ -1,18 +1,23 @@
 """Passages: straight through doors and over bridges that are too narrow to turn on, and through nothing else."""
 
 import math
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of, terrain_of
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, decide, grid_of_heights, pose, runs_of, terrain_of
 
 from octomap_server_3dnav.exploration.approach import Approach
 from octomap_server_3dnav.exploration.config import ExplorationConfig
-from octomap_server_3dnav.exploration.exploration import DecisionKind, ExplorationPlanner, Validity
-from octomap_server_3dnav.navigation.passages import Passage
+from octomap_server_3dnav.exploration.decide import Explorer
+from octomap_server_3dnav.exploration.decision import DecisionKind
+from octomap_server_3dnav.exploration.frontiers import FrontierConfig
+from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain, rest_from
 from octomap_server_3dnav.navigation.planner import PlannerConfig, distances_over_ground, plan_path
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
-from robot_body import RobotBody
+from octomap_server_3dnav.navigation.straight_lines import PassageConfig
+from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
 
 WALL_X, MIDDLE_Y = 55, 35  # columns
 CONFIG = PlannerConfig()
@@ -74,7 +79,7 @@ def test_unknown_floor_in_the_room_behind_a_door_is_a_question_there_too() -> No
 
 def test_classes_are_what_they_were_without_passages() -> None:
     states = with_door(11)
-    off = classify(runs_of(states), BEFORE, TerrainConfig().without_passages(), RobotBody(), None)
+    off = navigable_terrain(runs_of(states), BEFORE, TerrainSettings(passages=PassageConfig(enabled=False)), None)
     on = terrain_of(states, BEFORE)
     assert not off.passages and not off.narrow.any() and way(off, *BEHIND) is None
     assert np.array_equal(off.label, on.label) and np.array_equal(off.neighbours, on.neighbours) and np.array_equal(off.cost, on.cost)
@@ -174,9 +179,9 @@ def test_robot_inside_of_a_passage_has_both_ways_out() -> None:
 
 def test_rest_of_a_passage_begins_where_the_robot_stands_in_it() -> None:
     passage = Passage((3, 9), np.column_stack([np.linspace(0, 2, 21), np.zeros(21), np.zeros(21)]))
-    rest = passage.turned().rest_from((1.21, 0.05), 7)
+    rest = rest_from(passage.turned(), (1.21, 0.05), 7)
     assert rest is not None and rest.nodes == (7, 3) and rest.line[0, 0] == pytest.approx(1.2) and rest.line[-1, 0] == 0.0
-    assert passage.rest_from((1.2, 0.5), 7) is None and passage.rest_from((2.3, 0.0), 7) is None
+    assert rest_from(passage, (1.2, 0.5), 7) is None and rest_from(passage, (2.3, 0.0), 7) is None
 
 
 def unknown_behind(columns: int) -> np.ndarray:
@@ -187,18 +192,18 @@ def unknown_behind(columns: int) -> np.ndarray:
 
 def test_robot_stops_in_line_before_the_door_and_drives_in_from_there() -> None:
     runs = runs_of(unknown_behind(11))
-    far = ExplorationPlanner().decide(runs, BEFORE)
+    far = decide(Explorer(), runs, BEFORE)
     assert far.kind is DecisionKind.GOAL and not far.straight[:-1].any() and far.straight[-1]
     x, y, _, yaw = far.goal
     assert x < WALL_X * RESOLUTION - 1.0 and abs(yaw) < 0.1
-    planner = ExplorationPlanner()
-    near = planner.decide(runs, pose(x, y, yaw=yaw))
+    near = decide(Explorer(), runs, pose(x, y, yaw=yaw))
     assert near.kind is DecisionKind.GOAL and near.straight.any() and near.goal[0] > WALL_X * RESOLUTION + 1.0
-    assert planner.still_valid(near.terrain, near.path, near.frontier, near.straight) is Validity.VALID
-    assert planner.still_valid(near.terrain, near.path, near.frontier) is Validity.PATH_BLOCKED
+    valid_in = partial(validity_in, config=ExplorationConfig(), min_voxels=FrontierConfig().min_voxels)
+    assert valid_in(near.terrain, near) is Validity.VALID
+    assert valid_in(near.terrain, replace(near, straight=None)) is Validity.PATH_BLOCKED
     blocked = with_door(11)
     blocked[WALL_X + 4, MIDDLE_Y - 1 : MIDDLE_Y + 1, BELOW:] = OCCUPIED
-    assert planner.still_valid(terrain_of(blocked, BEFORE), near.path, near.frontier, near.straight) is Validity.PATH_BLOCKED
+    assert valid_in(terrain_of(blocked, BEFORE), near) is Validity.PATH_BLOCKED
 
 
 def test_robot_stops_once_more_before_the_second_door_of_a_path() -> None:
@@ -208,10 +213,10 @@ def test_robot_stops_once_more_before_the_second_door_of_a_path() -> None:
         for beside in (np.s_[: MIDDLE_Y - 5], np.s_[MIDDLE_Y + 6 :]):
             states[wall : wall + 2, beside, BELOW:] = OCCUPIED
     states[125:] = UNKNOWN
-    planner, runs = ExplorationPlanner(), runs_of(states)
+    planner, runs = Explorer(), runs_of(states)
     at, stops = BEFORE, []
     for _ in range(3):
-        decision = planner.decide(runs, at)
+        decision = decide(planner, runs, at)
         assert decision.kind is DecisionKind.GOAL
         x, y, _, yaw = decision.goal
         stops.append(x)
@@ -224,7 +229,7 @@ def test_no_goal_lies_inside_of_a_passage() -> None:
         states = with_door(11, thick=8)
         states[last:] = UNKNOWN
         here = pose(2.0, MIDDLE_Y * RESOLUTION)
-        decision = ExplorationPlanner().decide(runs_of(states), here)
+        decision = decide(Explorer(), runs_of(states), here)
         if decision.kind is DecisionKind.GOAL:
             node = decision.terrain.surface_near(decision.goal[:3])
             assert decision.terrain.label[node] == TerrainClass.TRAVERSABLE

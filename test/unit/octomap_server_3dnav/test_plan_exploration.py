@@ -4,36 +4,23 @@ import math
 
 import numpy as np
 import pytest
-from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, runs_of, terrain_of
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, decide, opening, pose, room, runs_of, terrain_of
 from virtual_explorer import explore
 
 from octomap_server_3dnav.exploration.config import ExplorationConfig
-from octomap_server_3dnav.exploration.exploration import DecisionKind, ExplorationPlanner, Validity
+from octomap_server_3dnav.exploration.decide import Explorer
+from octomap_server_3dnav.exploration.decision import DecisionKind
+from octomap_server_3dnav.exploration.frontiers import FrontierConfig
+from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.navigation.planner import PlannerConfig
-from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig, classify
-from robot_body import RobotBody
+from octomap_server_3dnav.terrain.classified_terrain import TerrainClass
 
-GOAL, EXPLORED, TRAPPED = DecisionKind
-
-
-def room(nx=90, ny=90, height=lambda x, y: 0.04 + 0 * x * y):
-    """A walled world whose solid ground reaches down, so that its steps have sides."""
-    states = grid_of_heights(height, nx, ny, top_m=3.6)
-    layer, top = np.arange(states.shape[2]), (states == OCCUPIED).argmax(axis=2)
-    states[(layer <= top[:, :, None]) & (layer >= BELOW)] = OCCUPIED
-    for edge in (np.s_[0], np.s_[-1]):
-        states[edge, :, BELOW:] = OCCUPIED
-        states[:, edge, BELOW:] = OCCUPIED
-    return states
-
-
-def opening(states, first=30, last=50):
-    states[-1, first:last] = UNKNOWN
-    return states
+GOAL, EXPLORED, TRAPPED = DecisionKind.GOAL, DecisionKind.EXPLORED, DecisionKind.TRAPPED
 
 
 def test_goal_lies_before_the_frontier_and_faces_it():
-    decision = ExplorationPlanner().decide(runs_of(opening(room())), pose(2.0, 2.0))
+    decision = decide(Explorer(), runs_of(opening(room())), pose(2.0, 2.0))
     assert decision.kind is GOAL and decision.scope == "local" and decision.open_frontiers == 1
     x, y, _, yaw = decision.goal
     gap = math.hypot(decision.frontier[0] - x, decision.frontier[1] - y)
@@ -46,21 +33,20 @@ def test_small_opening_beside_inflated_ground_only_is_looked_at_when_nothing_els
     states = room()
     states[-1, 36:44] = UNKNOWN
     states[84:89, :36, BELOW:] = states[84:89, 44:, BELOW:] = OCCUPIED
-    planner, at = ExplorationPlanner(), pose(5.0, 3.2)
-    last = planner.decide(runs_of(states), at)
+    planner, at = Explorer(), pose(5.0, 3.2)
+    last = decide(planner, runs_of(states), at)
     assert last.kind is GOAL and last.frontier[0] > 7.0
     states[0, 58:78] = UNKNOWN  # far behind the robot, beyond the local map
-    assert ExplorationPlanner().decide(runs_of(states), at).frontier[0] < 0.5
-    for _ in range(ExplorationConfig().max_failures):
-        planner.report_failure(last.frontier, "blocked")
+    assert decide(Explorer(), runs_of(states), at).frontier[0] < 0.5
     states[0, 58:78] = OCCUPIED
-    assert planner.decide(runs_of(states), at).kind is EXPLORED
+    after = [decide(planner, runs_of(states), at, "blocked").kind for _ in range(ExplorationConfig().max_failures)]
+    assert after == [GOAL, EXPLORED]
 
 
 def test_path_keeps_clear_of_floor_that_was_not_seen():
     states = opening(room(), 40, 50)
     states[40:55, 30:62] = UNKNOWN  # a pit, for all that is known, on the straight way from the robot to the opening
-    decision = ExplorationPlanner().decide(runs_of(states), pose(1.4, 3.6))
+    decision = decide(Explorer(), runs_of(states), pose(1.4, 3.6))
     terrain = decision.terrain
     unknown = terrain.centers(terrain.nodes_of(TerrainClass.FRONTIER))[:, :2]
     away = np.linalg.norm(decision.path[:, None, :2] - unknown[None], axis=2).min(axis=1)
@@ -70,10 +56,10 @@ def test_path_keeps_clear_of_floor_that_was_not_seen():
 
 
 def test_another_look_is_never_taken_from_beside_unknown_floor():
-    planner, runs = ExplorationPlanner(ExplorationConfig(max_looks=5)), runs_of(opening(room()))
+    planner, runs = Explorer(ExplorationConfig(max_looks=5)), runs_of(opening(room()))
     at = pose(4.0, 3.2)
     for _ in range(4):
-        decision = planner.decide(runs, at)
+        decision = decide(planner, runs, at)
         if decision.kind is not GOAL:
             break
         x, y, _, yaw = decision.goal
@@ -83,17 +69,17 @@ def test_another_look_is_never_taken_from_beside_unknown_floor():
 
 def test_goal_beside_a_kerb_is_moved_back_along_its_path():
     states, at = opening(room()), pose(2.0, 3.2)
-    plain = ExplorationPlanner().decide(lambda radius: classify(runs_of(states), at, TerrainConfig(), RobotBody(), radius), at)
+    plain = decide(Explorer(), lambda radius: navigable_terrain(runs_of(states), at, TerrainSettings(), radius), at)
 
     def kerb_at_the_goal(radius):
-        terrain = classify(runs_of(states), at, TerrainConfig(), RobotBody(), radius)
+        terrain = navigable_terrain(runs_of(states), at, TerrainSettings(), radius)
         terrain.near_kerb[terrain.ix > (plain.goal[0] - 0.5) / RESOLUTION] = True
         return terrain
 
-    decision = ExplorationPlanner().decide(kerb_at_the_goal, at)
+    decision = decide(Explorer(), kerb_at_the_goal, at)
     assert decision.kind is GOAL
     assert 0.4 < plain.goal[0] - decision.goal[0] < 0.8
-    kept = ExplorationPlanner(ExplorationConfig(most_back_m=0.2)).decide(kerb_at_the_goal, at)
+    kept = decide(Explorer(ExplorationConfig(most_back_m=0.2)), kerb_at_the_goal, at)
     assert kept.goal == plain.goal
 
 
@@ -102,7 +88,7 @@ def test_robot_does_not_turn_to_the_frontier_on_a_slope(degrees, faces):
     slope = math.tan(math.radians(degrees))
     states = room(90, 60, lambda x, y: 0.04 + slope * x + 0 * y)
     states[60:80, -1] = UNKNOWN  # an opening beside the way up
-    decision = ExplorationPlanner().decide(runs_of(states), pose(2.0, 2.4, ground=2.0 * slope))
+    decision = decide(Explorer(), runs_of(states), pose(2.0, 2.4, ground=2.0 * slope))
     (x, y, _, yaw), (a, b) = decision.goal, decision.path[[-4, -1], :2]
     facing, arriving = math.atan2(decision.frontier[1] - y, decision.frontier[0] - x), math.atan2(b[1] - a[1], b[0] - a[0])
     assert abs(facing - arriving) > 0.1
@@ -116,33 +102,31 @@ def test_whole_map_is_searched_when_nothing_is_near():
         asked.append(radius)
         return terrain_of(opening(room(150, 60)), pose(1.6, 2.0), radius)
 
-    decision = ExplorationPlanner().decide(terrain_within, pose(1.6, 2.0))
+    decision = decide(Explorer(), terrain_within, pose(1.6, 2.0))
     assert decision.kind is GOAL and decision.scope == "global" and asked == [6.0, None]
 
 
 def test_closed_room_is_explored():
-    decision = ExplorationPlanner().decide(runs_of(room()), pose(2.0, 2.0))
+    decision = decide(Explorer(), runs_of(room()), pose(2.0, 2.0))
     assert decision.kind is EXPLORED and "no reachable frontier" in decision.reason
     assert decision.path is None and decision.goal is None
 
 
 def test_robot_without_ground_and_robot_in_a_closet_are_trapped():
-    planner = ExplorationPlanner()
-    assert planner.decide(runs_of(room()), pose(2.0, 2.0, ground=2.0)).kind is TRAPPED
+    planner = Explorer()
+    assert decide(planner, runs_of(room()), pose(2.0, 2.0, ground=2.0)).kind is TRAPPED
     closet = room()
     closet[[20, 34], 20:35, BELOW:] = OCCUPIED
     closet[20:35, [20, 34], BELOW:] = OCCUPIED
-    decision = planner.decide(runs_of(closet), pose(27.5 * RESOLUTION, 27.5 * RESOLUTION))
+    decision = decide(planner, runs_of(closet), pose(27.5 * RESOLUTION, 27.5 * RESOLUTION))
     assert decision.kind is TRAPPED and "near" in decision.reason
 
 
 def test_frontier_that_cannot_be_reached_is_set_aside_after_the_failures():
-    planner, runs = ExplorationPlanner(ExplorationConfig(max_failures=2)), runs_of(opening(room()))
-    for _ in range(2):
-        decision = planner.decide(runs, pose(2.0, 2.0))
-        assert decision.kind is GOAL
-        planner.report_failure(decision.frontier, "no progress")
-    decision = planner.decide(runs, pose(2.0, 2.0))
+    planner, runs = Explorer(ExplorationConfig(max_failures=2)), runs_of(opening(room()))
+    assert decide(planner, runs, pose(2.0, 2.0)).kind is GOAL
+    assert decide(planner, runs, pose(2.0, 2.0), "no progress").kind is GOAL
+    decision = decide(planner, runs, pose(2.0, 2.0), "no progress")
     assert decision.kind is EXPLORED and decision.set_aside == 1 and "1 set aside" in decision.reason
     assert "no progress" in planner.set_aside()[0][1]
 
@@ -150,18 +134,17 @@ def test_frontier_that_cannot_be_reached_is_set_aside_after_the_failures():
 def test_next_frontier_is_tried_when_the_first_is_set_aside():
     states = opening(room())
     states[30:50, -1] = UNKNOWN
-    planner = ExplorationPlanner(ExplorationConfig(max_failures=1))
-    first = planner.decide(runs_of(states), pose(2.0, 2.0))
-    planner.report_failure(first.frontier, "blocked")
-    second = planner.decide(runs_of(states), pose(2.0, 2.0))
+    planner = Explorer(ExplorationConfig(max_failures=1))
+    first = decide(planner, runs_of(states), pose(2.0, 2.0))
+    second = decide(planner, runs_of(states), pose(2.0, 2.0), "blocked")
     assert second.kind is GOAL and math.dist(first.frontier, second.frontier) > 3.0
 
 
 def test_frontier_that_no_look_changes_is_approached_more_closely_and_then_set_aside():
-    planner, runs = ExplorationPlanner(), runs_of(opening(room()))
+    planner, runs = Explorer(), runs_of(opening(room()))
     here, gaps = pose(2.0, 2.0), []
     for _ in range(20):
-        decision = planner.decide(runs, here)
+        decision = decide(planner, runs, here)
         if decision.kind is not GOAL:
             break
         x, y, z, yaw = decision.goal
@@ -172,14 +155,14 @@ def test_frontier_that_no_look_changes_is_approached_more_closely_and_then_set_a
 
 
 def test_robot_that_never_gets_near_ends_by_the_number_of_goals():
-    planner, runs = ExplorationPlanner(ExplorationConfig(max_goals=4)), runs_of(opening(room()))
-    kinds = [planner.decide(runs, pose(2.0, 2.0)).kind for _ in range(5)]
+    planner, runs = Explorer(ExplorationConfig(max_goals=4)), runs_of(opening(room()))
+    kinds = [decide(planner, runs, pose(2.0, 2.0)).kind for _ in range(5)]
     assert kinds == [GOAL] * 4 + [EXPLORED]
 
 
 def test_far_frontier_chosen_anew_on_the_way_to_it_is_not_set_aside():
-    planner, runs = ExplorationPlanner(ExplorationConfig(max_goals=3)), runs_of(opening(room(150, 60), 20, 40))
-    decisions = [planner.decide(runs, pose(1.6 + 0.7 * k, 2.4)) for k in range(10)]
+    planner, runs = Explorer(ExplorationConfig(max_goals=3)), runs_of(opening(room(150, 60), 20, 40))
+    decisions = [decide(planner, runs, pose(1.6 + 0.7 * k, 2.4)) for k in range(10)]
     assert [d.kind for d in decisions] == [GOAL] * 10
     assert planner.set_aside() == []
 
@@ -187,19 +170,19 @@ def test_far_frontier_chosen_anew_on_the_way_to_it_is_not_set_aside():
 def test_frontier_nearer_than_the_trim_is_faced_from_where_the_robot_stands():
     states = opening(room())
     here = pose(79.5 * RESOLUTION, 40.5 * RESOLUTION, yaw=math.pi)
-    decision = ExplorationPlanner(planner=PlannerConfig(trim_m=2.0)).decide(runs_of(states), here)
+    decision = decide(Explorer(planner=PlannerConfig(trim_m=2.0)), runs_of(states), here)
     assert decision.path.shape == (1, 3)
     (x, y, _), (x0, y0) = decision.frontier, here[:2, 3]
     assert x > x0 and decision.goal[3] == pytest.approx(math.atan2(y - y0, x - x0), abs=0.1)
 
 
 def test_plan_stays_valid_until_the_path_is_blocked_or_the_frontier_is_gone():
-    planner, states = ExplorationPlanner(), opening(room())
-    decision = planner.decide(runs_of(states), pose(2.0, 2.0))
+    states = opening(room())
+    decision = decide(Explorer(), runs_of(states), pose(2.0, 2.0))
 
     def after(world):
-        terrain = classify(runs_of(world), pose(2.3, 2.2), TerrainConfig(), RobotBody(), 6.0)
-        return planner.still_valid(terrain, decision.path, decision.frontier)
+        terrain = navigable_terrain(runs_of(world), pose(2.3, 2.2), TerrainSettings(), 6.0)
+        return validity_in(terrain, decision, ExplorationConfig(), FrontierConfig().min_voxels)
 
     assert after(states) is Validity.VALID
     assert after(room()) is Validity.FRONTIER_GONE
@@ -208,15 +191,19 @@ def test_plan_stays_valid_until_the_path_is_blocked_or_the_frontier_is_gone():
     assert after(blocked) is Validity.PATH_BLOCKED
 
 
-def test_wrong_configuration_and_wrong_frontier_are_refused():
+def test_decision_without_a_path_has_no_validity():
+    explored = decide(Explorer(), runs_of(room()), pose(2.0, 2.0))
+    with pytest.raises(ValueError, match="explored"):
+        validity_in(explored.terrain, explored, ExplorationConfig(), 6)
+
+
+def test_wrong_configuration_is_refused():
     with pytest.raises(ValueError, match="max_goals"):
-        ExplorationPlanner(ExplorationConfig(max_goals=1, max_looks=3))
-    with pytest.raises(ValueError, match="finite"):
-        ExplorationPlanner().report_failure((0.0, math.nan, 0.0), "lost")
+        Explorer(ExplorationConfig(max_goals=1, max_looks=3))
 
 
 def coverage(journey, world, start):
-    true = classify(runs_of(world), start, TerrainConfig(), RobotBody(), None).traversable_area_m2
+    true = navigable_terrain(runs_of(world), start, TerrainSettings(), None).traversable_area_m2
     return journey.decisions[-1].terrain.traversable_area_m2 / true
 
 
@@ -224,7 +211,7 @@ def test_two_rooms_are_explored_to_the_end():
     world = room(110, 80)
     world[55, :, BELOW : BELOW + 30] = OCCUPIED
     world[55, 50:70, BELOW + 1 :] = FREE
-    journey = explore(world, 2.0, 2.0, 0.04, ExplorationPlanner(), most=20)
+    journey = explore(world, 2.0, 2.0, 0.04, Explorer(), most=20)
     assert journey.decisions[-1].kind is EXPLORED
     assert coverage(journey, world, pose(2.0, 2.0)) > 0.97
 
@@ -242,11 +229,11 @@ def two_levels():
 
 def test_deck_is_explored_above_and_below_and_its_edges_are_never_left():
     world = two_levels()
-    journey = explore(world, 1.5, 1.5, 0.04, ExplorationPlanner(), most=30)
+    journey = explore(world, 1.5, 1.5, 0.04, Explorer(), most=30)
     last = journey.decisions[-1]
     assert last.kind is EXPLORED
     assert coverage(journey, world, pose(1.5, 1.5)) > 0.95
-    edge = classify(runs_of(world), pose(1.5, 1.5), TerrainConfig(), RobotBody(), None)
+    edge = navigable_terrain(runs_of(world), pose(1.5, 1.5), TerrainSettings(), None)
     cliffs = edge.centers(edge.nodes_of(TerrainClass.CLIFF))
     for T_map_base in journey.poses:
         ground = T_map_base[:3, 3] - [0, 0, 0.132]
@@ -259,6 +246,6 @@ def test_rough_ground_with_range_noise_ends_explored():
     hills = [(*random.uniform(0, 9, 2), random.uniform(0.8, 2.0), random.uniform(-0.35, 0.35)) for _ in range(14)]
     world = room(110, 110, lambda x, y: 0.4 + sum(a * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / s**2) for cx, cy, s, a in hills))
     ground = ((world[50, 50] == OCCUPIED).nonzero()[0].max() - BELOW + 0.5) * RESOLUTION
-    journey = explore(world, 50.5 * RESOLUTION, 50.5 * RESOLUTION, ground, ExplorationPlanner(), most=30, noise_m=0.015)
+    journey = explore(world, 50.5 * RESOLUTION, 50.5 * RESOLUTION, ground, Explorer(), most=30, noise_m=0.015)
     assert journey.decisions[-1].kind is EXPLORED
     assert coverage(journey, world, pose(50.5 * RESOLUTION, 50.5 * RESOLUTION, ground)) > 0.85

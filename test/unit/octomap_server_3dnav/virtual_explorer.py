@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, pose, runs_of
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, decide, pose, runs_of
 
-from octomap_server_3dnav.exploration.exploration import Decision, DecisionKind, ExplorationPlanner
+from octomap_server_3dnav.exploration.decide import Explorer
+from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
 
 SENSOR_HEIGHT = 0.88
 
@@ -65,7 +66,7 @@ def _plane_beneath(world, known, x, y, half=0.7):
     known[block][world[block] == OCCUPIED] = OCCUPIED
 
 
-def explore(world, x, y, ground, planner: ExplorationPlanner, most: int = 80, noise_m: float = 0.0) -> Journey:
+def explore(world, x, y, ground, planner: Explorer, most: int = 80, noise_m: float = 0.0) -> Journey:
     """Sweep, decide, jump to the goal, until there is none or `most` decisions were made."""
     known = np.zeros_like(world)
     _plane_beneath(world, known, x, y)
@@ -78,7 +79,7 @@ def explore(world, x, y, ground, planner: ExplorationPlanner, most: int = 80, no
         origin = np.array([x + 0.2 * c, y + 0.2 * s, ground + SENSOR_HEIGHT]) / RESOLUTION + np.array([0, 0, BELOW])
         _cast(world, known, origin, turned, 12.0 / RESOLUTION, noise_m / RESOLUTION * random.standard_normal(len(rays)))
         T_map_base = pose(x, y, ground, yaw)
-        decision = planner.decide(runs_of(known), T_map_base)
+        decision = decide(planner, runs_of(known), T_map_base)
         journey.decisions.append(decision)
         journey.poses.append(T_map_base)
         if decision.kind is not DecisionKind.GOAL:

@@ -9,6 +9,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Transform
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
+from octomap_server_3dnav.navigation.local_grid import TerrainGrid
 from rigid_geometry import transform_from_rpy, yaw_of
 from ros_adapters import conversions as c
 
@@ -137,21 +138,30 @@ def test_path_that_is_not_finite_is_refused() -> None:
         c.path_points(path)
 
 
+def grid_of(cost: list[list[int]]) -> TerrainGrid:
+    values = np.array(cost, dtype=np.int8)
+    height = np.where(values == 0, np.arange(values.size).reshape(values.shape) / 10, np.nan).astype(np.float32)
+    distance = np.where(values == 0, np.inf, 0.0).astype(np.float32)
+    return TerrainGrid(values, height, distance, (-1.0, 2.0), 0.5)
+
+
 def test_terrain_grid_comes_back_row_by_row() -> None:
-    cost = np.array([[0, 100, -1], [0, 0, 100]], dtype=np.int8)
-    height = np.array([[0.1, np.nan, np.nan], [0.2, 0.3, np.nan]], dtype=np.float32)
-    got_cost, got_height, origin_xy, resolution = c.terrain_grid_arrays(c.terrain_grid_message(1.0, "map", cost, height, (-1.0, 2.0), 0.5))
-    np.testing.assert_array_equal(got_cost, cost)
-    np.testing.assert_array_equal(got_height, height)
-    assert (origin_xy, resolution) == ((-1.0, 2.0), 0.5)
+    grid = grid_of([[0, 100, -1], [0, 0, 100]])
+    got = c.terrain_grid(c.terrain_grid_message(1.0, "map", grid))
+    for name in ("cost", "height", "distance"):
+        np.testing.assert_array_equal(getattr(got, name), getattr(grid, name))
+    assert (got.origin_xy, got.resolution) == ((-1.0, 2.0), 0.5)
 
 
-@pytest.mark.parametrize("what", ["cost", "height", "resolution"])
-def test_terrain_grid_whose_sizes_do_not_agree_is_refused(what: str) -> None:
-    message = c.terrain_grid_message(1.0, "map", np.zeros((2, 3), np.int8), np.zeros((2, 3), np.float32), (0.0, 0.0), 0.5)
-    setattr(message, what, 0.0 if what == "resolution" else [1, 2]) if what != "resolution" else setattr(message.info, what, 0.0)
+@pytest.mark.parametrize("what", ["cost", "height", "distance", "resolution", "frame"])
+def test_terrain_grid_whose_sizes_do_not_agree_or_whose_frame_is_another_is_refused(what: str) -> None:
+    message = c.terrain_grid_message(1.0, "odom" if what == "frame" else "map", grid_of([[0, 100, -1]]))
+    if what == "resolution":
+        message.info.resolution = 0.0
+    elif what != "frame":
+        setattr(message, what, [1, 2])
     with pytest.raises(ValueError, match="terrain grid"):
-        c.terrain_grid_arrays(message)
+        c.terrain_grid(message)
 
 
 def test_costs_are_translated_as_costmap_2d_does() -> None:

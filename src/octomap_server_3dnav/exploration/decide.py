@@ -1,0 +1,203 @@
+"""Where to go after a sweep (thesis algorithm 3, lines 22 to 35, and 6.2.2): `Explorer.step(observation) -> Decision`.
+
+The last step of the octomap stage. Algorithm 3 as printed begins anew whenever the robot is at a frontier; around it stands what becomes of
+a plan that is under way, of drives that failed, and of sweeps that found no place in the map.
+"""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from octomap_server_3dnav.exploration.config import ExplorationConfig
+from octomap_server_3dnav.exploration.decision import Decision, DecisionKind, TerrainWithin
+from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig
+from octomap_server_3dnav.exploration.goals import GoalSearch, View
+from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
+from octomap_server_3dnav.exploration.retreat import Retreat, way_back
+from octomap_server_3dnav.navigation.passages import TerrainSettings
+from octomap_server_3dnav.navigation.planner import PlannerConfig
+from octomap_server_3dnav.terrain.classified_terrain import Terrain
+from rigid_geometry import as_transforms
+from rigid_geometry.transforms import Transform
+
+
+class State(Enum):
+    """What the robot is about between two sweeps."""
+
+    STARTING = "starting"  # nothing was decided yet
+    UNDER_WAY = "under way"  # to where it looks at a frontier
+    RETREATING = "retreating"  # to where a sweep found its place in the map
+    EXPLORED = "explored"  # nothing reachable is unknown
+    TRAPPED = "trapped"  # no way leads anywhere, or nobody knows where the robot is
+
+
+class SweepOutcome(Enum):
+    """What became of a sweep."""
+
+    MATCHED = "matched"
+    REFUSED = "refused"  # it is in the map where odometry says
+    UNPLACED = "unplaced"  # it is not in the map
+    LOST = "lost"  # and where the robot is in the map nobody knows
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What is known after a sweep.
+
+    `vertex_poses` (V, 4, 4): T_map_base of every sweep of the map, the last where the robot is now; `terrain_within` gives the terrain
+    around it; `trouble`: why the sweep is UNPLACED or LOST. `on_the_way`: it was not made at the goal; `drive_failure`: what the follower
+    said when it could not reach that, else empty.
+    """
+
+    sweep: SweepOutcome
+    vertex_poses: NDArray[np.float64]
+    terrain_within: TerrainWithin
+    trouble: str = ""
+    on_the_way: bool = False
+    drive_failure: str = ""
+
+    @property
+    def T_map_base(self) -> Transform:
+        """(4, 4) where the robot is."""
+        return np.asarray(self.vertex_poses[-1])
+
+
+class Explorer:
+    """Chooses goals until nothing reachable is unknown; one `step` a sweep."""
+
+    def __init__(
+        self,
+        config: ExplorationConfig | None = None,
+        terrain: TerrainSettings | None = None,
+        frontier: FrontierConfig | None = None,
+        planner: PlannerConfig | None = None,
+    ) -> None:
+        """ValueError lists every violation of the four configurations."""
+        self.config = config or ExplorationConfig()
+        self.terrain_settings = terrain or TerrainSettings()
+        self.frontier_config = frontier or FrontierConfig()
+        self.planner_config = planner or PlannerConfig()
+        configs = self.config, self.terrain_settings, self.frontier_config, self.planner_config
+        if problems := [problem for c in configs for problem in c.validate()]:
+            raise ValueError("\n".join(problems))
+        self._goals = GoalSearch(*configs)
+        self._state = State.STARTING
+        self._plan: Decision | None = None
+        self.forget_sweeps()
+
+    @property
+    def state(self) -> State:
+        """What the robot is about now."""
+        return self._state
+
+    def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
+        """Frontiers given up so far, each with the reason."""
+        return self._goals.set_aside()
+
+    def with_way_out(self, terrain: Terrain) -> Terrain:
+        """The terrain around the robot with the way by which it went to where it cannot turn, while nothing else leads out."""
+        return self._goals.with_way_out(terrain)
+
+    def know_sweep(self, vertex_id: int, is_matched: bool) -> None:
+        """A sweep of an earlier session is in the map; `step` notices those of this one."""
+        self._retreat.add_sweep(vertex_id, is_matched)
+
+    def forget_sweeps(self) -> None:
+        """The map begins anew."""
+        self._retreat = Retreat(self.config.max_refused_sweeps)
+        self._unplaced = 0
+
+    def step(self, observation: Observation) -> Decision:
+        """What to do after a sweep. ValueError for poses that are none; nothing is changed then."""
+        as_transforms(observation.vertex_poses)
+        self._count(observation)
+        decision = self._why_not_on(observation) or self._kept(observation) or self._back(observation) or self._onward(observation)
+        self._plan = replace(decision, kind=DecisionKind.GOAL) if decision.path is not None else None
+        return replace(decision, set_aside=len(self.set_aside()))
+
+    def _count(self, observation: Observation) -> None:
+        if observation.sweep in (SweepOutcome.UNPLACED, SweepOutcome.LOST):
+            self._unplaced += 1
+            return
+        self._unplaced = 0
+        self.know_sweep(len(observation.vertex_poses) - 1, observation.sweep is SweepOutcome.MATCHED)
+
+    def _why_not_on(self, observation: Observation) -> Decision | None:
+        """The end of a robot that does not know where it is."""
+        if observation.sweep is SweepOutcome.LOST:
+            reason = observation.trouble
+        elif self._unplaced >= self.config.max_unplaced_sweeps:
+            reason = f"{self._unplaced} sweeps in a row could not be placed in the map"
+        else:
+            return None
+        self._state = State.TRAPPED
+        return Decision(DecisionKind.TRAPPED, reason)
+
+    def _kept(self, observation: Observation) -> Decision | None:
+        """The plan under way, while nothing speaks against it: no new frontier is chosen at a sweep on the way (6.2.2)."""
+        plan = self._plan
+        if self._state is not State.UNDER_WAY or plan is None or plan.frontier is None:
+            return None
+        if observation.drive_failure:
+            self._goals.report_failure(plan.frontier, observation.drive_failure)
+            return None
+        if not observation.on_the_way or self._retreat.target(observation.vertex_poses) is not None:
+            return None
+        local = observation.terrain_within(self.config.local_radius_m)
+        if validity_in(local, plan, self.config, self.frontier_config.min_voxels) is not Validity.VALID:
+            return None
+        return replace(plan, kind=DecisionKind.KEEP, terrain=local, scope="local")
+
+    def _back(self, observation: Observation) -> Decision | None:
+        """To known ground, when sweep after sweep was refused and a way leads there."""
+        target = self._retreat.target(observation.vertex_poses)
+        if target is None:
+            return None
+        decision = way_back(observation.terrain_within, self.config.local_radius_m, observation.T_map_base, target, self.planner_config)
+        if decision is not None:
+            self._state = State.RETREATING
+        return decision
+
+    def _onward(self, observation: Observation) -> Decision:
+        decision = self._search(observation)
+        after = {DecisionKind.GOAL: State.UNDER_WAY, DecisionKind.EXPLORED: State.EXPLORED, DecisionKind.TRAPPED: State.TRAPPED}
+        self._state = after[decision.kind]
+        return decision
+
+    def _search(self, observation: Observation) -> Decision:
+        """Algorithm 3 for a robot that has to choose anew; line numbers in the code are its. Ground beneath it is in the map (2)."""
+        for dist_limit in (self.config.local_radius_m, None):  # 5, 6 and 34: all around the robot, then COMPLETE_MAP
+            view = self._seen_within(dist_limit, observation)  # 3, 7 to 20
+            if self._goals.is_inside(view):
+                return self._without_frontiers([], view)
+            if view.terrain.departure is None:
+                if dist_limit is None:  # 16: no start voxel is left
+                    return self._goals.decision(DecisionKind.TRAPPED, _why_trapped(view.terrain), view)  # 17
+                continue
+            frontiers = self._goals.frontiers_in(view)  # 21
+            decision = self._goals.towards([f for f in frontiers if not f.last], view)  # 35
+            if decision is not None:
+                return decision  # 29 to 32: the next search begins around the robot again
+            # 22 to 25: nothing near, so the whole map
+        return self._without_frontiers([f for f in frontiers if f.last], view)  # 26
+
+    def _seen_within(self, dist_limit: float | None, observation: Observation) -> View:
+        terrain = observation.terrain_within(dist_limit)
+        view = View(terrain, observation.T_map_base, "global" if dist_limit is None else "local")
+        if dist_limit is not None:
+            self._goals.notice(view)
+        return view
+
+    def _without_frontiers(self, last: list[Frontier], view: View) -> Decision:
+        """Line 27, but for what is looked at when nothing else is left."""
+        aside = len(self.set_aside())
+        reason = "no reachable frontier is left in the whole map" + (f"; {aside} set aside" if aside else "")
+        return self._goals.last_of_all(last, view) or self._goals.decision(DecisionKind.EXPLORED, reason, view)
+
+
+def _why_trapped(terrain: Terrain) -> str:
+    if terrain.start is None:
+        return "no ground beneath the robot from which enough traversable ground can be reached"
+    return "all ground around the robot is too near to obstacles or cliffs"

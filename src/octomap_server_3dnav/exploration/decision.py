@@ -1,0 +1,52 @@
+"""What the exploration answers to a sweep."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from octomap_server_3dnav.navigation.planner import Path
+from octomap_server_3dnav.terrain.classified_terrain import Terrain
+
+TerrainWithin = Callable[[float | None], Terrain]
+"""Gives the terrain classified within a radius in metres around the robot; None: all of the map."""
+
+
+class DecisionKind(Enum):
+    """What the robot is to do."""
+
+    GOAL = "goal"
+    KEEP = "keep"
+    EXPLORED = "explored"
+    TRAPPED = "trapped"
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What to do and why.
+
+    `terrain` that decided, "local" or "global" by its `scope`; None and "" where none was asked. `open_frontiers` were left to visit in it,
+    this one included; `set_aside` were given up in the whole run. Of GOAL and KEEP only: `path` (K, 3) in map, trimmed; `straight` (K,)
+    bool, where from a point to the next it leads through a passage without room to turn; `full_path` up to the frontier; `goal` (x, y, z,
+    yaw) in map, its yaw facing `frontier` (3,), on a slope that of the path's end.
+    """
+
+    kind: DecisionKind
+    reason: str
+    terrain: Terrain | None = None
+    scope: str = ""
+    open_frontiers: int = 0
+    set_aside: int = 0
+    path: NDArray[np.float64] | None = None
+    goal: tuple[float, float, float, float] | None = None
+    frontier: tuple[float, float, float] | None = None
+    full_path: NDArray[np.float64] | None = None
+    straight: NDArray[np.bool_] | None = None
+
+    def along(self, part: Path, path: Path, yaw: float, frontier_xyz: tuple[float, float, float]) -> "Decision":
+        """The same with a goal at the end of the first `part` of a path."""
+        x, y, z = (float(v) for v in part.points[-1])
+        goal = (x, y, z, yaw)
+        return replace(self, path=part.points, goal=goal, frontier=frontier_xyz, full_path=path.points, straight=part.straight)

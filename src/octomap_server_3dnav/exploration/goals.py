@@ -1,0 +1,159 @@
+"""Goals in one terrain: the frontier that is cheapest and has a path, a look from where the robot cannot turn, and out of there again.
+
+For `decide`, which asks for the terrain around the robot first and then for the whole map. Frontiers that stay what they are although the
+robot looked at them, or that driving failed to reach, are set aside (`tried_places`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from octomap_server_3dnav.exploration.approach import Approach
+from octomap_server_3dnav.exploration.config import ExplorationConfig
+from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
+from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
+from octomap_server_3dnav.exploration.lookouts import Lookout, WayOut, find_lookouts
+from octomap_server_3dnav.exploration.tried_places import Place, TriedPlaces
+from octomap_server_3dnav.navigation.passages import TerrainSettings
+from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
+from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
+from rigid_geometry import yaw_of
+from rigid_geometry.transforms import Transform
+
+_STILL_WORTH = 0.5  # of what a look must show at least: with less a robot that went in turns back
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """The terrain around the robot, "local" or "global" by its `scope`, and the robot's pose in it."""
+
+    terrain: Terrain
+    T_map_base: Transform
+    scope: str
+
+
+class GoalSearch:
+    """Chooses a goal in a terrain; remembers what was tried where, and how the robot went to where it cannot turn."""
+
+    def __init__(self, config: ExplorationConfig, terrain: TerrainSettings, frontier: FrontierConfig, planner: PlannerConfig) -> None:
+        self._config, self._terrain_settings, self._frontier_config, self._planner_config = config, terrain, frontier, planner
+        self._tried = TriedPlaces(config)
+        self._approach = Approach(config, planner.trim_m)
+        self._way_out = WayOut(terrain)
+        self._sent_to: Lookout | None = None  # before whose way it was sent
+
+    def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
+        """Frontiers given up so far, each with the reason."""
+        return self._tried.set_aside()
+
+    def report_failure(self, frontier_xyz: tuple[float, float, float], reason: str) -> None:
+        """Driving to the goal of this frontier failed; after `max_failures` it is set aside."""
+        self._tried.at(frontier_xyz).failures.append(reason)
+
+    def with_way_out(self, terrain: Terrain) -> Terrain:
+        """The terrain around the robot with the way by which it went to a lookout, while it stands there and nothing else leads out."""
+        return self._way_out.added_to(terrain)
+
+    def notice(self, view: View) -> None:
+        """After every sweep: where the robot is now, that went to where it cannot turn, or woke up there."""
+        self._way_out.notice(view.terrain, yaw_of(view.T_map_base))
+
+    def is_inside(self, view: View) -> bool:
+        """Whether the robot stands where nothing but straight on or straight out is left."""
+        return self._way_out.from_inside(view.terrain) is not None and not view.terrain.is_in_passage
+
+    def frontiers_in(self, view: View) -> list[Frontier]:
+        """The frontiers that are not set aside, now that the robot has looked once more."""
+        frontiers = find_frontiers(view.terrain, view.T_map_base, self._frontier_config, self._planner_config)
+        x, y, z = (float(v) for v in view.T_map_base[:3, 3])
+        self._tried.count_looks([f.xyz for f in frontiers], (x, y, z))
+        return [f for f in frontiers if not self._tried.is_aside(f.xyz)]
+
+    def towards(self, left: list[Frontier], view: View) -> Decision | None:
+        """The first of some frontiers to which a path leads, as a goal; None where none does, and that is remembered."""
+        for count, frontier in enumerate(left):
+            path = plan_path(view.terrain, frontier.node, self._planner_config)
+            place = self._tried.known(frontier.xyz)
+            looks = 0 if place is None else place.looks
+            trimmed = None if path is None else self._approach.part_of(path, view.terrain, view.T_map_base, frontier, looks)
+            if path is not None and trimmed is not None:
+                return self._goal(view, frontier, path, trimmed, len(left) - count)
+            self._tried.at(frontier.xyz).failures.append("no path" if path is None else "no path clear of unknown floor")
+        return None
+
+    def last_of_all(self, last: list[Frontier], view: View) -> Decision | None:
+        """When nothing else is left: to a frontier that is looked at last, to a look from inside, or out of there.
+
+        First of all to that which the robot is on its way to.
+        """
+        looks = (lambda: self.towards(last, view), lambda: self._lookout_in(view))
+        first, second = looks if self._sent_to is None else looks[::-1]
+        return first() or second() or self._out_of(view)
+
+    def decision(self, kind: DecisionKind, reason: str, view: View, left: int = 0) -> Decision:
+        """A decision in a view that left so many frontiers to visit."""
+        return Decision(kind, reason, view.terrain, view.scope, left, len(self.set_aside()))
+
+    def _goal(self, view: View, frontier: Frontier, path: Path, trimmed: Path, left: int) -> Decision:
+        place = self._tried.at(frontier.xyz)
+        place.goals += 1
+        self._tried.count_progress(place, frontier.distance_m)
+        reason = f"frontier of {len(frontier.voxels)} voxels, {frontier.distance_m:.1f} m away"
+        goal = self._approach.goal_of(trimmed, path, view.terrain, view.T_map_base, frontier)
+        return self.decision(DecisionKind.GOAL, reason, view, left).along(trimmed, path, goal[3], frontier.xyz)
+
+    def _lookout_in(self, view: View) -> Decision | None:
+        """To where something is to be seen from a place without room to turn, and nearer if that did not show it.
+
+        A robot that is in one already only goes straight on.
+        """
+        is_inside = self.is_inside(view)
+        if not self._config.lookouts or (is_inside and self._way_out.is_leaving):
+            return None
+        for lookout in self._lookouts_left(view.terrain, is_inside):
+            place = self._tried.at(lookout.xyz)
+            place.looks += lookout.is_seen_from(view.terrain, self._trim_at(place))
+            way = lookout.way_in(self._trim_at(place))
+            if way is None or view.terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE:
+                continue
+            if self._way_out.has_looked_from(way.line[-1]) or self._tried.why_aside(place):
+                continue
+            path = plan_into(view.terrain, way, self._planner_config)
+            if path is None or (is_inside and 0 not in path.entries()):
+                place.failures.append("no path to a place from where to look")
+                continue
+            self._tried.count_progress(place, path.length_m)
+            part, yaw, is_whole = self._approach.towards(path, view.T_map_base, facing_yaw(*way.line[[0, -1]]))
+            self._sent_to = None if is_whole else lookout
+            if is_whole:
+                self._way_out.enter(way, view.terrain)
+            reason = f"a look at {lookout.gain_m2:.0f} m2 from where there is no room to turn"
+            return self.decision(DecisionKind.GOAL, reason, view, 1).along(part, path, yaw, lookout.xyz)
+        return None
+
+    def _lookouts_left(self, terrain: Terrain, is_inside: bool) -> list[Lookout]:
+        """The one that the robot is on its way to, then all others."""
+        least_m2 = self._frontier_config.least_lookout_gain_m2 * (_STILL_WORTH if is_inside else 1.0)
+        found = find_lookouts(terrain, replace(self._frontier_config, least_lookout_gain_m2=least_m2), self._terrain_settings)
+        before = None if self._sent_to is None or is_inside else self._sent_to.still_in(terrain)
+        return found if before is None else [before, *found]
+
+    def _trim_at(self, place: Place) -> float:
+        """How far before the end of the way a lookout is: nearer at every look."""
+        return max(self._config.min_trim_m, self._config.edge_trim_m * self._config.closer_factor**place.looks)
+
+    def _out_of(self, view: View) -> Decision | None:
+        """Out of where the robot cannot turn, along the line by which it came in: there it is not left, whatever it sees."""
+        line: NDArray[np.float64] | None = self._way_out.from_inside(view.terrain)
+        if line is None:
+            return None
+        x, y, z = (float(v) for v in line[-1])
+        place = self._tried.at((x, y, z))
+        if self._tried.why_aside(place):
+            return None
+        self._way_out.is_leaving = True
+        path = straight_path(line, self._planner_config)
+        self._tried.count_progress(place, path.length_m)
+        decision = self.decision(DecisionKind.GOAL, "out of a place without room to turn", view)
+        return decision.along(path, path, yaw_of(view.T_map_base), place.xyz)

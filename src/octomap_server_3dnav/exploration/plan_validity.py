@@ -1,0 +1,48 @@
+"""Whether a plan still holds after a sweep on the way to its goal (thesis 6.2.2)."""
+
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from octomap_server_3dnav.exploration.config import ExplorationConfig
+from octomap_server_3dnav.exploration.decision import Decision
+from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
+
+
+class Validity(Enum):
+    """Whether a plan still holds after a sweep on the way."""
+
+    VALID = "valid"
+    PATH_BLOCKED = "path blocked"
+    FRONTIER_GONE = "frontier gone"
+
+
+def validity_in(terrain: Terrain, plan: Decision, config: ExplorationConfig, min_voxels: int) -> Validity:
+    """Whether the rest of a plan's path is still free in a terrain, taken after a sweep on the way, and its frontier still one.
+
+    What lies outside the terrain counts as unchanged. The part that the robot stands on may be inflated, and where the path leads straight
+    it may lie in ground that is wide enough for that. `min_voxels` make a frontier. ValueError for a decision without a path.
+    """
+    if plan.path is None or plan.frontier is None:
+        raise ValueError(f"a decision of kind {plan.kind.value!r} has no path that could be valid")
+    if not _path_is_free(terrain, plan.path, plan.straight, config.place_radius_m):
+        return Validity.PATH_BLOCKED
+    target = np.asarray(plan.frontier)
+    if terrain.radius_m is not None:
+        away_m = np.linalg.norm(target[:2] - np.asarray(terrain.robot_xyz)[:2])
+        if away_m > terrain.radius_m - config.place_radius_m:
+            return Validity.VALID
+    near = np.linalg.norm(terrain.centers(terrain.frontiers()) - target, axis=1) <= config.place_radius_m
+    return Validity.VALID if np.count_nonzero(near) >= min_voxels else Validity.FRONTIER_GONE
+
+
+def _path_is_free(terrain: Terrain, path: NDArray[np.float64], straight: NDArray[np.bool_] | None, beside_m: float) -> bool:
+    from_robot = np.linalg.norm(path[:, :2] - np.asarray(terrain.robot_xyz[:2]), axis=1)
+    for i in range(int(np.argmin(from_robot)), len(path)):
+        node = terrain.surface_near(path[i]) if from_robot[i] > beside_m else None
+        if node is None or terrain.label[node] == TerrainClass.TRAVERSABLE:
+            continue
+        if straight is None or not straight[i] or not terrain.narrow[node]:
+            return False
+    return True

@@ -1,0 +1,232 @@
+"""What becomes of a sweep: every state of the exploration, and every way from one to another, without ROS (thesis algorithm 3, 6.2.2)."""
+
+import math
+
+import numpy as np
+import pytest
+from terrain_worlds import BELOW, OCCUPIED, UNKNOWN, opening, pose, room, runs_of
+
+from octomap_server_3dnav.exploration.config import ExplorationConfig
+from octomap_server_3dnav.exploration.decide import Explorer, Observation, State, SweepOutcome
+from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
+from octomap_server_3dnav.navigation.passages import navigable_terrain
+from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.terrain.classified_terrain import Terrain
+
+GOAL, KEEP, EXPLORED, TRAPPED = DecisionKind.GOAL, DecisionKind.KEEP, DecisionKind.EXPLORED, DecisionKind.TRAPPED
+MATCHED, REFUSED, UNPLACED, LOST = SweepOutcome.MATCHED, SweepOutcome.REFUSED, SweepOutcome.UNPLACED, SweepOutcome.LOST
+AT, ON = (2.0, 2.0), (2.4, 2.2)  # where the robot starts, and a bit on
+
+
+class Run:
+    """An explorer, and what it was told: every sweep that came into the map is a vertex."""
+
+    def __init__(self, world: np.ndarray, **config: int) -> None:
+        self.explorer = Explorer(ExplorationConfig(**config))
+        self.runs: ColumnRuns = runs_of(world)
+        self.poses: list[np.ndarray] = []
+        self.asked: list[float | None] = []
+
+    def sweep(self, at: tuple[float, float] = AT, outcome: SweepOutcome = MATCHED, **told: object) -> Decision:
+        here = pose(*at)
+        self.asked.clear()
+
+        def terrain_within(radius_m: float | None) -> Terrain:
+            self.asked.append(radius_m)
+            return navigable_terrain(self.runs, here, self.explorer.terrain_settings, radius_m)
+
+        self.poses += [here] if outcome in (MATCHED, REFUSED) else []
+        poses = np.array([*self.poses, *([] if outcome in (MATCHED, REFUSED) else [here])])
+        return self.explorer.step(Observation(outcome, poses, terrain_within, **told))
+
+    @property
+    def state(self) -> State:
+        return self.explorer.state
+
+
+def under_way() -> Run:
+    run = Run(opening(room()))
+    assert run.state is State.STARTING
+    assert run.sweep().kind is GOAL and run.state is State.UNDER_WAY
+    return run
+
+
+def retreating() -> tuple[Run, Decision]:
+    run = under_way()
+    run.sweep((3.0, 2.0), REFUSED, on_the_way=True)
+    back = run.sweep((4.0, 2.0), REFUSED, on_the_way=True)
+    assert run.state is State.RETREATING
+    return run, back
+
+
+# -- starting
+
+
+def test_first_sweep_chooses_among_what_is_near():
+    run = Run(opening(room()))
+    decision = run.sweep()
+    assert (decision.kind, decision.scope, run.asked) == (GOAL, "local", [6.0])
+
+
+def test_whole_map_is_asked_for_when_nothing_is_near_and_the_next_search_begins_near_again():
+    run = Run(opening(room(150, 60)))
+    far = run.sweep((1.6, 2.0))
+    assert (far.kind, far.scope, run.asked, run.state) == (GOAL, "global", [6.0, None], State.UNDER_WAY)
+    assert run.sweep((9.0, 2.4)).scope == "local" and run.asked == [6.0]
+
+
+def test_closed_room_is_explored_at_once():
+    run = Run(room())
+    assert run.sweep().kind is EXPLORED and run.state is State.EXPLORED and run.asked == [6.0, None]
+
+
+def test_robot_in_a_closet_is_trapped():
+    closet = room()
+    closet[[20, 34], 20:35, BELOW:] = closet[20:35, [20, 34], BELOW:] = OCCUPIED
+    run = Run(closet)
+    decision = run.sweep((2.2, 2.2))
+    assert decision.kind is TRAPPED and run.state is State.TRAPPED and "near" in decision.reason and decision.path is None
+
+
+# -- under way
+
+
+def test_plan_is_kept_at_a_sweep_on_the_way():
+    run = Run(opening(room()))
+    first = run.sweep()
+    kept = run.sweep(ON, on_the_way=True)
+    assert kept.kind is KEEP and run.state is State.UNDER_WAY and run.asked == [6.0]
+    assert kept.path is first.path and kept.goal == first.goal and kept.frontier == first.frontier and kept.scope == "local"
+    assert run.sweep(ON, on_the_way=True).kind is KEEP
+
+
+def test_new_goal_is_chosen_at_the_goal():
+    assert under_way().sweep(ON).kind is GOAL
+
+
+@pytest.mark.parametrize("what", ["path blocked", "frontier gone"])
+def test_plan_that_does_not_hold_any_more_is_dropped_on_the_way(what):
+    run, world = under_way(), opening(room())
+    world[55, 10:70, BELOW:] = OCCUPIED  # across the way
+    run.runs = runs_of(world if what == "path blocked" else room())
+    decision = run.sweep(ON, on_the_way=True)
+    assert decision.kind is (GOAL if what == "path blocked" else EXPLORED)
+
+
+def test_failed_drive_is_counted_against_its_frontier_until_that_is_set_aside():
+    run = under_way()
+    assert run.sweep(ON, drive_failure="blocked", on_the_way=True).kind is GOAL  # and not kept
+    decision = run.sweep(ON, drive_failure="stuck")
+    assert decision.kind is EXPLORED and run.state is State.EXPLORED and decision.set_aside == 1
+    assert "2 tries: stuck" in run.explorer.set_aside()[0][1]
+
+
+def test_sweep_that_is_not_in_the_map_leaves_the_plan():
+    run = under_way()
+    assert run.sweep(ON, UNPLACED, on_the_way=True).kind is KEEP
+
+
+# -- sweeps that were not placed
+
+
+def test_third_sweep_in_a_row_that_is_not_in_the_map_ends_the_run_whatever_the_plan():
+    run = under_way()
+    kinds = [run.sweep(ON, UNPLACED, on_the_way=True, trouble="too few points").kind for _ in range(2)]
+    decision = run.sweep(ON, UNPLACED, on_the_way=True, trouble="too few points")
+    assert kinds == [KEEP, KEEP] and decision.kind is TRAPPED and run.state is State.TRAPPED
+    assert decision.reason == "3 sweeps in a row could not be placed in the map" and decision.path is None
+
+
+def test_sweep_that_was_placed_ends_the_row():
+    run = under_way()
+    for outcome in (UNPLACED, UNPLACED, MATCHED, UNPLACED, UNPLACED):
+        assert run.sweep(ON, outcome).kind is GOAL
+
+
+def test_robot_that_is_lost_is_trapped_with_the_reason_and_nobody_asks_for_terrain():
+    run = under_way()
+    decision = run.sweep(ON, LOST, trouble="not found in the map")
+    assert (decision.kind, decision.reason, run.state, run.asked) == (TRAPPED, "not found in the map", State.TRAPPED, [])
+    assert decision.terrain is None and decision.path is None
+
+
+# -- retreating
+
+
+def test_second_refused_sweep_in_a_row_sends_the_robot_back_to_the_last_that_matched():
+    run, back = retreating()
+    assert back.kind is GOAL and math.dist(back.goal[:2], AT) < 0.2 and "back" in back.reason
+
+
+def test_first_refused_sweep_on_the_way_leaves_the_plan():
+    run = under_way()
+    assert run.sweep(ON, REFUSED, on_the_way=True).kind is KEEP and run.state is State.UNDER_WAY
+
+
+def test_retreat_is_decided_anew_at_every_sweep_and_is_over_with_one_that_matches():
+    run, _ = retreating()
+    assert run.sweep((3.5, 2.0), REFUSED, on_the_way=True).kind is GOAL and run.state is State.RETREATING
+    onward = run.sweep((3.0, 2.0), MATCHED, on_the_way=True)
+    assert onward.kind is GOAL and run.state is State.UNDER_WAY and "frontier" in onward.reason
+
+
+def test_drive_that_fails_in_retreat_sets_no_frontier_aside():
+    run, _ = retreating()
+    for _ in range(3):
+        run.sweep((4.0, 2.0), REFUSED, drive_failure="blocked")
+    assert run.explorer.set_aside() == [] and run.state is State.RETREATING
+
+
+def test_robot_that_no_way_leads_back_explores_on():
+    run, world = under_way(), opening(room())
+    world[45, :, BELOW:] = OCCUPIED  # a wall between
+    run.runs = runs_of(world)
+    run.sweep((4.8, 3.0), REFUSED)
+    decision = run.sweep((5.0, 3.0), REFUSED)
+    assert decision.kind is GOAL and "frontier" in decision.reason and run.state is State.UNDER_WAY
+
+
+def test_sweeps_of_an_earlier_session_count_for_the_retreat_until_the_map_begins_anew():
+    run = Run(opening(room()))
+    run.poses = [pose(2.0, 4.0)]
+    run.explorer.know_sweep(0, True)
+    run.sweep((3.0, 4.0), REFUSED)
+    assert math.dist(run.sweep((4.0, 4.0), REFUSED).goal[:2], (2.0, 4.0)) < 0.2
+    run.explorer.forget_sweeps()
+    run.poses.clear()
+    run.sweep((3.0, 4.0), REFUSED)
+    assert "frontier" in run.sweep((4.0, 4.0), REFUSED).reason
+
+
+# -- the end, and after it
+
+
+def test_explored_robot_goes_on_when_there_is_something_to_see_again():
+    run = Run(room())
+    run.sweep()
+    run.runs = runs_of(opening(room()))
+    assert run.sweep(on_the_way=True).kind is GOAL and run.state is State.UNDER_WAY
+
+
+def test_trapped_robot_goes_on_when_a_sweep_was_placed_again():
+    run = under_way()
+    run.sweep(ON, LOST, trouble="not found")
+    assert run.sweep(ON).kind is GOAL and run.state is State.UNDER_WAY
+
+
+def test_poses_that_are_none_are_refused_and_nothing_is_changed():
+    run = under_way()
+    bad = pose(*ON)
+    bad[0, 3] = np.nan
+    with pytest.raises(ValueError):
+        run.explorer.step(Observation(UNPLACED, bad[None], lambda radius: None))
+    assert run.state is State.UNDER_WAY
+    assert run.sweep(ON, UNPLACED, on_the_way=True).kind is KEEP and run.sweep(ON, UNPLACED, on_the_way=True).kind is KEEP
+
+
+def test_frontiers_that_no_path_leads_to_are_no_goal():
+    world = room()
+    world[60:62, :, BELOW:] = OCCUPIED
+    world[-1, 30:50] = UNKNOWN
+    run = Run(world)
+    assert run.sweep().kind is EXPLORED
