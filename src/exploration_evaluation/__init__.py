@@ -39,6 +39,7 @@ from exploration_evaluation.scores import (
     trajectory_errors,
 )
 from exploration_evaluation.shortest_path import path_ratio, shortest_length
+from exploration_evaluation.terrain_safety import TerrainSafety, terrain_safety
 from exploration_evaluation.truth import ReachableGround, reachable_ground
 
 __all__ = [
@@ -52,6 +53,7 @@ __all__ = [
     "ReachableGround",
     "RelativeError",
     "RobotShape",
+    "TerrainSafety",
     "TrajectoryErrors",
     "activity_times",
     "align_poses",
@@ -82,6 +84,7 @@ __all__ = [
     "relative_pose_error",
     "shortest_length",
     "swept_coverage",
+    "terrain_safety",
     "trajectory_errors",
     "write_json",
 ]

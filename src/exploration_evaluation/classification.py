@@ -175,6 +175,24 @@ def classification(
     ValueError for shapes that differ, points that are not finite, labels that are none, or a configuration out of its ranges.
     """
     config = config or ClassificationConfig()
+    voxels, label = _checked(voxels_world, labels, config)
+    return Classification(
+        _confusion(true, voxels, label, config),
+        _false_safe(true, voxels[label == _TRAVERSABLE], config),
+        _false_unsafe(true, voxels, label, config),
+    )
+
+
+def judged_safety(
+    true: TrueClasses, voxels_world: ArrayLike, labels: ArrayLike, config: ClassificationConfig | None = None
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Areas in m2 that are wrongly safe and wrongly unsafe, by cause, as in `classification`."""
+    config = config or ClassificationConfig()
+    voxels, label = _checked(voxels_world, labels, config)
+    return _false_safe(true, voxels[label == _TRAVERSABLE], config), _false_unsafe(true, voxels, label, config)
+
+
+def _checked(voxels_world: ArrayLike, labels: ArrayLike, config: ClassificationConfig) -> tuple[Floats, NDArray[np.generic]]:
     voxels, label = np.asarray(voxels_world, dtype=np.float64).reshape(-1, 3), np.asarray(labels)
     if problems := config.validate():
         raise ValueError("; ".join(problems))
@@ -182,11 +200,7 @@ def classification(
         raise ValueError(f"voxels are finite and have one label each, not {voxels.shape} and {label.shape}")
     if len(label) and not (label.min() >= 0 and label.max() < len(LABELS)):
         raise ValueError(f"labels are 0..{len(LABELS) - 1}, not {label.min()}..{label.max()}")
-    return Classification(
-        _confusion(true, voxels, label, config),
-        _false_safe(true, voxels[label == _TRAVERSABLE], config),
-        _false_unsafe(true, voxels, label, config),
-    )
+    return voxels, label
 
 
 def _ground(mesh: tuple[Floats, Ints], robot: RobotShape, cell_m: float) -> tuple[_Ground, Floats]:
