@@ -23,6 +23,7 @@ from exploration_evaluation.run_files import (
     write_json,
 )
 from exploration_evaluation.run_folder import evaluate_run
+from exploration_evaluation.safety import TerrainSafety, terrain_safety
 from exploration_evaluation.scores import (
     ContactEpisode,
     MapError,
@@ -39,7 +40,6 @@ from exploration_evaluation.scores import (
     trajectory_errors,
 )
 from exploration_evaluation.shortest_path import path_ratio, shortest_length
-from exploration_evaluation.terrain_safety import TerrainSafety, terrain_safety
 from exploration_evaluation.truth import ReachableGround, reachable_ground
 
 __all__ = [

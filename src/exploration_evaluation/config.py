@@ -11,6 +11,9 @@ class RobotShape:
 
     circumscribed_radius_m: float = parameter(0.60, "m", "free distance the centre needs to turn in place", low=0.05, high=5.0)
     inscribed_radius_m: float = parameter(0.335, "m", "ground this near to a reachable centre lies under the body", low=0.0, high=5.0)
+    wheel_width_m: float = parameter(
+        0.099, "m", "no wheel falls into a seam narrower than this, nor, where seams cross, than half of it", low=0.0, high=1.0
+    )
     height_m: float = parameter(1.00, "m", "highest part of the robot above the ground", low=0.1, high=5.0)
     headroom_m: float = parameter(1.10, "m", "free height above ground that the robot can stand on", low=0.1, high=5.0)
     ground_clearance_m: float = parameter(0.13, "m", "height from which a thing beside the ground touches the body", low=0.0, high=1.0)

@@ -7,7 +7,8 @@ import pytest
 from hand_made_worlds import Mesh, box, join, plate, ramp, room, wall
 
 from exploration_evaluation import reachable_ground, terrain_safety
-from exploration_evaluation.classification import Classification, ClassificationConfig, classification, true_classes
+from exploration_evaluation.classification import Classification, ClassificationConfig, classification
+from exploration_evaluation.true_classes import true_classes
 
 TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = range(5)
 START = (2.0, 2.0, 0.132)

@@ -45,7 +45,7 @@ def test_perfect_run_gets_the_scores_known_beforehand(run):
     assert summary["success"] is True
     assert summary["missing"] == []
     assert summary["coverage"] == 1.0
-    assert summary["turning_area_m2"] == pytest.approx(2.8 * 2.8)
+    assert summary["turning_area_m2"] == pytest.approx(2.8 * 2.8, rel=1e-4)
     assert summary["distance_m"] == pytest.approx(2.0)
     for key in ("map_rmse_m", "trajectory_ate_m", "trajectory_origin_error_m", "map_tilt_rad", "max_tilt_rad"):
         assert summary[key] == pytest.approx(0.0, abs=1e-5)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from numpy.typing import ArrayLike
 
-from exploration_evaluation.classification import EDGE, ClassificationConfig, TrueClasses, judged_safety
+from exploration_evaluation.classification import EDGE, ClassificationConfig, judged_safety
+from exploration_evaluation.true_classes import TrueClasses
 
 
 @dataclass(frozen=True)
