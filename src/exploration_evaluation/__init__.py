@@ -39,7 +39,7 @@ from exploration_evaluation.scores import (
     motion,
     trajectory_errors,
 )
-from exploration_evaluation.shortest_path import path_ratio, shortest_length
+from exploration_evaluation.shortest_path import path_ratio, shortest_legs, shortest_length
 from exploration_evaluation.truth import ReachableGround, reachable_ground
 
 __all__ = [
@@ -82,6 +82,7 @@ __all__ = [
     "read_sweeps",
     "read_trajectory",
     "relative_pose_error",
+    "shortest_legs",
     "shortest_length",
     "swept_coverage",
     "terrain_safety",

@@ -1,5 +1,6 @@
 """What the judge assumes: the robot's body, and the tolerances of the scores. Every default of this stage is here."""
 
+import math
 from dataclasses import dataclass
 
 from stage_config import check_ranges, parameter
@@ -7,10 +8,14 @@ from stage_config import check_ranges, parameter
 
 @dataclass(frozen=True)
 class RobotShape:
-    """The body whose reach is judged, as a cylinder that turns in place."""
+    """The body whose reach is judged: a cylinder where it turns in place, a box where it drives straight."""
 
     circumscribed_radius_m: float = parameter(0.60, "m", "free distance the centre needs to turn in place", low=0.05, high=5.0)
     inscribed_radius_m: float = parameter(0.335, "m", "ground this near to a reachable centre lies under the body", low=0.0, high=5.0)
+    length_m: float = parameter(
+        0.99, "m", "outline, along the robot's x, with which it drives straight where it cannot turn", low=0.1, high=5.0
+    )
+    width_m: float = parameter(0.67, "m", "outline, along the robot's y", low=0.1, high=5.0)
     wheel_width_m: float = parameter(
         0.099, "m", "no wheel falls into a seam narrower than this, nor, where seams cross, than half of it", low=0.0, high=1.0
     )
@@ -19,6 +24,11 @@ class RobotShape:
     ground_clearance_m: float = parameter(0.13, "m", "height from which a thing beside the ground touches the body", low=0.0, high=1.0)
     max_slope_rad: float = parameter(0.4363, "rad", "steepest ground that is driven", low=0.01, high=1.4)
     max_step_m: float = parameter(0.10, "m", "highest step between neighbouring cells of ground", low=0.0, high=1.0)
+
+    @property
+    def level_m(self) -> float:
+        """Difference in height up to which ground beside the robot lies on its own level."""
+        return self.circumscribed_radius_m * math.tan(self.max_slope_rad) + self.max_step_m
 
     def validate(self) -> list[str]:
         """All violations of ranges, and radii or heights in the wrong order."""

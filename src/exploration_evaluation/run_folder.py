@@ -30,7 +30,7 @@ from exploration_evaluation.run_files import (
     write_json,
 )
 from exploration_evaluation.scores import Motion, TrajectoryErrors, coverage, divided_voxels, map_error, motion, trajectory_errors
-from exploration_evaluation.shortest_path import path_ratio, shortest_length
+from exploration_evaluation.shortest_path import path_ratio, shortest_legs
 from exploration_evaluation.surface_scores import NO_SURFACE_SCORES, surface_scores
 from exploration_evaluation.truth import ReachableGround, reachable_ground
 from rigid_geometry import transform_points
@@ -158,9 +158,12 @@ class _Judgement:
         return [asdict(point) for point in coverage_curve(shares, stamps, *truth)]
 
     def _way(self, poses: MatchedPoses, truth: Trajectory, ground: ReachableGround) -> dict[str, Any]:
-        begin_m, end_m = driven_distances(*truth, np.maximum(poses.stamps[[0, -1]], truth[0][0]))
-        shortest = self._try("shortest way", lambda: shortest_length(ground, poses.truth[:, :3, 3]))
-        ratio = None if shortest is None else self._try("path ratio", lambda: path_ratio(float(end_m - begin_m), shortest))
+        driven = np.diff(driven_distances(*truth, np.maximum(poses.stamps, truth[0][0])))
+        legs = self._try("shortest way", lambda: shortest_legs(ground, poses.truth[:, :3, 3]))
+        if legs is None:
+            return {"shortest_length_m": None, "path_ratio": None}
+        shortest = float(np.minimum(legs, driven).sum())  # what was driven is a way, too
+        ratio = self._try("path ratio", lambda: path_ratio(float(driven.sum()), shortest))
         return {"shortest_length_m": shortest, "path_ratio": ratio}
 
     def _activity(self, truth: Trajectory | None, sim_time_s: float | None) -> dict[str, Any]:

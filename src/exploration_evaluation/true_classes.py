@@ -26,7 +26,7 @@ from exploration_evaluation.ground_grid import (
 )
 from exploration_evaluation.ground_surfaces import TrueWorld, steepest
 from exploration_evaluation.mesh import RayScene
-from exploration_evaluation.truth import ReachableGround, level_of, true_world
+from exploration_evaluation.truth import ReachableGround, true_world
 
 Codes = NDArray[np.int8]
 
@@ -94,7 +94,7 @@ def true_classes(
     """
     robot = robot or RobotShape()
     found = _ground(true_world(vertices, triangles, cell_m), robot)
-    true, level_m = found.true, level_of(robot)
+    true, level_m = found.true, robot.level_m
     ends = _ends(found, robot)
     connected = _connected(true, ground.points)
     # The edge of what is not connected, such as a box's top, is a thing that stands there to all who come from the reachable ground.

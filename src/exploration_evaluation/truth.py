@@ -10,7 +10,6 @@ narrow places (`straight_drives`), is the reachable ground.
 The inside of a solid is kept out by its side faces, which end all links to it.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +20,7 @@ from exploration_evaluation.ground_ends import true_ground
 from exploration_evaluation.ground_grid import Floats, Ints, Mask, Surfaces, among, components, distances, grid_over
 from exploration_evaluation.ground_surfaces import TrueWorld
 from exploration_evaluation.mesh import RayScene, checked_mesh
+from exploration_evaluation.straight_drives import straight_drives
 
 _START_SEARCH_M = 1.5
 
@@ -32,26 +32,30 @@ class ReachableGround:
     points (N, 3): cells of ground, world frame, over which the robot's centre can be and turn in place; area_m2 is theirs.
     covered_points (K, 3): cells under the body (its inscribed circle) in any of these places; they include `points`. covered_area_m2 is
     theirs; a cell on the border of either counts by its part inside, so that areas hardly depend on the grid.
-    links (N, 4): index of the point one cell along +x, -x, +y and -y that is driven to from each point; -1 where none is.
+    straight_points (S, 3): `covered_points`, and cells under the outline where it drives straight to and fro without room to turn.
+    way_points (W, 3): cells over which the centre may pass at all, as far from things as its side is, less a cell. way_links (W, 4): index
+    of the way point one cell along +x, -x, +y and -y that is driven to from each; -1 where none is.
     """
 
     points: Floats
     covered_points: Floats
+    straight_points: Floats
     area_m2: float
     covered_area_m2: float
     cell_area_m2: float
-    links: Ints
+    way_points: Floats
+    way_links: Ints
+
+    @property
+    def straight_area_m2(self) -> float:
+        """Area of `straight_points`."""
+        return self.covered_area_m2 + (len(self.straight_points) - len(self.covered_points)) * self.cell_area_m2
 
 
 def true_world(vertices: ArrayLike, triangles: ArrayLike, cell_m: float) -> TrueWorld:
     """A mesh, (V, 3) metres and (T, 3) indices, as the judge looks at it; ValueError for one that is none or too large."""
     mesh = checked_mesh(vertices, triangles)
     return TrueWorld(*mesh, RayScene(*mesh), grid_over(mesh[0], cell_m))
-
-
-def level_of(robot: RobotShape) -> float:
-    """Difference in height, in metres, up to which ground beside the robot lies on its own level."""
-    return robot.circumscribed_radius_m * math.tan(robot.max_slope_rad) + robot.max_step_m
 
 
 def reachable_ground(
@@ -66,23 +70,29 @@ def reachable_ground(
     robot = robot or RobotShape()
     world = true_world(vertices, triangles, cell_m)
     ground = true_ground(world, robot)
-    nodes, links, level_m = ground.nodes, ground.links, level_of(robot)
+    nodes, links, level_m = ground.nodes, ground.links, robot.level_m
     turn_m, body_m = robot.circumscribed_radius_m, robot.inscribed_radius_m
     clear = distances(world.grid, nodes, ground.barriers, turn_m + cell_m, level_m)
     room = clear >= turn_m - 1e-6
     start = _start_node(nodes, links, room, np.asarray(start_xyz, dtype=np.float64))
-    pieces = components(links, room)
-    reached = room & (pieces == pieces[start])
+    pieces = np.where(room, components(links, room), -1)
+    drives = straight_drives(world.grid, nodes, ground.barriers, pieces, int(pieces[start]), robot)
+    reached = np.isin(pieces, drives.pieces)
     beside = reached | (reached[links] & (links >= 0)).any(axis=1)
     away = distances(world.grid, nodes, nodes.xyz[reached], body_m + cell_m, level_m, clear[reached] - turn_m)
     covered = reached | (away <= body_m + 1e-6)
+    straight = covered | drives.under
+    passable = components(links, clear >= body_m - cell_m)
+    ways = (clear >= body_m - cell_m) & np.isin(passable, np.unique(passable[reached]))
     return ReachableGround(
         points=nodes.xyz[reached],
         covered_points=nodes.xyz[covered],
+        straight_points=nodes.xyz[straight],
         area_m2=_area((clear - turn_m)[beside], cell_m),
         covered_area_m2=_area(body_m - away, cell_m),
         cell_area_m2=cell_m**2,
-        links=among(links, reached),
+        way_points=nodes.xyz[ways],
+        way_links=among(links, ways),
     )
 
 

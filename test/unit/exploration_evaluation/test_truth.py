@@ -31,12 +31,61 @@ def test_wall_across_the_room_leaves_the_start_s_half(divider):
     assert reachable_ground(*join(room(8, 4), divider), START).area_m2 == pytest.approx(2.8 * 2.8, abs=BORDER_M2)
 
 
-def test_wall_with_a_wide_door_opens_the_other_half_and_a_narrow_one_does_not():
+def test_wall_with_a_wide_door_opens_the_other_half():
     wide = join(room(8, 4), wall(4, 0, 4, 1.2), wall(4, 2.8, 4, 4))
-    narrow = join(room(8, 4), wall(4, 0, 4, 1.6), wall(4, 2.4, 4, 4))
     both_halves_and_passage = 2 * 2.8 * 2.8 + 1.2 * 0.4
     assert reachable_ground(*wide, START).area_m2 == pytest.approx(both_halves_and_passage, abs=0.35)  # round door posts
-    assert reachable_ground(*narrow, START).area_m2 == pytest.approx(2.8 * 2.8, abs=0.25)
+
+
+def two_rooms(door_m: float, turned_rad: float = 0.0) -> Mesh:
+    """Two rooms of 4 x 4 m beside each other with a door in the middle of the wall between them, turned about their first corner."""
+    vertices, triangles = join(room(8, 4), wall(4, 0, 4, 2 - door_m / 2), wall(4, 2 + door_m / 2, 4, 4))
+    c, s = math.cos(turned_rad), math.sin(turned_rad)
+    return vertices @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), triangles
+
+
+@pytest.mark.parametrize("turned_rad", [0.0, 0.06, 0.3, math.pi / 4])
+def test_room_behind_a_door_that_is_wider_than_the_robot_is_reached_straight(turned_rad):
+    start = (2 * math.cos(turned_rad) - 2 * math.sin(turned_rad), 2 * math.sin(turned_rad) + 2 * math.cos(turned_rad), 0.132)
+    ground = reachable_ground(*two_rooms(0.9, turned_rad), start)
+    assert ground.area_m2 == pytest.approx(2 * 2.8 * 2.8, rel=0.03)
+    assert ground.covered_area_m2 < ground.straight_area_m2
+
+
+def test_room_behind_a_door_that_is_narrower_than_the_robot_is_not_reached():
+    ground = reachable_ground(*two_rooms(0.64), START)
+    assert ground.area_m2 == pytest.approx(2.8 * 2.8, abs=0.25)
+    assert ground.straight_points[:, 0].max() < 4.3  # a corner of the outline fits into it
+
+
+def test_rooms_in_a_row_behind_narrow_doors_are_all_reached():
+    doors = [wall(x, y0, x, y1) for x in (4, 8, 12) for y0, y1 in ((0, 1.55), (2.45, 4))]
+    assert reachable_ground(*join(room(16, 4), *doors), START).area_m2 == pytest.approx(4 * 2.8 * 2.8, rel=0.03)
+
+
+def test_platform_at_the_end_of_a_narrow_ramp_is_reached_and_the_ramp_counts_as_straight_ground():
+    top = 4 * math.tan(math.radians(15))
+    world = join(plate(0, 0, 4, 4), ramp(4, 1.5, 8, 2.5, 0, top), plate(8, 0, 12, 4, top))
+    ground = reachable_ground(*world, START)
+    assert ground.area_m2 == pytest.approx(2 * 2.8 * 2.8, rel=0.03)
+    amid = (ground.straight_points[:, 0] > 5) & (ground.straight_points[:, 0] < 7)
+    assert amid.sum() * 0.01 == pytest.approx(2 * 1.0, abs=0.1)
+    assert not ((ground.covered_points[:, 0] > 5) & (ground.covered_points[:, 0] < 7)).any()
+
+
+def test_dead_end_is_driven_into_straight_and_its_bend_is_not():
+    # A corridor of 1 m along x from the room's middle, then along y.
+    walls = join(wall(4, 1.5, 7, 1.5), wall(7, 1.5, 7, 6), wall(4, 2.5, 6, 2.5), wall(6, 2.5, 6, 6), wall(6, 6, 7, 6))
+    open_room = join(plate(0, 0, 4, 4), wall(0, 0, 4, 0), wall(0, 4, 4, 4), wall(0, 0, 0, 4), wall(4, 0, 4, 1.5), wall(4, 2.5, 4, 4))
+    ground = reachable_ground(*join(open_room, plate(4, 1.5, 7, 2.5), plate(6, 2.5, 7, 6), walls), START)
+    assert ground.area_m2 == pytest.approx(2.8 * 2.8, abs=0.25)
+    assert ground.straight_points[:, 0].max() > 6.8
+    assert ground.straight_points[:, 1].max() < 4.0
+
+
+def test_wall_across_the_room_leaves_nothing_straight_behind_it():
+    world = join(room(8, 4), wall(4.0, 0, 4.0, 4))
+    assert reachable_ground(*world, START).straight_points[:, 0].max() < 4.0
 
 
 def test_ramp_of_15_degrees_is_climbed_onto_the_upper_plate():
