@@ -53,6 +53,14 @@ class EvaluationConfig:
     coverage_vertical_m: float = parameter(0.10, "m", "farthest mapped voxel, along z, that covers a cell of ground", low=0.0, high=1.0)
     map_resolution_m: float = parameter(0.08, "m", "finest voxel of the map, to which pruned ones are divided", low=0.01, high=1.0)
     max_cloud_points: int = parameter(400_000, "-", "points of the cloud that are measured against the true mesh", low=100)
+    min_coverage: float = parameter(
+        0.95, "-", "share of the reachable ground that a success has to exceed; runs that end well have over 0.99", low=0.0, high=1.0
+    )
+    max_missed_piece_m2: float = parameter(
+        5.0, "m2", "largest connected piece of reachable ground that a success may lack: a small room or a deck", low=0.0
+    )
+    stayed_m: float = parameter(1.0, "m", "the robot's length: one that came no farther has never left its start", low=0.0)
+    stayed_coverage: float = parameter(0.995, "-", "coverage from which one that stayed has seen all that there is", low=0.0, high=1.0)
     contact_gap_s: float = parameter(1.0, "s", "pause after which a contact counts as another collision", low=0.0)
     fall_tilt_rad: float = parameter(0.87, "rad", "tilt of the body beyond which it has fallen", low=0.3, high=3.1)
     fall_speed_mps: float = parameter(1.5, "m/s", "downward speed beyond which the body falls (0.11 m of free fall)", low=0.3)

@@ -106,7 +106,7 @@ def _surface_at(xyz: Floats, first: Ints, frame: Frame, at: tuple[float, float, 
 
 @njit(cache=True)
 def _columns_under(frame: Frame, at: tuple[float, float, float], u: tuple[float, float], back: float) -> tuple[int, int, int, int]:
-    """First and last column, along x and along y, that the outline's part before `back` may touch."""
+    """First and last column, along x and along y, that the outline's part before `back` may touch; the last before the first for none."""
     origin, shape, limits = frame
     cell, front, half_width = limits[0], limits[1], limits[2]
     reach_x, reach_y = abs(u[1]) * half_width, abs(u[0]) * half_width
@@ -130,7 +130,7 @@ def _is_under(point: Floats, limits: Floats, at: tuple[float, float, float], u: 
 def _is_blocked(things: Things, frame: Frame, at: tuple[float, float, float], u: tuple[float, float], back: float) -> bool:
     points, first = things
     i0, i1, j0, j1 = _columns_under(frame, at, u, back)
-    for i in range(i0, i1 + 1):
+    for i in range(i0, i1 + 1 if j0 <= j1 else i0):
         column = i * frame[1][1]
         for b in range(first[column + j0], first[column + j1 + 1]):
             if _is_under(points[b], frame[2], at, u, back):
@@ -142,7 +142,7 @@ def _is_blocked(things: Things, frame: Frame, at: tuple[float, float, float], u:
 def _mark_front(xyz: Floats, first: Ints, frame: Frame, at: tuple[float, float, float], u: tuple[float, float], under: Mask) -> None:
     back = frame[2][1] - 0.5 * frame[2][0]
     i0, i1, j0, j1 = _columns_under(frame, at, u, back)
-    for i in range(i0, i1 + 1):
+    for i in range(i0, i1 + 1 if j0 <= j1 else i0):
         column = i * frame[1][1]
         for n in range(first[column + j0], first[column + j1 + 1]):
             if not under[n] and _is_under(xyz[n], frame[2], at, u, back):

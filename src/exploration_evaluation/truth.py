@@ -49,7 +49,7 @@ class ReachableGround:
     @property
     def straight_area_m2(self) -> float:
         """Area of `straight_points`."""
-        return self.covered_area_m2 + (len(self.straight_points) - len(self.covered_points)) * self.cell_area_m2
+        return max(self.covered_area_m2, len(self.straight_points) * self.cell_area_m2)
 
 
 def true_world(vertices: ArrayLike, triangles: ArrayLike, cell_m: float) -> TrueWorld:
