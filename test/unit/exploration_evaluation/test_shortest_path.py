@@ -63,6 +63,13 @@ def test_way_is_never_longer_than_one_that_can_be_driven():
     assert 0.93 * driven < shortest_length(ground, [(2, 2, BASE_M), (8, 8, BASE_M)]) <= driven
 
 
+def test_long_way_between_the_directions_of_the_graph_is_no_longer_either():
+    ground = reachable_ground(*join(room(24, 4), wall(12, 0, 12, 1.5)), (2, 2, 0.1))
+    way = np.array([(2.0, 1.0), (11.9, 1.84), (12.1, 1.84), (22.0, 1.0)])
+    driven = np.linalg.norm(np.diff(way, axis=0), axis=1).sum()
+    assert 20.0 < shortest_length(ground, [(2, 1, BASE_M), (22, 1, BASE_M)]) <= driven
+
+
 def test_ramp_is_as_long_as_its_slope():
     top = 4 * math.tan(math.radians(15))
     ground = reachable_ground(*join(plate(0, 0, 4, 4), ramp(4, 0, 8, 4, 0, top), plate(8, 0, 12, 4, top)), (2, 2, 0.1))

@@ -218,11 +218,11 @@ def test_mesh_that_is_none_is_refused(vertices, triangles, text):
         reachable_ground(vertices, triangles, START)
 
 
-def tiles(gap_m: float, turned_rad: float = 0.0) -> Mesh:
-    """A floor of 6 x 6 m of tiles of 1 m, one metre above a lower floor, with seams between them, turned about its middle."""
+def tiles(gap_m: float, turned_rad: float = 0.0, depth_m: float = 1.3) -> Mesh:
+    """A floor of 6 x 6 m of tiles of 1 m on a lower floor, with seams between them, turned about its middle."""
     half = 0.5 * gap_m
-    parts = [box((x + half, y + half, -0.1), (x + 1 - half, y + 1 - half, 0.0)) for x in range(6) for y in range(6)]
-    vertices, triangles = join(*parts, plate(-2, -2, 8, 8, -1.3))
+    parts = [box((x + half, y + half, -depth_m), (x + 1 - half, y + 1 - half, 0.0)) for x in range(6) for y in range(6)]
+    vertices, triangles = join(*parts, plate(-2, -2, 8, 8, -depth_m))
     c, s = math.cos(turned_rad), math.sin(turned_rad)
     return (vertices - [3, 3, 0]) @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) + [3, 3, 0], triangles
 
@@ -233,6 +233,11 @@ def test_seams_narrower_than_a_wheel_are_floor_at_every_size_of_cell(gap_m, turn
     ground = reachable_ground(*tiles(gap_m, turned_rad), (3, 3, 0.132), cell_m=cell_m)
     assert ground.area_m2 == pytest.approx((6 - gap_m - 1.2) ** 2, rel=0.02)
     assert np.abs(ground.points[:, 2]).max() < 0.01
+
+
+@pytest.mark.parametrize("cell_m", [0.08, 0.10, 0.12])
+def test_bottom_of_a_seam_is_no_ground_with_walls(cell_m):
+    assert reachable_ground(*tiles(0.036, 0.0, 0.3), (3, 3, 0.132), cell_m=cell_m).area_m2 == pytest.approx(4.764**2, rel=0.02)
 
 
 def test_trench_wider_than_a_wheel_is_an_end_of_the_ground():
@@ -254,3 +259,23 @@ def test_areas_hardly_depend_on_size_and_place_of_the_grid(cell_m, shift_m):
     ground = reachable_ground(vertices + offset, triangles, np.array(START) + offset, cell_m=cell_m)
     beside_the_box = 0.4 * 1.1 + 1.2 * 0.9 + (math.pi / 2) * 0.6**2  # between it and the wall at y = 0 there is no room to turn
     assert ground.area_m2 == pytest.approx(4.8 * 2.8 - beside_the_box, rel=0.02)
+
+
+LOW_M = (0.15, 0.3, 0.45)
+
+
+@pytest.mark.parametrize("height_m", LOW_M)
+def test_low_sheet_between_the_rays_ends_the_ground(height_m):
+    assert reachable_ground(*join(room(8, 4), wall(4.0, 0, 4.0, 4, height_m)), START).straight_points[:, 0].max() < 4.0
+
+
+@pytest.mark.parametrize("height_m", LOW_M)
+def test_low_post_thinner_than_the_grid_is_kept_away_from(height_m):
+    ground = reachable_ground(*join(room(6, 6), box((2.985, 2.985, 0), (3.015, 3.015, height_m))), (1, 1, 0.132))
+    assert np.linalg.norm(ground.points[:, :2] - 3.0, axis=1).min() >= 0.6 - 0.03
+
+
+@pytest.mark.parametrize("underside_m", LOW_M)
+def test_low_bar_across_the_room_ends_the_ground(underside_m):
+    bar = box((3.96, -1, underside_m), (3.98, 5, underside_m + 0.02))  # between the rays, and its corners outside
+    assert reachable_ground(*join(room(8, 4), bar), START).straight_points[:, 0].max() < 4.0
