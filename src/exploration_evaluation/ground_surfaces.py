@@ -164,7 +164,10 @@ def _with_seams_bridged(world: TrueWorld, found: _Pierced, robot: RobotShape) ->
 
 
 def _bridges(world: TrueWorld, found: _Pierced, node: Ints, step: Ints, robot: RobotShape) -> tuple[Mask, Floats]:
-    """(N,) whether the column one step from a surface lies in a seam; and, where it does, the height of the ground across it."""
+    """(N,) whether the column one step from a surface lies in a seam; and, where it does, the height of the ground across it.
+
+    Something thin that stands on the ground looks like a seam here; it ends the links through it later.
+    """
     cell, length = world.grid.cell, world.grid.cell * float(np.hypot(*step))
     shares = np.arange(1, int(np.ceil((length + robot.wheel_width_m) / _FINE_M)) + 1) * _FINE_M / length
     start = np.column_stack([world.grid.centres()[found.column[node]], found.z[node]])
@@ -183,8 +186,5 @@ def _bridges(world: TrueWorld, found: _Pierced, node: Ints, step: Ints, robot: R
         near = left & ~reached
         level[near], at[near] = floors[floor[near]], share
     bridged = np.isfinite(far)
-    rise = np.where(bridged, far_z - start[:, 2], 0.0)
-    across = np.column_stack([np.where(bridged, far, 0.0)[:, None] * step * cell, rise])
-    bridged &= np.isinf(world.free_fraction(start, across, robot))
     part = (1.0 - at[bridged]) / (far[bridged] - at[bridged])
     return bridged, level[bridged] + part * (far_z[bridged] - level[bridged])
