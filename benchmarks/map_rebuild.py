@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, Beams, MapBuilder, MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
 from rigid_geometry import transform_from_quat, transform_from_rpy
+from robot_body import RobotBody
 
 LOCAL_RADIUS_M = 6.0 + RUNS_MARGIN_M
 TILE_M = 25.0
@@ -61,7 +62,7 @@ def movements(poses: Array) -> Iterator[tuple[str, Array]]:
 
 def from_scratch(beams: list[Beams], poses: Array) -> MapBuilder:
     """A builder that is given all sweeps one after the other."""
-    builder = MapBuilder(MapConfig(), SensorModel())
+    builder = MapBuilder(MapConfig(), SensorModel(), RobotBody())
     for i, sweep in enumerate(beams):
         builder.add_sweep(sweep, i, poses[: i + 1])
     return builder

@@ -18,9 +18,9 @@ from scipy.spatial import cKDTree
 
 from exploration_evaluation import read_trajectory, trajectory_errors
 from exploration_evaluation.run_files import read_arrays
-from octomap_server_3dnav.terrain.config import TerrainConfig
 from pybullet_simulation import ramp_world
 from rigid_geometry import transform_points
+from robot_body import RobotBody
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def known_of(run: Path) -> tuple[list[float], float | None]:
     low, high = floors["narrow ramp"][:, :2].min(axis=0), floors["narrow ramp"][:, :2].max(axis=0)
     at = truth[1][:, :3, 3]
     on_it = ((at[:, :2] >= low) & (at[:, :2] <= high)).all(axis=1)
-    return shares, float(at[on_it, 2].max()) - TerrainConfig().base_height_m if on_it.any() else None
+    return shares, float(at[on_it, 2].max()) - RobotBody().base_height_m if on_it.any() else None
 
 
 def main() -> None:

@@ -28,6 +28,7 @@ from pybullet_simulation.laser import Laser, Motion
 from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.sweep_profile import sweep_profile
 from pybullet_simulation.world import World
+from robot_body import RobotBody
 from sweep_assembly import ScanFilter, ScanFilterConfig, ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
 
 Array = NDArray[np.float64]
@@ -60,13 +61,13 @@ class SweepingLaser:
 
     def __init__(self, world: World, config: SimulationConfig, rng: np.random.Generator) -> None:
         self._config, self._rng = config, rng
-        robot = read_robot_model()
+        robot = read_robot_model(RobotBody())
         self._imu, self._R_base_imu = Imu(self._config, rng), robot.T_base_imu[:3, :3]
         self._laser, self._profile = Laser(self._config, robot, world, rng), sweep_profile(self._config)
         layout = self._laser.geometry
         self._geometry = ScanGeometry(layout.angle_min, layout.angle_increment, layout.time_increment, layout.beams)
         self._tilt_geometry = TiltGeometry(robot.T_base_mount, robot.T_tilt_laser)
-        self._filter = ScanFilter(ScanFilterConfig(), self._geometry, self._tilt_geometry)
+        self._filter = ScanFilter(ScanFilterConfig(), self._geometry, self._tilt_geometry, RobotBody())
 
     def sweep(self, T_map_base: Array) -> PointCloud:
         """Points and beam origins in base_link, as the robot believes them to be."""
@@ -76,7 +77,7 @@ class SweepingLaser:
         measured = self._profile.tilt_at(stamps - ARRIVED_S - START_S) + self._config.tilt_encoder_sigma_rad * self._rng.standard_normal(
             ticks + 1
         )
-        assembler = SweepAssembler(SweepAssemblyConfig(), self._geometry, self._tilt_geometry)
+        assembler = SweepAssembler(SweepAssemblyConfig(), self._geometry, self._tilt_geometry, RobotBody())
         odometry = self._odometry(T_map_base[:3, :3], stamps)
         for k, scan in enumerate(ranges):
             tilts = np.interp(stamps[k] + self._geometry.beam_times, stamps, measured)
@@ -91,7 +92,7 @@ class SweepingLaser:
 
     def _odometry(self, R_map_base: Array, stamps: Array) -> list[Array]:
         """T_odom_base at each stamp as the filter estimates it while the robot stands, after a drive at the same attitude."""
-        fusion = OdometryFilter(OdometryConfig())
+        fusion = OdometryFilter(OdometryConfig(), RobotBody())
         for k in range(round(stamps[-1] * IMU_HZ) + 2 * WHEELS_EVERY):
             stamp_s = k / IMU_HZ
             before, now = (

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from pybullet_simulation.clutter import plan_bounds, plan_gap
 from pybullet_simulation.ramp_world import PLATEAU, PLATEAU_HEIGHT_M
-from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.solids import Solid, box, walls_around
 from pybullet_simulation.start_pose import ASKED_FOR, StandingTest
 from pybullet_simulation.world import World, joined, nearest_hits, raycasting_scene
 from pybullet_simulation.worlds import load_world
+from robot_body import RobotBody
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,6 @@ CHECK_EVERY_M = 0.25
 ROBOT_CLEAR_M = 0.8
 MAX_CLIMB_M = 0.11  # between two checks: 22 deg
 CLIMB_BONUS = 4.0  # a metre of height is worth so many of distance when the next place is chosen
-WHEELBASE_M, TRACK_M = 0.55, 0.57
 CLUTTER = ("crate", "pillar", "box_", "dumpster", "hydrant")
 
 
@@ -103,9 +102,9 @@ class Ground:
     """Answers where the robot can stand in a world, and how."""
 
     def __init__(self, world: World) -> None:
-        self._test = StandingTest(world.vertices, world.triangles, closed=True)
+        self._test = StandingTest(world.vertices, world.triangles, closed=True, robot=RobotBody())
         self._scene = raycasting_scene(world.vertices, world.triangles)
-        self._base_m = read_robot_model().ground_to_base_m
+        self._base_m = RobotBody().base_height_m
 
     def level(self, x: float, y: float, yaw: float, near_z: float, reach_m: float) -> float | None:
         """The ground's height nearest to `near_z`, within `reach_m` of it, if the robot fits there."""
@@ -115,7 +114,10 @@ class Ground:
 
     def pose(self, x: float, y: float, z: float, yaw: float) -> Array:
         """T_map_base of the robot on the plane through the ground below its wheels."""
-        u, v = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, 0.5, 5) * WHEELBASE_M, np.linspace(-0.5, 0.5, 5) * TRACK_M))
+        u, v = (
+            a.ravel()
+            for a in np.meshgrid(np.linspace(-0.5, 0.5, 5) * RobotBody().wheelbase_m, np.linspace(-0.5, 0.5, 5) * RobotBody().track_m)
+        )
         dx, dy = u * math.cos(yaw) - v * math.sin(yaw), u * math.sin(yaw) + v * math.cos(yaw)
         rays = np.column_stack([x + dx, y + dy, np.full(25, z + 0.9), np.zeros(25), np.zeros(25), np.full(25, -1.0)])
         heights = z + 0.9 - nearest_hits(self._scene, rays.astype(np.float32)).astype(float)

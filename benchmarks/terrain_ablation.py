@@ -1,6 +1,6 @@
-"""What each principle of the terrain is worth: maps of finished runs, redrawn with worse ranges and poses, classified with parts switched off.
+"""What each principle of the terrain is worth: maps of finished runs, with worse ranges and poses, and with parts switched off.
 
-    python benchmarks/terrain_ablation.py RUN_DIR .. [--off NAME ..] [--set NAME=VALUE ..] [--noise NAME ..] [--cache DIR] [--each]
+    python benchmarks/terrain_ablation.py RUN_DIR .. [--off NAME ..] [--set NAME=VALUE ..] [--noise NAME ..] [--each]
 
 With PYTHONPATH as benchmarks/README.md sets it. A run's sweeps are put into a map at the poses that it ended with: as they are, with 1 and
 2 cm more noise of the ranges, and with errors of 1 cm and 0.1 degrees of every pose. The whole map is classified and held against the true

@@ -29,6 +29,7 @@ from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
+from robot_body import RobotBody
 
 LOCAL_RADIUS_M = 6.0
 TURNS = 3  # of the versions that are compared
@@ -49,7 +50,7 @@ def two_level_world(resolution: float = 0.08) -> ColumnRuns:
     return ColumnRuns.from_dense(states, (0, 0, -8), resolution)
 
 
-def pose_near_the_middle(runs: ColumnRuns, config: TerrainConfig) -> Array:
+def pose_near_the_middle(runs: ColumnRuns, config: TerrainConfig, robot: RobotBody) -> Array:
     """A level pose on the surface nearest to the map's middle that has the most ground around it, of a few tried."""
     middle = np.array([runs.nx, runs.ny]) // 2
     tops = np.flatnonzero(runs.occupied)
@@ -61,8 +62,8 @@ def pose_near_the_middle(runs: ColumnRuns, config: TerrainConfig) -> Array:
         key = np.array(
             [runs.columns[top] // runs.ny + runs.origin_key[0], runs.columns[top] % runs.ny + runs.origin_key[1], runs.z_hi[top]]
         )
-        T_map_base[:3, 3] = (key + 0.5) * runs.resolution + [0.0, 0.0, config.base_height_m]
-        ground = int(np.count_nonzero(classify(runs, T_map_base, config, LOCAL_RADIUS_M).label == TerrainClass.TRAVERSABLE))
+        T_map_base[:3, 3] = (key + 0.5) * runs.resolution + [0.0, 0.0, robot.base_height_m]
+        ground = int(np.count_nonzero(classify(runs, T_map_base, config, robot, LOCAL_RADIUS_M).label == TerrainClass.TRAVERSABLE))
         if best is None or ground > best[0]:
             best = ground, T_map_base
     if best is None or best[0] == 0:
@@ -91,9 +92,9 @@ def runs_rows(name: str, runs: ColumnRuns, T_map_base: Array, count: int) -> Ite
     """Classification, frontiers and a path of runs that are there."""
     planner = PlannerConfig()
     for scope, radius in (("local 6 m", LOCAL_RADIUS_M), ("whole map", None)):
-        terrain = classify(runs, T_map_base, TerrainConfig(), radius)
+        terrain = classify(runs, T_map_base, TerrainConfig(), RobotBody(), radius)
         what = f"{name}, {scope} ({terrain.label.size} voxels)"
-        yield f"{what}: classify", median_ms(lambda r=radius: classify(runs, T_map_base, TerrainConfig(), r), count)
+        yield f"{what}: classify", median_ms(lambda r=radius: classify(runs, T_map_base, TerrainConfig(), RobotBody(), r), count)
         yield f"{what}: frontiers", median_ms(lambda t=terrain: find_frontiers(t, T_map_base, FrontierConfig(), planner), count)
         if terrain.departure is not None:
             goal = farthest_node(terrain)
@@ -109,17 +110,19 @@ def octree_rows(name: str, octree: OctreeMap, T_map_base: Array, count: int) -> 
         yield f"{name}, {scope}: column runs", median_ms(lambda b=box: octree.column_runs(*b), count)
         yield (
             f"{name}, {scope}: column runs and classify",
-            median_ms(lambda r=radius, b=box: classify(octree.column_runs(*b), T_map_base, TerrainConfig(), r), count),
+            median_ms(lambda r=radius, b=box: classify(octree.column_runs(*b), T_map_base, TerrainConfig(), RobotBody(), r), count),
         )
 
 
 def measure(arguments: argparse.Namespace) -> Times:
     """Everything that was asked for."""
     made = two_level_world()
-    rows = list(runs_rows("made world", made, pose_near_the_middle(made, TerrainConfig()), arguments.runs))
+    rows = list(runs_rows("made world", made, pose_near_the_middle(made, TerrainConfig(), RobotBody()), arguments.runs))
     if arguments.map:
         octree = OctreeMap.read(arguments.map)
-        rows += octree_rows(Path(arguments.map).name, octree, pose_near_the_middle(octree.column_runs(), TerrainConfig()), arguments.runs)
+        rows += octree_rows(
+            Path(arguments.map).name, octree, pose_near_the_middle(octree.column_runs(), TerrainConfig(), RobotBody()), arguments.runs
+        )
     if arguments.session:
         beams, poses = (part[: arguments.sweeps] for part in recorded(arguments.session))
         rows += octree_rows(f"live map of {len(beams)} sweeps", from_scratch(beams, poses).tree, poses[-1], arguments.runs)

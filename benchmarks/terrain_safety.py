@@ -25,6 +25,7 @@ from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, MapBuilder, M
 from octomap_server_3dnav.octree.octree import SensorModel
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig, classify
 from rigid_geometry import transform_points
+from robot_body import RobotBody
 from stage_config import load_config
 from stop_scan_and_go import StopScanAndGoConfig
 
@@ -56,18 +57,20 @@ class World:
 def at_the_end(world: World, config: TerrainConfig) -> tuple[float, float, float, float]:
     """m2 wrongly safe beyond one voxel's edge and within it, m2 wrongly unsafe, and m2 of all reachable places."""
     builder, T_map_base = from_scratch(world.beams, world.poses), world.poses[-1]
-    found = world.judged(classify(builder.runs_around(T_map_base, None), T_map_base, config, None, builder.heights))
+    found = world.judged(classify(builder.runs_around(T_map_base, None), T_map_base, config, RobotBody(), None, builder.heights))
     edge = found.false_safe_by_cause[EDGE]
     return found.false_safe_m2 - edge, edge, found.false_unsafe_m2, world.area_m2
 
 
 def on_the_way(world: World, config: TerrainConfig) -> tuple[float, float, float, float]:
     """m2 wrongly safe around the robot beyond one voxel's edge and within it, where they are most; their mean; and the number of sweeps."""
-    builder, found = MapBuilder(MapConfig(), SensorModel()), []
+    builder, found = MapBuilder(MapConfig(), SensorModel(), RobotBody()), []
     for i, sweep in enumerate(world.beams):
         builder.add_sweep(sweep, i, world.poses[: i + 1])
         T_map_base = world.poses[i]
-        terrain = classify(builder.runs_around(T_map_base, LOCAL_M + RUNS_MARGIN_M), T_map_base, config, LOCAL_M, builder.heights)
+        terrain = classify(
+            builder.runs_around(T_map_base, LOCAL_M + RUNS_MARGIN_M), T_map_base, config, RobotBody(), LOCAL_M, builder.heights
+        )
         judged = world.judged(terrain, _may_be_driven(terrain, T_map_base))
         edge = judged.false_safe_by_cause[EDGE]
         found.append((judged.false_safe_m2 - edge, edge))

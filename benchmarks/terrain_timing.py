@@ -22,6 +22,7 @@ from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, MapBuilder
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig, classify
 from rigid_geometry.transforms import Transform
+from robot_body import RobotBody
 
 FIELD_M, PILLARS_EVERY_M, RESOLUTION_M = 72.0, 4.0, 0.08
 Row = tuple[str, str]
@@ -30,7 +31,7 @@ Row = tuple[str, str]
 def classified(builder: MapBuilder, T_map_base: Transform, radius_m: float | None) -> Terrain:
     """As the node does after a sweep: columns out of the tree, and the terrain in them."""
     runs = builder.runs_around(T_map_base, None if radius_m is None else radius_m + RUNS_MARGIN_M)
-    return classify(runs, T_map_base, TerrainConfig(), radius_m, builder.heights)
+    return classify(runs, T_map_base, TerrainConfig(), RobotBody(), radius_m, builder.heights)
 
 
 def one_more(builder: MapBuilder, sweep: Beams, poses: Array, calls: int) -> float:
@@ -75,7 +76,7 @@ def pillar_field() -> tuple[ColumnRuns, Transform]:
     for x, y in rng.integers(40, cells - 40, (int((FIELD_M / PILLARS_EVERY_M) ** 2), 2)):
         states[x : x + 5, y : y + 5] = VoxelState.OCCUPIED
     T_map_base = np.eye(4)
-    T_map_base[:3, 3] = 1.0, 1.0, RESOLUTION_M + TerrainConfig().base_height_m
+    T_map_base[:3, 3] = 1.0, 1.0, RESOLUTION_M + RobotBody().base_height_m
     return ColumnRuns.from_dense(states, (0, 0, 0), RESOLUTION_M), T_map_base
 
 
@@ -83,7 +84,7 @@ def path_rows(calls: int) -> Iterator[Row]:
     """To the farthest node, in the surroundings and in the whole field."""
     runs, T_map_base = pillar_field()
     for name, radius_m in (("local 6 m", LOCAL_RADIUS_M), ("whole field", None)):
-        terrain = classify(runs, T_map_base, TerrainConfig(), radius_m)
+        terrain = classify(runs, T_map_base, TerrainConfig(), RobotBody(), radius_m)
         goal = farthest_node(terrain)
         path = plan_path(terrain, goal, PlannerConfig())
         assert path is not None
@@ -94,10 +95,10 @@ def path_rows(calls: int) -> Iterator[Row]:
 def file_row(path: Path, calls: int) -> Row:
     """A map from a file, as a whole."""
     octree = OctreeMap.read(path)
-    T_map_base = pose_near_the_middle(octree.column_runs(), TerrainConfig())
+    T_map_base = pose_near_the_middle(octree.column_runs(), TerrainConfig(), RobotBody())
     return (
         f"{path.name}: whole map",
-        f"{median_ms(lambda: classify(octree.column_runs(), T_map_base, TerrainConfig(), None), calls):.1f} ms",
+        f"{median_ms(lambda: classify(octree.column_runs(), T_map_base, TerrainConfig(), RobotBody(), None), calls):.1f} ms",
     )
 
 

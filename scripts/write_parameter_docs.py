@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "src"))
 
 from explore_command.parameters import NODE_CONFIGS, config_class  # noqa: E402
+from robot_body import RobotBody, SensorMount  # noqa: E402
 from stage_config import documented  # noqa: E402
 
 TARGET = ROOT / "docs" / "parameters.md"
@@ -37,7 +38,10 @@ A parameter is private to its node. To change it, in the order in which one over
 
 - in the node's file in `config/`, which its launch file loads; the values there are the defaults of those that are touched first;
 - in a YAML file of your own, by node: `roslaunch explore_3dnav explore.launch overrides:=FILE`;
-- for one run: `./explore --set octomap_server_3dnav_node/terrain/max_step_m=0.08`.
+- for one run: `./explore --set octomap_server_3dnav_node/resolution=0.05`.
+
+The robot is no node's: all of them read it. Its values stand in `config/robot.yaml`, or a file like it: `./explore --robot FILE`. Single
+ones are changed below `robot` in the same ways: `./explore --set robot/max_step_m=0.08`.
 
 An unknown name, a wrong type or a value out of range ends the run before it starts, and says which name is nearest. What was set is
 in `run.json` and `summary.json`. Angles are in radians, lengths in metres, times in seconds of the robot's clock.
@@ -88,7 +92,7 @@ def shown_value(value: Any, unit: str) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple):
-        return f"[{', '.join(map(_number, value))}]"
+        return f"[{', '.join(item.frame if isinstance(item, SensorMount) else _number(item) for item in value)}]"
     if isinstance(value, str):
         return value or '""'
     degrees = f" ({math.degrees(value):.3g} deg)" if unit.startswith("rad") and "/" not in unit and value else ""
@@ -150,6 +154,25 @@ def launch_arguments(launch: Path) -> str:
     return f"## Arguments of explore.launch\n\n| Argument | Default | Meaning |\n| --- | --- | --- |\n{rows}"
 
 
+def robot_chapter() -> str:
+    """The robot: what robot.yaml says, and what is derived from it, with its value for ours."""
+    head = (
+        "## The robot\n\nThe parameters of `/robot`, all of which `config/robot.yaml` says: nothing may be missing in a file of your own.\n"
+    )
+    derived = "What follows from them, so that nothing of it is written by hand (`src/robot_body/body.py`):\n"
+    return "\n".join([head, config_table(RobotBody, ""), derived, _derived_table(RobotBody())])
+
+
+def _derived_table(robot: RobotBody) -> str:
+    rows = []
+    for name, member in vars(RobotBody).items():
+        if isinstance(member, property):
+            unit = name.rpartition("_")[2]
+            text = " ".join((member.__doc__ or "").split())
+            rows.append(f"| `{name}` | {shown_value(getattr(robot, name), unit)} | {unit} | {text} |\n")
+    return "| Derived | Value | Unit | How |\n| --- | --- | --- | --- |\n" + "".join(rows)
+
+
 def judge_chapter() -> str:
     """What the judge of a run assumes: no ROS parameters, and out of the robot's reach."""
     head = "## The judge\n\nWhat `exploration_evaluation` measures a run by; these are no ROS parameters.\n"
@@ -161,10 +184,12 @@ def judge_chapter() -> str:
 def reference() -> str:
     """The whole file."""
     nodes = launched_nodes(ROOT / "launch")
-    contents = "".join(f"- [{node.name}](#{node.name})\n" for node in nodes)
+    contents = "- [The robot](#the-robot)\n" + "".join(f"- [{node.name}](#{node.name})\n" for node in nodes)
     first_shown: dict[str, str] = {}
     chapters = [node_chapter(node, first_shown) for node in nodes]
-    return "\n".join([INTRODUCTION, contents, launch_arguments(ROOT / "launch" / "explore.launch"), *chapters, judge_chapter()])
+    return "\n".join(
+        [INTRODUCTION, contents, robot_chapter(), launch_arguments(ROOT / "launch" / "explore.launch"), *chapters, judge_chapter()]
+    )
 
 
 def main() -> int:

@@ -12,7 +12,8 @@ from pathlib import Path
 
 from evaluation_campaign.plan import Campaign, CampaignProblem, Limits, RunSpec, open_campaign, parse_seeds
 from explore_command.arguments import NAMED_WORLDS, SENSORS
-from explore_command.parameters import override_problems, read_profile
+from explore_command.parameters import override_problems, read_profile, robot_of
+from stage_config import ConfigError
 
 PROJECT = Path(__file__).resolve().parents[2]
 _REPORTED_PACKAGES = ("numpy", "scipy", "numba", "gtsam", "open3d", "small_gicp", "pybullet", "distributed")
@@ -31,6 +32,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--profile", default="ours", metavar="P,P", help="profiles of parameters: ours, nearest, thesis, or YAML FILEs; default ours"
     )
+    p.add_argument("--robot", type=Path, metavar="FILE", help="the robot of all runs, as config/robot.yaml, which is the default")
     p.add_argument("--sensor", choices=SENSORS, default=SENSORS[0], help="the sensor of all runs; default %(default)s")
     p.add_argument(
         "--jobs", type=int, default=max(1, (os.cpu_count() or 2) // 2), metavar="N", help="runs at a time; default: half the cores"
@@ -52,11 +54,12 @@ def parse(arguments: list[str] | None = None) -> tuple[Campaign, argparse.Namesp
     for world in worlds:
         _check_world(world)
     for profile in profiles:
-        _check_profile(profile)
+        _check_profile(profile, a.robot)
     if len({Path(profile).stem for profile in profiles}) < len(profiles):
         raise CampaignProblem(f"--profile {a.profile}: two of these have the same name, after which the folders of their runs are called")
     worlds = tuple(w if w in NAMED_WORLDS else str(Path(w).absolute()) for w in worlds)
-    return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, a.sensor, Limits(a.max_sim_time, a.max_wall_time)), a
+    limits, robot = Limits(a.max_sim_time, a.max_wall_time), str(a.robot.absolute()) if a.robot else ""
+    return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, a.sensor, limits, robot), a
 
 
 def _check_world(world: str) -> None:
@@ -71,13 +74,19 @@ def _check_world(world: str) -> None:
         )
 
 
-def _check_profile(profile: str) -> None:
+def _check_profile(profile: str, robot: Path | None) -> None:
+    """Whether a profile, and the robot with what it changes of it, can be used."""
     try:
-        problems = override_problems(read_profile(profile))
+        overrides = read_profile(profile)
+        problems = override_problems(overrides)
     except ValueError as error:
-        problems = [str(error)]
+        raise CampaignProblem(f"--profile {profile}: {error}") from error
     if problems:
         raise CampaignProblem(f"--profile {profile}: {'; '.join(problems)}")
+    try:
+        robot_of(robot, overrides)
+    except ConfigError as error:
+        raise CampaignProblem("\n".join(f"--robot {line}" for line in str(error).splitlines())) from error
 
 
 def about(jobs: int) -> dict[str, object]:
@@ -141,7 +150,8 @@ def main(arguments: list[str] | None = None) -> int:
         if not options.report_only:
             run_campaign(campaign, options)
     except CampaignProblem as error:
-        print(f"./evaluate: {error}", file=sys.stderr)
+        for line in str(error).splitlines():
+            print(f"./evaluate: {line}", file=sys.stderr)
         return 2
     except OSError as error:
         print(f"./evaluate: stopped: {error}; finished runs stay, the same command goes on", file=sys.stderr)

@@ -14,9 +14,9 @@ from exploration_evaluation import read_json, write_json
 
 FORMAT = 1
 CAMPAIGN_FILE, OUTCOME_FILE = "campaign.json", "outcome.json"
-_IDENTITY = ("format", "worlds", "seeds", "profiles", "sensor", "limits")
+_IDENTITY = ("format", "worlds", "seeds", "profiles", "sensor", "limits", "robot")
 _EXTENSIBLE = ("worlds", "seeds", "profiles")
-_SINCE_FORMAT_1 = {"sensor": "tilting"}  # what campaigns had that do not say it
+_SINCE_FORMAT_1 = {"sensor": "tilting", "robot": ""}  # what campaigns had that do not say it
 
 
 class CampaignProblem(ValueError):
@@ -47,7 +47,7 @@ class RunSpec:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign in its folder."""
+    """A campaign in its folder; `robot` is the file of its robot, empty for the project's."""
 
     out: Path
     worlds: tuple[str, ...]
@@ -55,6 +55,7 @@ class Campaign:
     profiles: tuple[str, ...]
     sensor: str
     limits: Limits
+    robot: str = ""
 
     @property
     def specs(self) -> tuple[RunSpec, ...]:

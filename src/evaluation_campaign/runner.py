@@ -35,6 +35,7 @@ class RunRequest:
     limits: Limits
     out: Path
     project: Path
+    robot: str = ""
 
 
 def make_run(request: RunRequest) -> dict[str, object]:
@@ -78,6 +79,7 @@ def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
     command = [str(request.project / "explore"), "--headless", "--force", "--world", spec.world, "--seed", str(spec.seed)]
     command += ["--profile", spec.profile, "--out", str(folder), "--port", str(free_port(random.sample(_PORTS, 100)))]
     command += ["--sensor", request.sensor, "--max-sim-time", str(request.limits.sim_s)]
+    command += ["--robot", request.robot] if request.robot else []
     with (folder.parent / f".{folder.name}.log").open("w") as log:
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=end_with_parent

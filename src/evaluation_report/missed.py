@@ -25,6 +25,7 @@ from exploration_evaluation import (
     reachable_ground,
     read_mesh,
     read_occupied,
+    read_robot,
     read_trajectory,
     trajectory_errors,
 )
@@ -64,7 +65,7 @@ def missed_view(run_dir: Path | str, robot: RobotShape | None = None, config: Ev
     """
     folder = Path(run_dir)
     vertices, triangles = read_mesh(folder / "world.ply")
-    drive = _drive(folder, (vertices, triangles), robot or RobotShape(), config or EvaluationConfig())
+    drive = _drive(folder, (vertices, triangles), robot or read_robot(folder), config or EvaluationConfig())
     figure = _figure(drive, RayScene(vertices, triangles), float(vertices[:, 2].max()), folder.name)
     # In two steps, so that a picture is whole or not there.
     beside = folder / f".{NAME}"

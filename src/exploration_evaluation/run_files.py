@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from exploration_evaluation.config import RobotShape
 from exploration_evaluation.scores import ContactEpisode, contact_episodes
+from robot_body import load_robot
 
 Floats = NDArray[np.float64]
 Trajectory = tuple[Floats, Floats]
@@ -33,6 +35,12 @@ def read_trajectory(path: Path) -> Trajectory:
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_quat(rows[:, 4:8]).as_matrix(), rows[:, 1:4]
     return rows[:, 0], poses
+
+
+def read_robot(folder: Path) -> RobotShape:
+    """The shape of the robot that drove, from its robot.yaml; the project's own where a run of before has none."""
+    path = folder / "robot.yaml"
+    return RobotShape.of(load_robot(path)) if path.is_file() else RobotShape()
 
 
 def read_contacts(path: Path, gap_s: float = 1.0) -> tuple[ContactEpisode, ...]:

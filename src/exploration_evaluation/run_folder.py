@@ -25,6 +25,7 @@ from exploration_evaluation.run_files import (
     read_events,
     read_json,
     read_occupied,
+    read_robot,
     read_sweeps,
     read_trajectory,
     write_json,
@@ -76,6 +77,8 @@ def evaluate_run(
 ) -> dict[str, Any]:
     """Scores a run folder against the true mesh, (V, 3) and (T, 3) in the world frame, and writes its summary.json.
 
+    `robot` is by default that of the folder's robot.yaml.
+
     The summary has all that run.json and counters.json report (`_REPORTED` at least, None where they do not) and, of the judge:
     success and what speaks against it ("faults"), coverage, coverage_straight (with ground that is driven straight only),
     missed_piece_m2, reachable_area_m2, reachable_straight_m2, turning_area_m2, map_rmse_m, map_p95_m, trajectory_ate_m,
@@ -83,12 +86,12 @@ def evaluate_run(
     coverage_curve (a CurvePoint a sweep), rpe_translation_m, rpe_rotation_rad, wrong_edges, shortest_length_m, path_ratio,
     activity_s, compute_s, runtime_s, visible_surface_m2, seen_surface_share, map_completeness_rms_m, map_completeness_p95_m,
     classification (confusion, false-safe and false-unsafe ground), and "missing": what is None and why. ValueError when the folder does
-    not exist.
+    not exist, or its robot.yaml is none.
     """
     folder = Path(directory)
     if not folder.is_dir():
         raise ValueError(f"no run folder at {folder}")
-    summary = _Judgement(folder, vertices, triangles, robot or RobotShape(), config or EvaluationConfig()).summary()
+    summary = _Judgement(folder, vertices, triangles, robot or read_robot(folder), config or EvaluationConfig()).summary()
     write_json(folder / "summary.json", summary)
     return summary
 

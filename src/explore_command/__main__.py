@@ -3,7 +3,7 @@
 import sys
 
 from explore_command.arguments import ArgumentProblem, ExploreArguments, parse, prepare_out
-from explore_command.launching import parameter_problem, run_launch, world_problem
+from explore_command.launching import effective_robot, parameter_problem, run_launch, world_problem
 from explore_command.sessions import clock_after
 
 
@@ -13,14 +13,17 @@ def main(argv: list[str] | None = None) -> int:
         if arguments.check_only:
             print("set up; for a ROS shell: source .ws/devel/setup.bash")
             return 0
-        problem = parameter_problem(arguments) or world_problem(arguments)
-        if problem:
+        if problem := parameter_problem(arguments):
+            raise ArgumentProblem(problem)
+        robot = effective_robot(arguments)
+        if problem := world_problem(arguments, robot):
             raise ArgumentProblem(problem)
         clock_start_s = _prepare(arguments)
     except ArgumentProblem as error:
-        print(f"./explore: {error}", file=sys.stderr)
+        for line in str(error).splitlines():
+            print(f"./explore: {line}", file=sys.stderr)
         return 2
-    return run_launch(arguments, clock_start_s)
+    return run_launch(arguments, robot, clock_start_s)
 
 
 def _prepare(arguments: ExploreArguments) -> float:

@@ -35,6 +35,7 @@ _RUN_FILES += (
     "map_angle.png",
     "world.ply",
     "config.yaml",
+    "robot.yaml",
     "run.bag",
     "overrides.yaml",
     "roslaunch.log",
@@ -73,6 +74,7 @@ class ExploreArguments:
     record: bool
     port: int | None
     max_sim_time_s: float
+    robot: Path | None
     profile: str
     set_parameters: tuple[str, ...]
     check_only: bool
@@ -117,9 +119,18 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--port", type=int, metavar="N", help="port of the ROS master; default 11311, or one near it when that is taken")
     p.add_argument("--max-sim-time", type=float, default=3600.0, metavar="S", help="stop after S simulated seconds; default 3600")
     p.add_argument(
+        "--robot", type=Path, metavar="FILE", help="the robot, as config/robot.yaml, which is the default; its URDF is named in it"
+    )
+    p.add_argument(
         "--profile", default="ours", metavar="P", help="parameters to explore with: ours, nearest, thesis, or a YAML FILE; default ours"
     )
-    p.add_argument("--set", action="append", default=[], metavar="NODE/PARAMETER=VALUE", help="overrides one parameter; may be repeated")
+    p.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="NODE/PARAMETER=VALUE",
+        help="overrides one parameter, also of the robot, as robot/max_step_m=0.08; may be repeated",
+    )
     p.add_argument("--setup", action="store_true", help="only set up: packages, .venv, workspace")
     return p
 
@@ -127,7 +138,7 @@ def parser() -> argparse.ArgumentParser:
 def parse(argv: list[str] | None = None) -> ExploreArguments:
     """Checked arguments; ArgumentProblem for what argparse cannot know, SystemExit(2) for what it can.
 
-    A run that goes on is by default in the world, and with the seed and the sensor, of the earlier one.
+    A run that goes on is by default in the world, and with the seed, the sensor and the robot, of the earlier one.
     """
     a = parser().parse_args(argv)
     earlier = earlier_run(a.resume or a.map) if a.resume or a.map else NO_RUN
@@ -160,6 +171,7 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         record=a.record,
         port=a.port,
         max_sim_time_s=a.max_sim_time,
+        robot=a.robot.absolute() if a.robot else earlier.robot,
         profile=a.profile,
         set_parameters=tuple(a.set),
         check_only=a.setup,

@@ -6,22 +6,24 @@ from pathlib import Path
 
 import yaml
 
-from explore_command.arguments import NAMED_WORLDS, ExploreArguments
-from explore_command.parameters import all_overrides, override_problems
+from explore_command.arguments import NAMED_WORLDS, ArgumentProblem, ExploreArguments
+from explore_command.parameters import ROBOT, all_overrides, override_problems, robot_of
+from robot_body import RobotBody, robot_mapping, urdf_file
 from roslaunch_process import free_port, hand_on_signals, shown_lines, start_launch
+from stage_config import ConfigError
 
 _SHUTDOWN_S = 60
 _MONITOR_MARK = "[explore]"
 
 
-def world_problem(arguments: ExploreArguments) -> str | None:
+def world_problem(arguments: ExploreArguments, robot: RobotBody) -> str | None:
     """Why the world or the start cannot be used, or None; named worlds with their own start need no look."""
     if arguments.world in NAMED_WORLDS and arguments.start is None:
         return None
     from pybullet_simulation import load_world
 
     try:
-        load_world(arguments.world, arguments.seed, size_xyz=arguments.size, area_xy=arguments.area, start=arguments.start)
+        load_world(arguments.world, arguments.seed, arguments.size, arguments.area, arguments.start, robot)
     except ValueError as error:
         return f"--world {arguments.world}: {error}"
     return None
@@ -36,13 +38,23 @@ def parameter_problem(arguments: ExploreArguments) -> str | None:
     return f"--profile, --set: wrong parameter: {'; '.join(problems)}" if problems else None
 
 
+def effective_robot(arguments: ExploreArguments) -> RobotBody:
+    """The robot of --robot with what --profile and --set change. ArgumentProblem lists all that is wrong with it, one a line."""
+    try:
+        return robot_of(arguments.robot, all_overrides(arguments.profile, arguments.set_parameters))
+    except ConfigError as error:
+        raise ArgumentProblem("\n".join(f"--robot {line}" for line in str(error).splitlines())) from error
+
+
 def _joined(values: tuple[float, ...] | None) -> str:
     return " ".join(f"{v:g}" for v in values) if values else ""
 
 
-def launch_arguments(arguments: ExploreArguments, overrides: str, clock_start_s: float = 0.0) -> dict[str, object]:
-    """The launch file's arguments by name."""
+def launch_arguments(arguments: ExploreArguments, robot: RobotBody, overrides: Path, clock_start_s: float = 0.0) -> dict[str, object]:
+    """The launch file's arguments by name; the robot's file lies beside the overrides."""
     return {
+        "robot_file": overrides.with_name("robot.yaml"),
+        "urdf": urdf_file(robot),
         "world": arguments.world,
         "sensor": arguments.sensor,
         "seed": arguments.seed,
@@ -61,23 +73,25 @@ def launch_arguments(arguments: ExploreArguments, overrides: str, clock_start_s:
     }
 
 
-def _write_overrides(arguments: ExploreArguments) -> str:
-    """The file with the parameters of --profile and --set for the launch file."""
+def _write_parameters(arguments: ExploreArguments, robot: RobotBody) -> Path:
+    """robot.yaml, and the file with the parameters of --profile and --set, for the launch file."""
+    (arguments.out / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(robot), sort_keys=False))
     overrides = all_overrides(arguments.profile, arguments.set_parameters)
+    overrides.pop(ROBOT, None)  # they are in robot.yaml
     overrides.setdefault("exploration_monitor_node", {})["profile"] = arguments.profile
     path = arguments.out / "overrides.yaml"
     path.write_text(yaml.safe_dump(overrides))
-    return str(path)
+    return path
 
 
-def run_launch(arguments: ExploreArguments, clock_start_s: float = 0.0) -> int:
+def run_launch(arguments: ExploreArguments, robot: RobotBody, clock_start_s: float = 0.0) -> int:
     """Runs the launch file to its end; 0 when the run succeeded, 2 for a wrong parameter, else 1."""
     port = arguments.port or free_port()
     print(
         f"exploring {arguments.world}, seed {arguments.seed}; results in {arguments.out}; ROS_MASTER_URI=http://localhost:{port}",
         flush=True,
     )
-    values = launch_arguments(arguments, _write_overrides(arguments), clock_start_s)
+    values = launch_arguments(arguments, robot, _write_parameters(arguments, robot), clock_start_s)
     with (arguments.out / "roslaunch.log").open("w", buffering=1) as log:
         launch = start_launch("explore.launch", values, port, arguments.out / "log", _SHUTDOWN_S)
         hand_on_signals(launch)

@@ -1,4 +1,7 @@
-"""Which node reads which configuration under which section: --profile and --set are checked against it before anything is started."""
+"""Which node reads which configuration under which section: --profile and --set are checked against it before anything is started.
+
+What all of them share is the robot: its file, and over it the parameters of "robot" among the others.
+"""
 
 import difflib
 import importlib
@@ -7,10 +10,12 @@ from pathlib import Path
 
 import yaml
 
+from robot_body import DEFAULT_ROBOT_FILE, RobotBody, contradictions, overlaid, robot_from_mapping, robot_values, urdf_file
 from stage_config import ConfigError, load_config
 
 PROFILES = Path(__file__).resolve().parents[2] / "config" / "profiles"
 
+ROBOT = "robot"
 Overrides = dict[str, dict[str, object]]
 
 NODE_CONFIGS: dict[str, dict[str, str]] = {
@@ -27,6 +32,7 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
         "": "octomap_server_3dnav.octree.map_builder.MapConfig",
         "sensor_model": "octomap_server_3dnav.octree.octree.SensorModel",
         "terrain": "octomap_server_3dnav.terrain.classify.TerrainConfig",
+        "passages": "octomap_server_3dnav.navigation.straight_lines.PassageConfig",
         "frontier": "octomap_server_3dnav.exploration.frontiers.FrontierConfig",
         "planner": "octomap_server_3dnav.navigation.planner.PlannerConfig",
         "exploration": "octomap_server_3dnav.exploration.config.ExplorationConfig",
@@ -101,16 +107,35 @@ def parsed_overrides(texts: Sequence[str]) -> Overrides:
 
 
 def override_problems(overrides: Mapping[str, Mapping[str, object]]) -> list[str]:
-    """What is wrong with parameters by node, "section/name" or "name" to value: one sentence each, naming the nearest valid name."""
+    """What is wrong with parameters by node, "section/name" or "name" to value: one sentence each, naming the nearest valid name or, of
+    one that moved, where it stands now."""
     found = []
     for node, values in overrides.items():
+        if node == ROBOT:  # as a whole, with its file: `robot_of`
+            continue
         if node not in NODE_CONFIGS:
-            found.append(f"unknown node {node}{_nearest(node, NODE_CONFIGS)}")
+            found.append(f"unknown node {node}{_nearest(node, {**NODE_CONFIGS, ROBOT: {}})}")
             continue
         for path, value in values.items():
             section, _, name = path.rpartition("/")
             found += _parameter_problems(node, section, name, value)
     return found
+
+
+def robot_of(file: Path | None, overrides: Overrides) -> RobotBody:
+    """The robot of a file, by default the project's, with its overrides.
+
+    ConfigError lists all that is wrong, also where its URDF says something else, one a line.
+    """
+    path = file or DEFAULT_ROBOT_FILE
+    robot = robot_from_mapping(overlaid(robot_values(path), overrides.get(ROBOT, {})), str(path))
+    try:
+        text = urdf_file(robot).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: urdf {robot.urdf} cannot be read: {error}") from error
+    if problems := contradictions(robot, text):
+        raise ConfigError("\n".join(f"{path}: {text} ({robot.urdf})" for text in problems))
+    return robot
 
 
 def _parameter_problems(node: str, section: str, name: str, value: object) -> list[str]:

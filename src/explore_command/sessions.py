@@ -9,21 +9,23 @@ _PAUSE_S = 10.0
 
 @dataclass(frozen=True)
 class EarlierRun:
-    """The world (name or file), seed and sensor of a run, None where it did not write them down."""
+    """The world (name or file), seed, sensor and robot's file of a run, None where it did not write them down."""
 
     world: str | None
     seed: int | None
     sensor: str | None
+    robot: Path | None
 
 
-NO_RUN = EarlierRun(None, None, None)
+NO_RUN = EarlierRun(None, None, None, None)
 
 
 def earlier_run(folder: Path) -> EarlierRun:
-    """What run.json in the folder says."""
+    """What run.json in the folder says, and robot.yaml beside it."""
+    robot = folder / "robot.yaml"
     try:
         run = json.loads((folder / "run.json").read_text())
-        return EarlierRun(str(run["world"]), int(run["seed"]), run.get("sensor"))
+        return EarlierRun(str(run["world"]), int(run["seed"]), run.get("sensor"), robot if robot.is_file() else None)
     except (OSError, ValueError, KeyError, TypeError):
         return NO_RUN
 

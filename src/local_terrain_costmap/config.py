@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from robot_body import RobotBody
 from stage_config import check_ranges, parameter
 
 
@@ -22,20 +23,23 @@ class CostmapConfig:
     ground_tolerance_m: float = parameter(
         0.25, "m", "a hit this close to known traversable ground is that ground (robot pitched)", low=0.0, high=1.0
     )
-    overhead_clearance_m: float = parameter(1.2, "m", "a hit this high over known traversable ground is passed under", low=0.3, high=5.0)
-    inscribed_radius_m: float = parameter(
-        0.34, "m", "cells this near to a lethal one cost 253: the robot's centre there is a contact", low=0.0, high=5.0
+    overhead_margin_m: float = parameter(
+        0.2, "m", "a hit so much higher than the robot over known traversable ground is passed under", low=0.0, high=5.0
     )
     inflation_radius_m: float = parameter(0.90, "m", "cells farther than this from every lethal cell cost nothing", low=0.0, high=5.0)
     cost_scaling_factor: float = parameter(
-        5.0, "1/m", "rate of the exponential fall of the cost beyond the inscribed radius", low=0.0, high=100.0
+        5.0, "1/m", "rate of the exponential fall of the cost beyond half the robot's width, within which it is 253", low=0.0, high=100.0
     )
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
         problems = check_ranges(self)
-        if self.inflation_radius_m < self.inscribed_radius_m:
-            problems.append(f"inflation_radius_m = {self.inflation_radius_m} is below inscribed_radius_m = {self.inscribed_radius_m}")
         if self.size_m < 4 * self.resolution_m:
             problems.append(f"size_m = {self.size_m} is less than four cells of {self.resolution_m} m")
         return problems
+
+    def contradictions(self, robot: RobotBody) -> list[str]:
+        """What does not go with the robot, as sentences."""
+        if self.inflation_radius_m < robot.half_width_m:
+            return [f"inflation_radius_m = {self.inflation_radius_m} is below half of the robot's width_m = {robot.width_m}"]
+        return []

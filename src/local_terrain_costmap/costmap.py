@@ -11,21 +11,22 @@ from local_terrain_costmap.obstacle import ObstacleLayer
 from local_terrain_costmap.terrain import TerrainLayer
 from local_terrain_costmap.view import LETHAL, CostmapView
 from local_terrain_costmap.window import Window
+from robot_body import RobotBody
 
 
 class LocalCostmap:
     """Rolling costmap in the map frame: terrain, obstacles and inflation (thesis 6.2.1, figure 6.3)."""
 
-    def __init__(self, config: CostmapConfig) -> None:
+    def __init__(self, config: CostmapConfig, robot: RobotBody) -> None:
         """A window around the map's origin in which nothing is known; ValueError lists what is wrong with `config`."""
-        problems = config.validate()
+        problems = config.validate() + config.contradictions(robot)
         if problems:
             raise ValueError("; ".join(problems))
-        self._config = config
+        self._config, self._contact_m = config, robot.half_width_m
         self._cells = round(config.size_m / config.resolution_m)
         self._window = Window.centred(0.0, 0.0, self._cells, config.resolution_m)
         self._terrain = TerrainLayer(self._window)
-        self._obstacles = ObstacleLayer(config, self._window)
+        self._obstacles = ObstacleLayer(config, robot, self._window)
         self._view: CostmapView | None = None
 
     def recenter(self, x: float, y: float) -> None:
@@ -79,7 +80,7 @@ class LocalCostmap:
         """The costs of all layers together; the same object until something changes."""
         if self._view is None:
             cost = np.where(self._obstacles.marked, np.uint8(LETHAL), self._terrain.cost)
-            cost = inflated(cost, self._config.resolution_m, self._config)
+            cost = inflated(cost, self._contact_m, self._config)
             cost.setflags(write=False)
             self._view = CostmapView(cost, self._window.origin_xy, self._config.resolution_m)
         return self._view

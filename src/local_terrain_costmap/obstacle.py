@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from local_terrain_costmap.config import CostmapConfig
 from local_terrain_costmap.window import Window, shifted
+from robot_body import RobotBody
 
 
 class ObstacleLayer:
     """`marked` (n, n) bool of a window, and the map height of every mark (NaN where it was not told)."""
 
-    def __init__(self, config: CostmapConfig, window: Window) -> None:
-        self._config = config
+    def __init__(self, config: CostmapConfig, robot: RobotBody, window: Window) -> None:
+        self._config, self._overhead_m = config, robot.height_m + config.overhead_margin_m
         self._window = window
         self.clear()
 
@@ -65,7 +66,7 @@ class ObstacleLayer:
     def _is_explained(self, z: NDArray[np.floating], ground: NDArray[np.float32]) -> NDArray[np.bool_]:
         # Comparisons with NaN are False: a hit without height, or over ground that is not known, stays an obstacle.
         above = z - ground
-        is_explained: NDArray[np.bool_] = (np.abs(above) <= self._config.ground_tolerance_m) | (above >= self._config.overhead_clearance_m)
+        is_explained: NDArray[np.bool_] = (np.abs(above) <= self._config.ground_tolerance_m) | (above >= self._overhead_m)
         return is_explained
 
 

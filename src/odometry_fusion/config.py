@@ -22,9 +22,6 @@ class OdometryConfig:
     lateral_sigma_mps: float = parameter(0.015, "m/s", "how far the sideways velocity strays from zero", low=1e-4)
     vertical_sigma_mps: float = parameter(0.015, "m/s", "how far the velocity along the body's z strays from zero", low=1e-4)
     turning_sigma_m: float = parameter(0.04, "m", "added to these sigmas for every rad/s of turning: skid steering slips", low=0.0)
-    turning_slide_m: float = parameter(
-        0.15, "m/rad", "how far the robot slides aside while it turns where the ground falls to that side by one in ten", low=0.0, high=1.0
-    )
     turning_slip_walk: float = parameter(
         0.15, "m/rad*sqrt(s)", "skidding of seconds: walk of the position, forward and sideways, for every rad/s of turning", low=0.0
     )

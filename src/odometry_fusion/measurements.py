@@ -9,6 +9,7 @@ from odometry_fusion.config import OdometryConfig
 from odometry_fusion.error_state import ACCEL_BIAS, ATTITUDE, GYRO_BIAS, SIZE, SLIP, VELOCITY, State, skew, update
 from odometry_fusion.interval import ImuInterval
 from rigid_geometry import slide_per_rad
+from robot_body import RobotBody
 
 FloatArray = NDArray[np.float64]
 GYRO_BIAS_Z = 11
@@ -50,7 +51,9 @@ def stand_still(state: State, interval: ImuInterval, config: OdometryConfig) -> 
     return update(state, residual, H, variances)
 
 
-def roll_wheels(state: State, interval: ImuInterval, forward_mps: float, yaw_rate: float, config: OdometryConfig) -> State:
+def roll_wheels(
+    state: State, interval: ImuInterval, forward_mps: float, yaw_rate: float, config: OdometryConfig, robot: RobotBody
+) -> State:
     """Wheels give the forward velocity and roughly the yaw rate; up the robot hardly moves, sideways it slides as it turns.
 
     It slides down a slope, and in a bend outwards, where what it takes to hold it on its track is as much as on a slope of v w / g.
@@ -59,7 +62,7 @@ def roll_wheels(state: State, interval: ImuInterval, forward_mps: float, yaw_rat
     turning, tipping = abs(float(rate[2])), math.hypot(rate[0], rate[1])
     forward = forward_mps * (1.0 - config.forward_slip)
     fall = -state.R_odom_base[2, 1] - forward * float(rate[2]) / config.gravity_mps2
-    slide = turning * float(slide_per_rad(fall, config.turning_slide_m))
+    slide = turning * float(slide_per_rad(fall, robot.turning_slide_m))
     residual = np.array([forward - state.velocity[0], slide - state.velocity[1], -state.velocity[2], yaw_rate - rate[2]])
     H = np.zeros((4, SIZE))
     H[0:3, VELOCITY] = np.eye(3)

@@ -18,6 +18,7 @@ from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, SLIP, VELOCITY, P
 from odometry_fusion.interval import ImuInterval, imu_interval
 from odometry_fusion.track import Rest, Track, Wheels, anchored, at_stamp, longer, track_covariance
 from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer
+from robot_body import RobotBody
 
 FloatArray = NDArray[np.float64]
 IMU_RATE_HZ = 100.0  # bandwidth for which the noise of the reported rates holds
@@ -48,12 +49,12 @@ class OdometryEstimate:
 class OdometryFilter:
     """6-D extended Kalman filter of gyroscope, accelerometer and wheel velocities (thesis 5.3)."""
 
-    def __init__(self, config: OdometryConfig) -> None:
+    def __init__(self, config: OdometryConfig, robot: RobotBody) -> None:
         """ValueError when the configuration is wrong."""
         problems = config.validate()
         if problems:
             raise ValueError("; ".join(problems))
-        self._config = config
+        self._config, self._robot = config, robot
         self._noise = ProcessNoise(
             gyro=config.gyro_noise,
             velocity_walk=(config.forward_velocity_walk, config.across_velocity_walk),
@@ -170,7 +171,7 @@ class OdometryFilter:
             )
         track = anchored(track)
         state = self._driven(track.state, interval)
-        state = measurements.roll_wheels(state, interval, wheels.forward_mps, wheels.yaw_rate, self._config)
+        state = measurements.roll_wheels(state, interval, wheels.forward_mps, wheels.yaw_rate, self._config, self._robot)
         forward_accel = (wheels.forward_mps - track.wheels.forward_mps) / interval.duration_s
         state = measurements.feel_gravity(state, interval, forward_accel, self._config)
         rocked_s = track.rocked_s if self._quiet(track, interval) else wheels.stamp_s

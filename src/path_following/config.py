@@ -9,9 +9,9 @@ from stage_config import check_ranges, parameter
 class FollowerConfig:
     """Limits, tolerances and patience of the path follower."""
 
-    max_speed_mps: float = parameter(0.5, "m/s", "fastest forward speed", low=0.05, high=2.0)
+    max_speed_mps: float = parameter(0.5, "m/s", "fastest forward speed, or the robot's own where that is less", low=0.05, high=2.0)
     min_speed_mps: float = parameter(0.08, "m/s", "slowest speed commanded while on the way", low=0.01, high=0.5)
-    max_turn_rate_radps: float = parameter(0.9, "rad/s", "fastest turn", low=0.1, high=3.0)
+    max_turn_rate_radps: float = parameter(0.9, "rad/s", "fastest turn, or the robot's own", low=0.1, high=3.0)
     min_turn_rate_radps: float = parameter(0.25, "rad/s", "slowest turn in place that still moves a skid-steered robot", low=0.0, high=1.0)
     max_acceleration_mps2: float = parameter(0.8, "m/s^2", "how fast the speed may grow", low=0.05, high=10.0)
     max_deceleration_mps2: float = parameter(1.5, "m/s^2", "how fast the speed may fall; a blocked way stops at once", low=0.05, high=10.0)
@@ -26,8 +26,6 @@ class FollowerConfig:
     goal_tolerance_m: float = parameter(0.15, "m", "the goal is reached within this distance", low=0.02, high=1.0)
     goal_yaw_tolerance_rad: float = parameter(0.2, "rad", "and this heading, when one is asked for", low=0.02, high=3.2)
     max_off_path_m: float = parameter(1.0, "m", "farther than this from the path the follower gives up", low=0.2, high=10.0)
-    footprint_length_m: float = parameter(0.99, "m", "length of the robot, its middle at base_link", low=0.1, high=5.0)
-    footprint_width_m: float = parameter(0.67, "m", "width of the robot", low=0.1, high=5.0)
     turn_margin_m: float = parameter(
         0.08,
         "m",
@@ -35,12 +33,8 @@ class FollowerConfig:
         low=0.0,
         high=0.5,
     )
-    turn_slide_m: float = parameter(
-        0.18,
-        "m/rad",
-        "room wanted for what the robot slides aside in any turn where the ground falls to that side by one in ten: wheels skid",
-        low=0.0,
-        high=1.0,
+    turn_slide_factor: float = parameter(
+        1.2, "-", "room wanted for what the robot slides aside in a turn on a slope, over what it slides on the average", low=0.0, high=5.0
     )
     check_ahead_m: float = parameter(0.6, "m", "so far ahead the footprint must be free along the arc", low=0.1, high=3.0)
     max_detour_m: float = parameter(0.4, "m", "an arc round an obstacle may end this far beside the path", low=0.0, high=3.0)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,18 +17,24 @@ from path_following.surroundings import Slide, Surroundings, footprint_lattice
 from path_following.task import Moment, Ramp, Task
 from path_following.trail import Trail
 from rigid_geometry import yaw_of
+from robot_body import RobotBody
 
 
 class PathFollower:
     """Follows one path at a time (thesis 5.5.2): `set_path`, then `step` with every observation until the state `is_over`."""
 
-    def __init__(self, config: FollowerConfig) -> None:
-        """An idle follower; ValueError lists what is wrong with `config`."""
+    def __init__(self, config: FollowerConfig, robot: RobotBody) -> None:
+        """An idle follower; ValueError lists what is wrong with `config`, its speeds cut to what the robot can."""
+        config = replace(
+            config,
+            max_speed_mps=min(config.max_speed_mps, robot.max_speed_mps),
+            max_turn_rate_radps=min(config.max_turn_rate_radps, robot.max_turn_rate_radps),
+        )
         problems = config.validate()
         if problems:
             raise ValueError("; ".join(problems))
-        self._config = config
-        length, width, more = config.footprint_length_m, config.footprint_width_m, 2 * config.turn_margin_m
+        self._config, self._slide_m = config, config.turn_slide_factor * robot.turning_slide_m
+        length, width, more = robot.length_m, robot.width_m, 2 * config.turn_margin_m
         self._footprints = footprint_lattice(length, width, 0.05), footprint_lattice(length + more, width + more, 0.05)
         self._trail = Trail()
         self.clear("no path yet")
@@ -69,7 +76,7 @@ class PathFollower:
         assert observation.T_map_base is not None and observation.costmap is not None
         T = observation.T_map_base
         pose = (float(T[0, 3]), float(T[1, 3]), yaw_of(T))
-        slide = Slide((float(T[0, 2]), float(T[1, 2])), self._config.turn_slide_m)
+        slide = Slide((float(T[0, 2]), float(T[1, 2])), self._slide_m)
         if self._has_stood:  # for a sweep, perhaps, that corrected the map
             self._trail.carry_to(pose)
         self._has_stood = False

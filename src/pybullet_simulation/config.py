@@ -7,7 +7,7 @@ from stage_config import check_ranges, parameter
 
 @dataclass(frozen=True)
 class SimulationConfig:
-    """What the Husky's drive and sensors are like; shapes, masses and mounting poses are those of `urdf/husky.urdf`."""
+    """What the robot's drive and sensors are like beside `RobotBody`; shapes, masses and mounting poses are those of its URDF."""
 
     physics_rate_hz: int = parameter(
         200, "Hz", "steps of the physics; a multiple of 200, so that the 100 Hz of the IMU fall on steps", low=200, high=1000
@@ -19,17 +19,8 @@ class SimulationConfig:
     friction: float = parameter(1.0, "-", "friction coefficient of wheels and ground, combined", low=0.1, high=2.0)
     lateral_friction_ratio: float = parameter(0.5, "-", "sideways friction of a tyre as a share of the one along it", low=0.05, high=1.0)
     wheel_torque_nm: float = parameter(60.0, "N m", "most torque of a wheel's motor", low=1.0, high=500.0)
-    max_speed_mps: float = parameter(1.0, "m/s", "commands are clipped to this forward speed", low=0.01, high=2.0)
-    max_turn_rate_rps: float = parameter(1.5, "rad/s", "commands are clipped to this turn rate", low=0.01, high=4.0)
     max_acceleration_mps2: float = parameter(2.0, "m/s^2", "how fast the drive changes its forward speed", low=0.1, high=20.0)
     max_turn_acceleration_rps2: float = parameter(5.0, "rad/s^2", "how fast the drive changes its turn rate", low=0.1, high=50.0)
-    track_factor: float = parameter(
-        1.16,
-        "-",
-        "effective over true track, what a skid steer loses in turns; for commands and wheel odometry",
-        low=0.5,
-        high=3.0,
-    )
     slip_bias_sigma: float = parameter(0.008, "-", "constant slip of a side of wheels, drawn once a run", low=0.0, high=0.2)
     slip_sigma: float = parameter(0.015, "-", "changing slip of a side of wheels", low=0.0, high=0.2)
     slip_correlation_s: float = parameter(2.0, "s", "time over which the changing slip stays alike", low=0.05, high=100.0)
@@ -74,8 +65,12 @@ class SimulationConfig:
     )
     slew_rate_rps: float = parameter(3.5, "rad/s", "tilt rate on the way to the start of a sweep and back to level", low=0.1, high=4.0)
     tilt_acceleration_rps2: float = parameter(30.0, "rad/s^2", "acceleration of the tilt drive", low=1.0, high=500.0)
-    wheel_contact_slope_rad: float = parameter(
-        1.17, "rad", "a wheel on a surface steeper than this touches an obstacle, not ground: a step of 0.10 m", low=0.5, high=1.57
+    wheel_contact_margin_rad: float = parameter(
+        0.005,
+        "rad",
+        "a wheel on a surface so much steeper than its highest step makes it touches an obstacle, not ground",
+        low=0.0,
+        high=0.5,
     )
     contact_force_min_n: float = parameter(1.0, "N", "weaker touches are not reported", low=0.0, high=1000.0)
 

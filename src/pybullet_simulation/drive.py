@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pybullet_simulation.config import SimulationConfig
-from pybullet_simulation.robot_model import RobotModel
+from robot_body import RobotBody
 
 Array = NDArray[np.float64]
 
@@ -31,10 +31,10 @@ class SlipModel:
 class Drive:
     """Limits commands as the Husky's controller does, and converts between robot and wheel speeds."""
 
-    def __init__(self, config: SimulationConfig, robot: RobotModel) -> None:
+    def __init__(self, config: SimulationConfig, robot: RobotBody) -> None:
         """At rest."""
-        self._config = config
-        self._radius_m, self._track_m = robot.wheel_radius_m, robot.track_m * config.track_factor
+        self._config, self._robot = config, robot
+        self._radius_m, self._track_m = robot.wheel_radius_m, robot.effective_track_m
         self._v, self._w = 0.0, 0.0
 
     def step(self, v: float, w: float, dt_s: float) -> Array:
@@ -42,8 +42,8 @@ class Drive:
         if not (math.isfinite(v) and math.isfinite(w)):
             raise ValueError(f"command v {v!r} m/s, w {w!r} rad/s is not finite")
         c = self._config
-        self._v = _towards(self._v, _clipped(v, c.max_speed_mps), c.max_acceleration_mps2 * dt_s)
-        self._w = _towards(self._w, _clipped(w, c.max_turn_rate_rps), c.max_turn_acceleration_rps2 * dt_s)
+        self._v = _towards(self._v, _clipped(v, self._robot.max_speed_mps), c.max_acceleration_mps2 * dt_s)
+        self._w = _towards(self._w, _clipped(w, self._robot.max_turn_rate_radps), c.max_turn_acceleration_rps2 * dt_s)
         half = self._w * self._track_m / 2.0
         return np.array([self._v - half, self._v + half]) / self._radius_m
 

@@ -17,6 +17,7 @@ from pybullet_simulation.records import Contact
 from pybullet_simulation.robot_model import TILT_JOINT, WHEELS, RobotModel
 from pybullet_simulation.world import Surface, World, nearest_normal, raycasting_scene
 from rigid_geometry import quat_xyzw_from_transform
+from robot_body import RobotBody
 
 Array = NDArray[np.float64]
 
@@ -55,9 +56,9 @@ class BodyState:
 class Physics:
     """The robot in its world; every instance has a pybullet of its own."""
 
-    def __init__(self, config: SimulationConfig, robot: RobotModel, world: World) -> None:
+    def __init__(self, config: SimulationConfig, body: RobotBody, robot: RobotModel, world: World) -> None:
         """The robot stands just above its start. ValueError when pybullet cannot load the robot."""
-        self._config, self._steep_z = config, float(np.cos(config.wheel_contact_slope_rad))
+        self._config, self._steep_z = config, float(np.cos(body.climbing_rad + config.wheel_contact_margin_rad))
         self._client = pybullet.connect(pybullet.DIRECT)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / config.physics_rate_hz, enableConeFriction=0, deterministicOverlappingPairs=1, physicsClientId=self._client
@@ -65,7 +66,7 @@ class Physics:
         pybullet.setGravity(0.0, 0.0, -9.81, physicsClientId=self._client)
         self._add_world(world)
         self._surface = raycasting_scene(world.vertices, world.triangles)
-        self._robot = self._add_robot(robot, world)
+        self._robot = self._add_robot(robot, world, body.base_height_m)
         self._names = self._link_names()
         self._joints = {self._joint(i): i for i in range(pybullet.getNumJoints(self._robot, physicsClientId=self._client))}
         self._wheels = [self._joints[name] for name in WHEELS]
@@ -112,14 +113,14 @@ class Physics:
         body = pybullet.createMultiBody(0, collision, basePosition=position, baseOrientation=quat, physicsClientId=self._client)
         pybullet.changeDynamics(body, -1, lateralFriction=self._config.friction, rollingFriction=0.0, physicsClientId=self._client)
 
-    def _add_robot(self, robot: RobotModel, world: World) -> int:
+    def _add_robot(self, robot: RobotModel, world: World, base_height_m: float) -> int:
         x, y, yaw = world.start_xyyaw
         flags = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
         try:
             return int(
                 pybullet.loadURDF(
                     str(robot.urdf_path),
-                    basePosition=[x, y, world.start_z + robot.ground_to_base_m + 0.02],
+                    basePosition=[x, y, world.start_z + base_height_m + 0.02],
                     baseOrientation=pybullet.getQuaternionFromEuler([0.0, 0.0, yaw]),
                     flags=flags,
                     physicsClientId=self._client,

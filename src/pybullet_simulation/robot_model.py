@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from pybullet_simulation.world import Surface, joined
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody, contradictions, urdf_file
 
 Array = NDArray[np.float64]
 
 WHEELS = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
 TILT_JOINT = "tilt_joint"
-DEFAULT_URDF = Path(__file__).resolve().parents[2] / "urdf" / "husky.urdf"
 
 
 @dataclass(frozen=True)
@@ -26,31 +26,28 @@ class RobotModel:
     T_base_mount: Array
     T_tilt_laser: Array
     T_base_imu: Array
-    wheel_radius_m: float
-    track_m: float
-    ground_to_base_m: float
     body: Surface
 
 
-def read_robot_model(urdf_path: Path = DEFAULT_URDF) -> RobotModel:
-    """The model in a URDF like ours; ValueError when it cannot be read or a joint that we need is missing."""
+def read_robot_model(body: RobotBody) -> RobotModel:
+    """The model in the robot's URDF, one like ours; ValueError when it cannot be read, lacks a joint that we need, or contradicts it."""
+    urdf_path = urdf_file(body)
     try:
-        robot = ElementTree.parse(urdf_path).getroot()
-    except (OSError, ElementTree.ParseError) as error:
+        text = urdf_path.read_text(encoding="utf-8")
+        robot = ElementTree.fromstring(text)
+    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
         raise ValueError(f"cannot read the robot description {urdf_path}: {error}") from error
+    if problems := contradictions(body, text):
+        raise ValueError(f"robot.yaml contradicts {urdf_path}: {'; '.join(problems)}")
     poses = _joint_origins(robot)
     missing = [name for name in (*WHEELS, TILT_JOINT, "tilt_mount_joint", "laser_joint", "imu_joint") if name not in poses]
     if missing:
         raise ValueError(f"{urdf_path} lacks the joints {', '.join(missing)}")
-    radius = _wheel_radius(robot)
     return RobotModel(
         urdf_path=Path(urdf_path),
         T_base_mount=poses["tilt_mount_joint"][1] @ poses[TILT_JOINT][1],
         T_tilt_laser=poses["laser_joint"][1],
         T_base_imu=poses["imu_joint"][1],
-        wheel_radius_m=radius,
-        track_m=float(poses[WHEELS[0]][1][1, 3] - poses[WHEELS[1]][1][1, 3]),
-        ground_to_base_m=radius - float(poses[WHEELS[0]][1][2, 3]),
         body=_body_surface(robot, poses),
     )
 
@@ -67,13 +64,6 @@ def _origin(element: ElementTree.Element) -> Array:
 def _joint_origins(robot: ElementTree.Element) -> dict[str, tuple[str, Array]]:
     """Joint name -> (child link, T_parent_child at zero); our tree is flat but for the tilting laser."""
     return {str(j.get("name")): (str(j.find("child").get("link")), _origin(j)) for j in robot.findall("joint")}  # type: ignore[union-attr]
-
-
-def _wheel_radius(robot: ElementTree.Element) -> float:
-    tyre = robot.find(f"link[@name='{WHEELS[0]}_link']/collision/geometry/cylinder")
-    if tyre is None:
-        raise ValueError(f"link {WHEELS[0]}_link has no cylinder as collision shape")
-    return float(str(tyre.get("radius")))
 
 
 def _shape_surface(collision: ElementTree.Element, T_base_shape: Array) -> Surface:

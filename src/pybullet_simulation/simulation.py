@@ -6,7 +6,6 @@ out, and the truth, which only the evaluation may see. The same world, seed and 
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +17,11 @@ from pybullet_simulation.laser import Laser, Motion
 from pybullet_simulation.lidar_config import SpinningLidarConfig
 from pybullet_simulation.physics import BodyState, Physics
 from pybullet_simulation.records import Contact, ImuSample, JointSample, Scan, ScanGeometry, TickData, Truth, WheelOdometry
-from pybullet_simulation.robot_model import DEFAULT_URDF, TILT_JOINT, WHEELS, read_robot_model
+from pybullet_simulation.robot_model import TILT_JOINT, WHEELS, read_robot_model
 from pybullet_simulation.spinning_lidar import SpinningLidar
 from pybullet_simulation.sweep_profile import spinning_sweep_profile, sweep_profile
 from pybullet_simulation.world import World
+from robot_body import RobotBody
 
 Array = NDArray[np.float64]
 
@@ -50,7 +50,7 @@ class Simulation:
         config: SimulationConfig,
         world: World,
         seed: int,
-        urdf_path: Path = DEFAULT_URDF,
+        robot: RobotBody | None = None,
         lidar: SpinningLidarConfig | None = None,
     ) -> None:
         """The robot stands at the world's start, settled, laser level; with a `lidar` that one sits in the laser's place.
@@ -61,9 +61,10 @@ class Simulation:
         if problems:
             raise ValueError("; ".join(problems))
         laser_rng, imu_rng, slip_rng, self._joint_rng = (np.random.default_rng([seed, stream]) for stream in (11, 12, 13, 14))
-        self._config, self._robot = config, read_robot_model(urdf_path)
-        self._physics = Physics(config, self._robot, world)
-        self._drive, self._slip = Drive(config, self._robot), SlipModel(config, slip_rng)
+        body = robot or RobotBody()
+        self._config, self._robot = config, read_robot_model(body)
+        self._physics = Physics(config, body, self._robot, world)
+        self._drive, self._slip = Drive(config, body), SlipModel(config, slip_rng)
         self._imu = Imu(config, imu_rng)
         self._laser = None if lidar else Laser(config, self._robot, world, laser_rng)
         self._lidar = SpinningLidar(config, lidar, self._robot, world, laser_rng) if lidar else None

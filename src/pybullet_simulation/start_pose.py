@@ -8,38 +8,38 @@ import open3d as o3d
 from numpy.typing import NDArray
 
 from pybullet_simulation.world import nearest_hits, raycasting_scene
+from robot_body import RobotBody
 
 Array = NDArray[np.float64]
 
-LENGTH_M, WIDTH_M, HEIGHT_M = 0.99, 0.67, 1.00
-HEADROOM_M = 1.2
+HEADROOM_MARGIN_M = 0.2
 UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
 class Demand:
-    """What a start must offer: free distance around the centre (None: just the footprint), slope and roughness of the ground."""
+    """What a start must offer: free distance around a robot that turns (None: just its outline), slope and roughness of the ground."""
 
-    clearance_m: float | None
+    around_m: float | None
     max_slope_rad: float
     max_roughness_m: float
 
 
-FLAT = Demand(clearance_m=1.1, max_slope_rad=math.radians(2.0), max_roughness_m=0.03)
-FLATTISH = Demand(clearance_m=1.1, max_slope_rad=math.radians(6.0), max_roughness_m=0.08)
-ASKED_FOR = Demand(clearance_m=None, max_slope_rad=math.radians(20.0), max_roughness_m=0.10)
+FLAT = Demand(around_m=0.5, max_slope_rad=math.radians(2.0), max_roughness_m=0.03)
+FLATTISH = Demand(around_m=0.5, max_slope_rad=math.radians(6.0), max_roughness_m=0.08)
+ASKED_FOR = Demand(around_m=None, max_slope_rad=math.radians(20.0), max_roughness_m=0.10)
 
 
 class StandingTest:
     """Answers whether, and at which height, the robot can stand at (x, y, yaw) in a mesh."""
 
-    def __init__(self, vertices: Array, triangles: NDArray[np.int32], closed: bool) -> None:
+    def __init__(self, vertices: Array, triangles: NDArray[np.int32], closed: bool, robot: RobotBody) -> None:
         """`closed`: all triangles face outwards from solids, so that the inside of a solid can be told from the space above ground."""
         self._scene = raycasting_scene(vertices, triangles)
         corners = vertices[triangles]
         self._normals_z = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
         self._top = float(vertices[:, 2].max()) + 1.0
-        self._closed = closed
+        self._closed, self._robot = closed, robot
 
     def ground_levels(self, x: float, y: float) -> list[float]:
         """Heights of the surfaces at (x, y) with headroom above them, lowest first; empty when there is none."""
@@ -55,13 +55,13 @@ class StandingTest:
         for i, (z, normal_z) in enumerate(surfaces):
             above = next((s for s in surfaces[i + 1 :] if s[0] > z + 1e-3), None)
             inside = self._closed and (normal_z < 0.0 or (above is not None and above[1] > 0.0))
-            if not inside and (above is None or above[0] > z + HEADROOM_M):
+            if not inside and (above is None or above[0] > z + self._robot.height_m + HEADROOM_MARGIN_M):
                 levels.append(z)
         return levels
 
     def obstruction(self, x: float, y: float, z: float, yaw: float, demand: Demand) -> str | None:
         """Why the robot cannot stand on the ground at (x, y, z), or None when it can."""
-        offsets = _offsets(yaw, demand.clearance_m)
+        offsets = _offsets(self._robot, yaw, demand.around_m)
         centre = np.array([x, y, z])
         down = np.hstack([centre + offsets + 0.9 * UP, np.tile(-UP, (len(offsets), 1))]).astype(np.float32)
         depths = nearest_hits(self._scene, down).astype(float)
@@ -79,27 +79,29 @@ class StandingTest:
         angles = np.linspace(0.0, 2.0 * math.pi, 90, endpoint=False)
         directions = np.column_stack([np.cos(angles), np.sin(angles), gradient[0] * np.cos(angles) + gradient[1] * np.sin(angles)])
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        needed = _footprint_reach(angles - yaw) if demand.clearance_m is None else np.full(90, demand.clearance_m)
-        for height in (0.2, 0.4, 0.6, 0.8, HEIGHT_M):
+        robot, around_m = self._robot, demand.around_m
+        needed = _footprint_reach(robot, angles - yaw) if around_m is None else np.full(90, robot.turning_radius_m + around_m)
+        for height in np.linspace(0.2, 1.0, 5) * robot.height_m:
             rays = np.hstack([np.tile(centre + height * UP, (90, 1)), directions]).astype(np.float32)
             if (nearest_hits(self._scene, rays) < needed).any():
                 return "it is inside or too near to a wall or obstacle"
         return None
 
 
-def _footprint_reach(bearings: Array) -> Array:
+def _footprint_reach(robot: RobotBody, bearings: Array) -> Array:
     """Distance from the centre to the outline of the footprint along bearings, with 2 cm to spare."""
     with np.errstate(divide="ignore"):
-        return np.asarray(np.minimum(LENGTH_M / 2 / np.abs(np.cos(bearings)), WIDTH_M / 2 / np.abs(np.sin(bearings))) + 0.02)
+        to_ends, to_sides = robot.half_length_m / np.abs(np.cos(bearings)), robot.half_width_m / np.abs(np.sin(bearings))
+        return np.asarray(np.minimum(to_ends, to_sides) + 0.02)
 
 
-def _offsets(yaw: float, clearance_m: float | None) -> Array:
-    """(N, 3) level offsets at which ground is needed: a disc of the clearance, or the footprint."""
-    if clearance_m is not None:
+def _offsets(robot: RobotBody, yaw: float, around_m: float | None) -> Array:
+    """(N, 3) level offsets at which ground is needed: a disc around the robot, or its outline."""
+    if around_m is not None:
         angles = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
-        radii = np.repeat(np.array([0.0, 0.4, 0.75, 1.0]) * clearance_m, 24)
+        radii = np.repeat(np.array([0.0, 0.4, 0.75, 1.0]) * (robot.turning_radius_m + around_m), 24)
         return np.column_stack([radii * np.tile(np.cos(angles), 4), radii * np.tile(np.sin(angles), 4), np.zeros(96)])
-    u, v = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, 0.5, 9) * LENGTH_M, np.linspace(-0.5, 0.5, 7) * WIDTH_M))
+    u, v = (a.ravel() for a in np.meshgrid(np.linspace(-0.5, 0.5, 9) * robot.length_m, np.linspace(-0.5, 0.5, 7) * robot.width_m))
     return np.column_stack([u * math.cos(yaw) - v * math.sin(yaw), u * math.sin(yaw) + v * math.cos(yaw), np.zeros(u.size)])
 
 
@@ -137,4 +139,4 @@ def choose_start(
             for z in test.ground_levels(x, y):
                 if (ground_z is None or ground_z[0] <= z <= ground_z[1]) and test.obstruction(x, y, z, yaw, demand) is None:
                     return (x, y, yaw), z
-    raise ValueError(f"no flat ground of 2.2 m width with headroom to start on was found in {2 * tries} tries; give a start")
+    raise ValueError(f"no flat ground with room around the robot and headroom to start on was found in {2 * tries} tries; give a start")

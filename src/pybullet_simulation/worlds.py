@@ -17,6 +17,7 @@ from pybullet_simulation.solids import Solid, walls_around
 from pybullet_simulation.start_pose import StandingTest, check_start, choose_start
 from pybullet_simulation.terrain import surface_from_heights
 from pybullet_simulation.world import HeightField, Surface, World, joined
+from robot_body import RobotBody
 
 Array = NDArray[np.float64]
 Start = tuple[float, float, float]
@@ -73,6 +74,7 @@ def load_world(
     size_xyz: Size | None = None,
     area_xy: Area | None = None,
     start: Start | None = None,
+    robot: RobotBody | None = None,
 ) -> World:
     """The world of a name (`WORLDS`) or a file, in metres with z up; the seed sets clutter, terrain and start.
 
@@ -80,21 +82,23 @@ def load_world(
     start, or fewer where the file ends, with walls added. `start`: (x, y, yaw) to start from instead of one chosen by the seed.
     ValueError when the world is unknown, unreadable or empty, an argument does not fit it, or the robot cannot stand at the start.
     """
+    body = robot or RobotBody()
     if seed < 0:
         raise ValueError(f"seed {seed} is negative; expected 0 or more")
     if start is not None and not all(math.isfinite(v) for v in start):
         raise ValueError(f"start {start!r} is not three finite numbers x y yaw")
     terrain_rng, start_rng = (np.random.default_rng([seed, stream]) for stream in (1, 2))
     if name_or_path not in WORLDS:
-        return _with_start(name_or_path, _from_file(name_or_path, size_xyz, area_xy, start, start_rng), start, start_rng)
+        parts = _from_file(name_or_path, size_xyz, area_xy, start, start_rng, body)
+        return _with_start(name_or_path, parts, start, start_rng, body)
     if size_xyz is not None or area_xy is not None:
         raise ValueError(f"size and area are for files; the world {name_or_path} has its own")
-    return _with_start(name_or_path, WORLDS[name_or_path](terrain_rng, start), start, start_rng)
+    return _with_start(name_or_path, WORLDS[name_or_path](terrain_rng, start), start, start_rng, body)
 
 
-def _with_start(name: str, parts: Parts, start: Start | None, rng: np.random.Generator) -> World:
+def _with_start(name: str, parts: Parts, start: Start | None, rng: np.random.Generator, robot: RobotBody) -> World:
     vertices, triangles = joined([*parts.solids, *parts.surfaces])
-    test = StandingTest(vertices, triangles, parts.closed)
+    test = StandingTest(vertices, triangles, parts.closed, robot)
     if start is None:
         start, start_z = choose_start(test, parts.start_area, rng, parts.ground_z)
     else:
@@ -110,6 +114,7 @@ def _from_file(
     area_xy: Area | None,
     start: Start | None,
     rng: np.random.Generator,
+    robot: RobotBody,
 ) -> Parts:
     path = Path(text)
     if area_xy is not None and not all(math.isfinite(v) and v >= 3.0 for v in area_xy):
@@ -126,16 +131,16 @@ def _from_file(
         return _from_height_map(read_height_map(path, size_xyz), area_xy, start, rng)
     if size_xyz is not None:
         raise ValueError(f"a size is for height maps (.png); the mesh {text} has its own")
-    return _from_mesh(read_mesh(path), area_xy, start, rng)
+    return _from_mesh(read_mesh(path), area_xy, start, rng, robot)
 
 
-def _from_mesh(surface: Surface, area_xy: Area | None, start: Start | None, rng: np.random.Generator) -> Parts:
+def _from_mesh(surface: Surface, area_xy: Area | None, start: Start | None, rng: np.random.Generator, robot: RobotBody) -> Parts:
     bounds = np.array([surface.vertices[:, :2].min(axis=0), surface.vertices[:, :2].max(axis=0)])
     if area_xy is None:
         return Parts([], bounds, [surface], closed=False)
     centre = start
     if centre is None:
-        centre, _ = choose_start(StandingTest(surface.vertices, surface.triangles, closed=False), bounds, rng)
+        centre, _ = choose_start(StandingTest(surface.vertices, surface.triangles, closed=False, robot=robot), bounds, rng)
     low, high = _area_around(centre, area_xy)
     low, high = np.maximum(low, bounds[0]), np.minimum(high, bounds[1])
     surface = cut_to(surface, low, high)

@@ -4,7 +4,19 @@ A radius, a box or a margin that is due to the body is derived here, once, and w
 """
 
 from robot_body.body import RobotBody
-from robot_body.loading import DEFAULT_ROBOT_FILE, load_robot, overlaid, robot_from_mapping, robot_mapping
+from robot_body.loading import DEFAULT_ROBOT_FILE, load_robot, overlaid, robot_from_mapping, robot_mapping, robot_values
 from robot_body.mounts import SensorMount
+from robot_body.urdf import contradictions, urdf_file
 
-__all__ = ["DEFAULT_ROBOT_FILE", "RobotBody", "SensorMount", "load_robot", "overlaid", "robot_from_mapping", "robot_mapping"]
+__all__ = [
+    "DEFAULT_ROBOT_FILE",
+    "RobotBody",
+    "SensorMount",
+    "contradictions",
+    "load_robot",
+    "overlaid",
+    "robot_from_mapping",
+    "robot_mapping",
+    "robot_values",
+    "urdf_file",
+]

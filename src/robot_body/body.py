@@ -9,6 +9,7 @@ from robot_body.mounts import SensorMount
 from stage_config import check_ranges, parameter
 
 _SAME_M = 1e-6  # lengths that differ by less are equal: sums of decimals
+NEEDED_SENSORS = ("laser", "imu")
 MOUNTS = (SensorMount("imu", "imu_link"), SensorMount("laser", "laser"))
 
 
@@ -44,28 +45,35 @@ class RobotBody:
     max_speed_mps: float = parameter(1.0, "m/s", "fastest that its drive can do, not what it explores with", low=0.01, high=2.0)
     max_turn_rate_radps: float = parameter(1.5, "rad/s", "fastest turn that its drive can do", low=0.01, high=4.0)
     own_echo_margin_m: float = parameter(0.10, "m", "echoes this near to the outline are its own: cables, noise, a mast", low=0.0, high=1.0)
-    mounts: tuple[SensorMount, ...] = parameter(MOUNTS, "-", "frame of each sensor, and its pose there or 'from: urdf'; laser is needed")
+    mounts: tuple[SensorMount, ...] = parameter(
+        MOUNTS, "-", "frame of each sensor, and its pose there or 'from: urdf'; laser and imu are needed"
+    )
 
     def validate(self) -> list[str]:
-        """All violations of ranges, and contradictions, as sentences."""
-        return check_ranges(self) + self._contradictions() + self._mount_problems()
+        """All violations of ranges, and contradictions between values that are in range, as sentences."""
+        problems = check_ranges(self)
+        return problems + self._contradictions({problem.partition(" = ")[0] for problem in problems}) + self._mount_problems()
 
-    def _contradictions(self) -> list[str]:
-        wheels_m, axles_m = self.track_m + self.wheel_width_m, self.wheelbase_m + 2 * self.wheel_radius_m
-        rules = (
-            ("width_m", self.width_m >= wheels_m - _SAME_M, f"below track_m + wheel_width_m = {wheels_m:.4g}: wheels stick out"),
-            ("length_m", self.length_m >= axles_m - _SAME_M, f"below wheelbase_m + 2 wheel_radius_m = {axles_m:.4g}: wheels stick out"),
-            ("height_m", self.height_m > self.base_height_m, f"not above base_height_m = {self.base_height_m}"),
-            ("height_m", self.height_m > self.ground_clearance_m, f"not above ground_clearance_m = {self.ground_clearance_m}"),
-            ("max_step_m", self.max_step_m <= self.wheel_radius_m, f"above wheel_radius_m = {self.wheel_radius_m}"),
-            ("max_step_m", self.max_step_m <= self.ground_clearance_m, f"above ground_clearance_m = {self.ground_clearance_m}"),
+    def _contradictions(self, wrong: set[str]) -> list[str]:
+        """Those that do not concern the `wrong` values."""
+        wheels, axles = self.track_m + self.wheel_width_m, self.wheelbase_m + 2 * self.wheel_radius_m
+        rules = (  # a value, those that must not be more than it, and what these are together
+            ("width_m", "track_m wheel_width_m", wheels, f"track_m + wheel_width_m = {wheels:.4g}"),
+            ("length_m", "wheelbase_m wheel_radius_m", axles, f"wheelbase_m + 2 wheel_radius_m = {axles:.4g}"),
+            ("height_m", "base_height_m", self.base_height_m, f"base_height_m = {self.base_height_m}"),
+            ("height_m", "ground_clearance_m", self.ground_clearance_m, f"ground_clearance_m = {self.ground_clearance_m}"),
+            ("wheel_radius_m", "max_step_m", self.max_step_m, f"max_step_m = {self.max_step_m}"),
+            ("ground_clearance_m", "max_step_m", self.max_step_m, f"max_step_m = {self.max_step_m}"),
         )
         return [
-            f"{name} = {getattr(self, name)} is {text}" for name, holds, text in rules if not holds and math.isfinite(getattr(self, name))
+            f"{name} = {getattr(self, name)} is below {text}"
+            for name, others, least, text in rules
+            if getattr(self, name) < least - _SAME_M and not wrong & {name, *others.split()}
         ]
 
     def _mount_problems(self) -> list[str]:
-        found = [] if any(mount.sensor == "laser" for mount in self.mounts) else ["mounts has no laser"]
+        sensors = {mount.sensor for mount in self.mounts}
+        found = [f"mounts has no {sensor}" for sensor in NEEDED_SENSORS if sensor not in sensors]
         frames = [mount.frame for mount in self.mounts]
         return found + [f"mounts: frame {frame} is given twice" for frame in sorted({f for f in frames if frames.count(f) > 1})]
 
@@ -78,22 +86,22 @@ class RobotBody:
 
     @property
     def half_width_m(self) -> float:
-        """From the middle line to a side: half the width (0.335 m)."""
+        """From the middle line to a side: half the width."""
         return self.width_m / 2
 
     @property
     def half_length_m(self) -> float:
-        """From the middle to the front or rear: half the length (0.495 m)."""
+        """From the middle to the front or rear: half the length."""
         return self.length_m / 2
 
     @property
     def turning_radius_m(self) -> float:
-        """Free distance that the middle needs to turn in place: to a corner of the outline, hypot(length, width) / 2 (0.598 m)."""
+        """Free distance that the middle needs to turn in place: to a corner of the outline, hypot(length, width) / 2."""
         return math.hypot(self.length_m, self.width_m) / 2
 
     @property
     def passage_radius_m(self) -> float:
-        """Free distance of a passage's middle line from obstacles: half the width, and what the middle strays (0.385 m).
+        """Free distance of a passage's middle line from obstacles: half the width, and what the middle strays.
 
         That the heading strays, too, is not in it: an obstacle is seen while driving, and the outline is looked at along the way.
         """
@@ -101,7 +109,7 @@ class RobotBody:
 
     @property
     def passage_cliff_radius_m(self) -> float:
-        """Distance of a passage's middle line from cliffs, so that the outer edge of every wheel stays on the ground (0.400 m).
+        """Distance of a passage's middle line from cliffs, so that the outer edge of every wheel stays on the ground.
 
         Half the track and half a wheel, what the middle strays, and how far the heading takes a front wheel beside the middle:
         wheelbase / 2 * sin(straying_rad). A drop is not seen while driving, so nothing else keeps a wheel from it.
@@ -110,8 +118,13 @@ class RobotBody:
 
     @property
     def effective_track_m(self) -> float:
-        """Track of a robot without skidding that would turn as this one: track times effective_track_factor (0.662 m)."""
+        """Track of a robot without skidding that would turn as this one: track times effective_track_factor."""
         return self.track_m * self.effective_track_factor
+
+    @property
+    def climbing_rad(self) -> float:
+        """Steepest that the ground under a wheel stands where it climbs its highest step: acos(1 - max_step / wheel_radius)."""
+        return math.acos(1.0 - self.max_step_m / self.wheel_radius_m)
 
     @property
     def body_min_m(self) -> tuple[float, float, float]:

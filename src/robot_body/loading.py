@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -21,7 +22,7 @@ def load_robot(path: Path | str = DEFAULT_ROBOT_FILE) -> RobotBody:
 
 
 def robot_values(path: Path | str) -> dict[str, object]:
-    """What a robot's file says, unchecked. ConfigError when it cannot be read or is no mapping."""
+    """What a robot's file says, unchecked, with the path of a description beside it. ConfigError when it cannot be read."""
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
@@ -30,21 +31,27 @@ def robot_values(path: Path | str) -> dict[str, object]:
         raise ConfigError(f"{path}: is no YAML: {' '.join(str(error).split())}") from error
     if not isinstance(content, dict):
         raise ConfigError(f"{path}: expected the robot's values by name, as in config/robot.yaml")
-    return {str(name): value for name, value in content.items()}
+    values = {str(name): value for name, value in content.items()}
+    if sections := [name for name, value in values.items() if isinstance(value, dict) and name != "mounts"]:
+        raise ConfigError(f"{path}: {sections[0]} is no value of a robot: a --profile has parameters of nodes, by section")
+    beside = Path(path).absolute().parent / str(values.get("urdf"))
+    return {**values, "urdf": str(beside)} if beside.is_file() else values
 
 
 def robot_from_mapping(values: Mapping[str, object], where: str = "robot") -> RobotBody:
     """The robot that `values` of robot.yaml describe. ConfigError lists all violations, one a line behind `where`."""
     mounts, problems = read_mounts(values.get("mounts", {}))
-    known = {name: value for name, value in values.items() if name != "mounts"}
-    missing = [f"{f.name} is missing" for f in dataclasses.fields(RobotBody) if f.name not in values]
+    missing = [f.name for f in dataclasses.fields(RobotBody) if f.name not in values]
+    unknown = {f.name: math.nan for f in dataclasses.fields(RobotBody) if f.name in missing and isinstance(f.default, float)}
+    known = {name: value for name, value in values.items() if name != "mounts"} | unknown
     robot = None
     try:
         robot = load_config(RobotBody, known if problems or "mounts" not in values else {**known, "mounts": mounts})
     except ConfigError as error:
-        problems = [line.partition(": ")[2] for line in str(error).splitlines()] + problems
+        lines = [line.partition(": ")[2] for line in str(error).splitlines()]
+        problems = [line for line in lines if line.partition(" = ")[0] not in unknown] + problems
     if problems or missing or robot is None:
-        raise ConfigError("\n".join(f"{where}: {text}" for text in missing + problems))
+        raise ConfigError("\n".join(f"{where}: {text}" for text in [f"{name} is missing" for name in missing] + problems))
     return robot
 
 

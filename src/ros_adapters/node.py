@@ -13,7 +13,9 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rospy.numpy_msg import numpy_msg
 from std_msgs.msg import String
 
+from robot_body import RobotBody
 from ros_adapters.conversions import ros_time
+from ros_adapters.urdf_mount import robot_of_parameters
 from stage_config import ConfigError, load_config
 
 C = TypeVar("C")
@@ -103,6 +105,10 @@ class Node:
         except ConfigError as error:
             sys.stderr.write(f"{self.name}: wrong parameter: {'; '.join(str(error).splitlines())}\n")
             sys.exit(2)
+
+    def robot(self) -> RobotBody:
+        """The robot that all nodes share; a wrong value ends the node with exit code 2."""
+        return robot_of_parameters(self.name)
 
     def run_folder(self) -> Path | None:
         """The folder of ~out, made when it is not there; None when nothing is to be written."""

@@ -11,7 +11,6 @@ from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 from ros_adapters.conversions import header
 from sweep_assembly import LEVEL_BEAMS, LidarConfig, Revolution
 
-LASER_FRAME = "laser"
 _NUMPY_TYPE = {PointField.UINT8: "u1", PointField.UINT16: "<u2", PointField.FLOAT32: "<f4"}
 _NAMES = ["x", "y", "z", "ring", "time"]
 _LAYOUT = np.dtype({"names": _NAMES, "formats": ["<f4", "<f4", "<f4", "<u2", "<f4"], "offsets": [0, 4, 8, 12, 14], "itemsize": 18})
@@ -32,15 +31,15 @@ def sensor_is_spinning(node: str) -> bool:
 
 
 def revolution_message(
-    stamp_s: float, points: NDArray[np.floating], rings: NDArray[np.integer], times_s: NDArray[np.floating]
+    stamp_s: float, frame: str, points: NDArray[np.floating], rings: NDArray[np.integer], times_s: NDArray[np.floating]
 ) -> PointCloud2:
-    """(N, 3) points of `laser`, NaN for beams that met nothing, their (N,) rings and seconds after the stamp: x y z ring time."""
+    """(N, 3) points in the laser's `frame`, NaN for beams that met nothing, their (N,) rings and seconds after the stamp."""
     table = np.zeros(len(points), _LAYOUT)
     for i, name in enumerate("xyz"):
         table[name] = points[:, i]
     table["ring"], table["time"] = rings, times_s
     return PointCloud2(
-        header=header(stamp_s, LASER_FRAME),
+        header=header(stamp_s, frame),
         height=1,
         width=len(table),
         fields=_FIELDS,
@@ -52,10 +51,10 @@ def revolution_message(
     )
 
 
-def revolution_of(message: PointCloud2) -> Revolution:
-    """The beams of a cloud; ValueError for another frame, without x y z ring time, or a cut buffer."""
-    if message.header.frame_id != LASER_FRAME:
-        raise ValueError(f"cloud in frame {message.header.frame_id!r}, expected {LASER_FRAME!r}")
+def revolution_of(message: PointCloud2, frame: str) -> Revolution:
+    """The beams of a cloud; ValueError for another frame than `frame`, without x y z ring time, or a cut buffer."""
+    if message.header.frame_id != frame:
+        raise ValueError(f"cloud in frame {message.header.frame_id!r}, expected {frame!r}")
     found = {f.name: f for f in message.fields if f.datatype in _NUMPY_TYPE}
     missing = [name for name in _NAMES if name not in found]
     if missing:
@@ -72,11 +71,11 @@ def revolution_of(message: PointCloud2) -> Revolution:
     return Revolution(points, table["ring"].astype(np.uint16), table["time"].astype(np.float64))
 
 
-def level_scan_message(end_stamp_s: float, ranges: NDArray[np.float32], lidar: LidarConfig, range_max: float) -> LaserScan:
-    """(450,) ranges around `laser` as it stood at `end_stamp_s`; as with a laser that is the stamp plus the scan time."""
+def level_scan_message(end_stamp_s: float, frame: str, ranges: NDArray[np.float32], lidar: LidarConfig, range_max: float) -> LaserScan:
+    """(450,) ranges around the laser's `frame` as it stood at `end_stamp_s`; as with a laser that is the stamp plus the scan time."""
     step = 2.0 * math.pi / LEVEL_BEAMS
     return LaserScan(
-        header=header(end_stamp_s - lidar.duration_s, LASER_FRAME),
+        header=header(end_stamp_s - lidar.duration_s, frame),
         angle_min=-math.pi + step / 2,
         angle_max=math.pi - step / 2,
         angle_increment=step,

@@ -6,15 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from explore_3dnav.msg import Contact, ExplorationDecision, RunEvent
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 
-from exploration_evaluation import RobotShape, evaluate_run, format_summary, read_mesh, write_json
+from exploration_evaluation import evaluate_run, format_summary, read_mesh, write_json
 from exploration_evaluation.pictures import draw_pictures
 from exploration_evaluation.verdict import Fault, succeeded_alone
 from rigid_geometry import quat_xyzw_from_transform
+from robot_body import RobotBody, robot_mapping
 from ros_adapters.conversions import stamp_of
 
 VERSION = "0.1.0"
@@ -25,12 +27,12 @@ _MAP_FILES = ("map.bt", "trajectory.txt", "cloud.ply")
 class RunLog:
     """Collects counters from messages; without a folder it only keeps the status line."""
 
-    def __init__(self, out: Path | None, parameters: dict[str, object], judged: bool) -> None:
+    def __init__(self, out: Path | None, parameters: dict[str, object], robot: RobotBody, *, judged: bool) -> None:
         """`judged`: there is a true world to judge the run by."""
         self.finished = False
         self._judged = judged
         self._out = out
-        self._parameters = parameters
+        self._parameters = {**parameters, "robot": robot_mapping(robot)}
         self._started, self._begun = time.time(), time.monotonic()
         self._first_stamp_s: float | None = None
         self._last_stamp_s = 0.0
@@ -49,11 +51,12 @@ class RunLog:
             self._events_file = (out / "events.csv").open("w", newline="", buffering=1)
             self._events_file.write("stamp_s,wall_s,state,reason,sweeps\n")
             write_json(out / "run.json", self._run_description())
+            (out / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(robot), sort_keys=False))
 
     def _run_description(self) -> dict[str, Any]:
         section = self._parameters.get("exploration_monitor_node")
         own = section if isinstance(section, dict) else {}
-        config = {k: v for k, v in self._parameters.items() if k.endswith("_node")}
+        config = {k: v for k, v in self._parameters.items() if k.endswith("_node") or k == "robot"}
         started = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime(self._started))
         told = {key: own.get(key) for key in (("world", "seed", "profile") if self._judged else ("profile",))}
         told["sensor"] = self._parameters.get("sensor")
@@ -154,7 +157,7 @@ class RunLog:
         return format_summary(summary)
 
     def _judgement(self, out: Path) -> dict[str, Any]:
-        return evaluate_run(out, *read_mesh(out / "world.ply"), RobotShape())
+        return evaluate_run(out, *read_mesh(out / "world.ply"))
 
     def _own_summary(self, out: Path, reason: str) -> dict[str, Any]:
         """What a robot knows of its run by itself; the distance is its odometry's."""

@@ -10,6 +10,7 @@ from nav_msgs.msg import Odometry
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2
 
+from robot_body import RobotBody
 from ros_adapters.conversions import header, pose_message, ros_time
 from ros_adapters.revolution_messages import revolution_message
 
@@ -22,9 +23,10 @@ _UNKNOWN_ORIENTATION = [-1.0] + [0.0] * 8  # sensor_msgs/Imu: no orientation est
 class TickPublisher:
     """Publishes /clock first, then what the robot's longest chain of nodes waits for, and the judge's truth at the end."""
 
-    def __init__(self, scan_geometry: "ScanGeometry", *, spinning: bool = False) -> None:
-        """/scan of a laser of this geometry, or /points of a spinning lidar."""
+    def __init__(self, scan_geometry: "ScanGeometry", robot: RobotBody, *, spinning: bool = False) -> None:
+        """/scan of a laser of this geometry, or /points of a spinning lidar, in the frames that the robot's sensors have."""
         self._geometry = scan_geometry
+        self._laser_frame, self._imu_frame = robot.mount("laser").frame, robot.mount("imu").frame
 
         def small(topic: str, message_type: type) -> rospy.Publisher:
             return rospy.Publisher(topic, message_type, queue_size=None, tcp_nodelay=True)
@@ -41,24 +43,24 @@ class TickPublisher:
     def __call__(self, data: "TickData") -> None:
         self._clock.publish(Clock(ros_time(data.stamp_s)))
         for imu in data.imu:
-            self._imu.publish(_imu_message(imu))
+            self._imu.publish(_imu_message(imu, self._imu_frame))
         self._wheels.publish(_wheel_message(data.wheel_odometry))
         for joints in data.joints:
             self._joints.publish(_joint_message(joints))
         if self._scan:
             for scan in data.scans:
-                self._scan.publish(_scan_message(scan, self._geometry))
+                self._scan.publish(_scan_message(scan, self._laser_frame, self._geometry))
         turn = data.revolution
         if self._points and turn is not None:
-            self._points.publish(revolution_message(turn.stamp_s, turn.points, turn.rings, turn.times_s))
+            self._points.publish(revolution_message(turn.stamp_s, self._laser_frame, turn.points, turn.rings, turn.times_s))
         self._truth.publish(_truth_message(data.truth))
         for contact in data.contacts:
             self._contacts.publish(Contact(header(data.stamp_s, "world"), contact.link, contact.speed_mps, contact.force_n))
 
 
-def _scan_message(scan: "Scan", geometry: "ScanGeometry") -> LaserScan:
+def _scan_message(scan: "Scan", frame: str, geometry: "ScanGeometry") -> LaserScan:
     return LaserScan(
-        header=header(scan.stamp_s, "laser"),
+        header=header(scan.stamp_s, frame),
         angle_min=geometry.angle_min,
         angle_max=geometry.angle_max,
         angle_increment=geometry.angle_increment,
@@ -76,8 +78,8 @@ def _joint_message(joints: "JointSample") -> JointState:
     )
 
 
-def _imu_message(imu: "ImuSample") -> Imu:
-    message = Imu(header=header(imu.stamp_s, "imu_link"), angular_velocity=Vector3(*imu.gyro), linear_acceleration=Vector3(*imu.accel))
+def _imu_message(imu: "ImuSample", frame: str) -> Imu:
+    message = Imu(header=header(imu.stamp_s, frame), angular_velocity=Vector3(*imu.gyro), linear_acceleration=Vector3(*imu.accel))
     message.orientation_covariance = _UNKNOWN_ORIENTATION
     return message
 

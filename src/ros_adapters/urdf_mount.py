@@ -1,55 +1,58 @@
-"""Where the laser sits, read from robot_description: the URDF is the only place that says so."""
+"""Where the laser sits, of robot.yaml and robot_description; the two must not contradict each other."""
 
-from xml.etree import ElementTree
+import sys
+from typing import NoReturn
 
 import numpy as np
 import rospy
 from numpy.typing import NDArray
 
-from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody, SensorMount, contradictions, robot_from_mapping
+from robot_body.urdf import read_description, with_mount
+from stage_config import ConfigError
 
 Transform = NDArray[np.float64]
 
 
-def _numbers(text: str | None) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in (text or "0 0 0").split())
-    return x, y, z
+def robot_of_parameters(node: str) -> RobotBody:
+    """The robot of the parameter /robot, which explore.launch loads from robot.yaml; exit code 2 when it is none."""
+    values = rospy.get_param("/robot", None)
+    if not isinstance(values, dict):
+        _refuse(node, "/robot is not set: load config/robot.yaml there, as launch/robot.launch does")
+    try:
+        return robot_from_mapping(values, "/robot")
+    except ConfigError as error:
+        _refuse(node, "; ".join(str(error).splitlines()))
 
 
-def _origin(joint: ElementTree.Element) -> Transform:
-    origin = joint.find("origin")
-    if origin is None:
-        return np.eye(4)
-    return transform_from_rpy(_numbers(origin.get("xyz")), _numbers(origin.get("rpy")))
+def robot_mount(node: str, robot: RobotBody) -> tuple[str, Transform, Transform]:
+    """`mount_from_urdf` of the parameter robot_description; exit code 2 when there is none, or it contradicts the robot."""
+    urdf = str(rospy.get_param("/robot_description", ""))
+    if not urdf:
+        _refuse(node, "/robot_description is not set")
+    if found := contradictions(robot, urdf):
+        _refuse(node, f"robot.yaml contradicts robot_description: {'; '.join(found)}")
+    return mount_from_urdf(urdf, robot.mount("laser"))
 
 
-def mount_from_urdf(urdf: str, base: str = "base_link", laser: str = "laser") -> tuple[str, Transform, Transform]:
+def _refuse(node: str, reason: str) -> NoReturn:
+    sys.stderr.write(f"{node}: wrong parameter: {reason}\n")
+    sys.exit(2)
+
+
+def mount_from_urdf(urdf: str, laser: SensorMount) -> tuple[str, Transform, Transform]:
     """The tilting joint's name, T_base_mount (at tilt 0) and T_tilt_laser.
 
-    ValueError when there is not exactly one joint between them that moves, about y.
+    ValueError when there is not exactly one joint between base_link and the laser's frame that moves, about y.
     """
-    parents = {j.find("child").get("link"): j for j in ElementTree.fromstring(urdf).iter("joint") if j.find("child") is not None}  # type: ignore[union-attr]
     before, after, tilt = np.eye(4), np.eye(4), None
-    link = laser
-    while link != base:
-        joint = parents.get(link)
-        if joint is None:
-            raise ValueError(f"robot_description has no chain of joints from {base} to {laser}: {link} has no parent")
-        if joint.get("type") == "fixed":
-            before, after = (_origin(joint) @ before, after) if tilt else (before, _origin(joint) @ after)
-        elif tilt is None and _numbers(joint.find("axis").get("xyz")) == (0.0, 1.0, 0.0):  # type: ignore[union-attr]
-            tilt, before = joint.get("name"), _origin(joint)
+    for joint in with_mount(read_description(urdf), laser).chain(laser.frame):
+        if joint.kind == "fixed":
+            before, after = (joint.T_parent_child @ before, after) if tilt else (before, joint.T_parent_child @ after)
+        elif tilt is None and joint.axis == (0.0, 1.0, 0.0):
+            tilt, before = joint.name, joint.T_parent_child
         else:
-            raise ValueError(f"joint {joint.get('name')}: between {base} and {laser} there must be one joint that moves, about the y axis")
-        link = joint.find("parent").get("link")  # type: ignore[union-attr,assignment]
+            raise ValueError(f"joint {joint.name}: one joint must move between base_link and {laser.frame}, about the y axis")
     if tilt is None:
-        raise ValueError(f"robot_description has no joint that tilts {laser}")
+        raise ValueError(f"robot_description has no joint that tilts {laser.frame}")
     return tilt, before, after
-
-
-def robot_mount() -> tuple[str, Transform, Transform]:
-    """`mount_from_urdf` of the parameter robot_description; ValueError when there is none."""
-    urdf = rospy.get_param("/robot_description", "")
-    if not urdf:
-        raise ValueError("parameter /robot_description is not set")
-    return mount_from_urdf(urdf)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer, as_transform, interpolate_transforms, inverse
+from robot_body import RobotBody
 from sweep_assembly.assembler import along_nodes
 from sweep_assembly.geometry import FloatArray, TiltGeometry
 from sweep_assembly.revolution import LidarConfig, Revolution, free_directions
@@ -46,9 +47,9 @@ class FilteredRevolution:
 class RevolutionChain:
     """Waits for what belongs together, filters, and gives out in order."""
 
-    def __init__(self, config: ScanFilterConfig, lidar: LidarConfig, mount: TiltGeometry) -> None:
+    def __init__(self, config: ScanFilterConfig, lidar: LidarConfig, mount: TiltGeometry, robot: RobotBody) -> None:
         """ValueError when a configuration is wrong."""
-        self._filter = RevolutionFilter(config, lidar, mount)
+        self._filter = RevolutionFilter(config, lidar, mount, robot)
         self._config, self._lidar, self._mount = config, lidar, mount
         self._T_base_laser = mount.base_from_laser(0.0)[0]
         self._ring = int(np.argmin(np.abs(lidar.elevations)))  # of two that are as near to level the lower one

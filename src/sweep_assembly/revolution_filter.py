@@ -8,6 +8,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_body import RobotBody
 from sweep_assembly.geometry import FloatArray, TiltGeometry
 from sweep_assembly.revolution import LidarConfig, Revolution, free_directions
 from sweep_assembly.scan_filter import Mask, NeighbourLimits, ScanFilterConfig, body_reach, in_body, veiled_points
@@ -22,13 +23,13 @@ NEIGHBOURS_RAD = 0.05  # beams of a ring farther apart, because those between ar
 class RevolutionFilter:
     """Filters of one lidar on one tilting mount; holds no state between revolutions."""
 
-    def __init__(self, config: ScanFilterConfig, lidar: LidarConfig, mount: TiltGeometry) -> None:
+    def __init__(self, config: ScanFilterConfig, lidar: LidarConfig, mount: TiltGeometry, robot: RobotBody) -> None:
         """ValueError when a configuration is wrong."""
         problems = config.validate() + lidar.validate()
         if problems:
             raise ValueError("; ".join(problems))
-        self._config, self._lidar, self._mount = config, lidar, mount
-        self._body_reach_m = body_reach(config, mount)
+        self._config, self._lidar, self._mount, self._robot = config, lidar, mount, robot
+        self._body_reach_m = body_reach(robot, mount)
 
     def filter(self, revolution: Revolution, tilts_rad: FloatArray) -> Revolution:
         """The beams that ended on a surface, or met nothing; `tilts_rad` is (N,), NaN where the tilt is not known.
@@ -64,7 +65,7 @@ class RevolutionFilter:
 
     def _on_body(self, revolution: Revolution, ranges: NDArray[np.float32], tilts_rad: FloatArray) -> Mask:
         near = ranges < self._body_reach_m
-        near[near] = in_body(self._mount.points_in_base(revolution.points[near].astype(np.float64), tilts_rad[near]), self._config)
+        near[near] = in_body(self._mount.points_in_base(revolution.points[near].astype(np.float64), tilts_rad[near]), self._robot)
         return near
 
     def _through_body(self, revolution: Revolution, tilts_rad: FloatArray) -> Mask:
@@ -72,7 +73,7 @@ class RevolutionFilter:
         tilts = tilts_rad[revolution.met_nothing]
         ends = self._mount.points_in_base(free_directions(revolution, self._lidar), tilts)
         start = self._mount.points_in_base(np.zeros((tilts.size, 3)), tilts)
-        low, high = np.array(self._config.body_min_m), np.array(self._config.body_max_m)
+        low, high = np.array(self._robot.body_min_m), np.array(self._robot.body_max_m)
         with np.errstate(divide="ignore", invalid="ignore"):
             at = start + (ends - start) * ((low[2] - start[:, 2]) / (ends - start)[:, 2])[:, None]
         within = (at[:, :2] >= low[:2]).all(axis=1) & (at[:, :2] <= high[:2]).all(axis=1)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from robot_body import RobotBody
 from stage_config import check_ranges, parameter
 from sweep_assembly.geometry import FloatArray, ScanGeometry, TiltGeometry
 
@@ -32,8 +33,6 @@ class ScanFilterConfig:
     veiling_max_points: int = parameter(
         3, "-", "suspect points in a row that are veiled; more are a surface at a low angle", low=0, high=50
     )
-    body_min_m: tuple[float, ...] = parameter((-0.60, -0.45, -0.20), "m", "lower corner of the own body's box in base_link, x y z")
-    body_max_m: tuple[float, ...] = parameter((0.60, 0.45, 0.90), "m", "upper corner of the own body's box in base_link, x y z")
     horizontal_max_range_m: float = parameter(2.5, "m", "range of the horizontal scans for the obstacle layer", low=0.2)
     horizontal_tolerance_rad: float = parameter(0.01, "rad", "tilt up to which a scan counts as horizontal", low=0.0, high=0.2)
 
@@ -42,10 +41,6 @@ class ScanFilterConfig:
         found = check_ranges(self)
         if self.min_range_m >= self.max_range_m:
             found.append(f"min_range_m = {self.min_range_m} is not below max_range_m = {self.max_range_m}")
-        if len(self.body_min_m) != 3 or len(self.body_max_m) != 3:
-            found.append(f"body_min_m and body_max_m are x, y, z, not {self.body_min_m}, {self.body_max_m}")
-        elif any(a >= b for a, b in zip(self.body_min_m, self.body_max_m, strict=True)):
-            found.append(f"body_min_m = {self.body_min_m} is not below body_max_m = {self.body_max_m}")
         return found
 
 
@@ -66,18 +61,18 @@ class NeighbourLimits:
 class ScanFilter:
     """Filters of one laser on one tilting mount; holds no state between scans."""
 
-    def __init__(self, config: ScanFilterConfig, geometry: ScanGeometry, tilt_geometry: TiltGeometry) -> None:
+    def __init__(self, config: ScanFilterConfig, geometry: ScanGeometry, tilt_geometry: TiltGeometry, robot: RobotBody) -> None:
         """ValueError when the configuration is wrong."""
         problems = config.validate()
         if problems:
             raise ValueError("; ".join(problems))
-        self._config = config
+        self._config, self._robot = config, robot
         self._geometry = geometry
         self._mount = tilt_geometry.T_base_mount
         T = tilt_geometry.T_tilt_laser
         self._directions_tilt = geometry.directions @ T[:3, :3].T
         self._laser_in_tilt = T[:3, 3]
-        self._body_reach_m = body_reach(config, tilt_geometry)
+        self._body_reach_m = body_reach(robot, tilt_geometry)
         increment = abs(geometry.angle_increment)
         self._limits = NeighbourLimits(
             np.float32(math.sin(increment)),
@@ -137,7 +132,7 @@ class ScanFilter:
             return near
         tilt = tilts[near] if tilts.ndim else np.broadcast_to(tilts, near.shape)
         points = self._points_in_base(near, ranges, tilt)
-        return near[in_body(points, self._config)]
+        return near[in_body(points, self._robot)]
 
     def _points_in_base(self, beams: NDArray[np.intp], ranges: Ranges, tilt: FloatArray) -> FloatArray:
         x, y, z = (self._laser_in_tilt + ranges[beams, None] * self._directions_tilt[beams]).T
@@ -146,15 +141,15 @@ class ScanFilter:
         return np.asarray(turned @ self._mount[:3, :3].T + self._mount[:3, 3])
 
 
-def in_body(points_base: FloatArray, config: ScanFilterConfig) -> Mask:
+def in_body(points_base: FloatArray, robot: RobotBody) -> Mask:
     """(N,) whether (N, 3) points lie in the own body's box, or it is not known where they lie."""
-    outside = (points_base < config.body_min_m) | (points_base > config.body_max_m)
+    outside = (points_base < robot.body_min_m) | (points_base > robot.body_max_m)
     return np.asarray(~outside.any(axis=1))  # NaN is on no side, hence not outside
 
 
-def body_reach(config: ScanFilterConfig, tilt_geometry: TiltGeometry) -> np.float32:
+def body_reach(robot: RobotBody, tilt_geometry: TiltGeometry) -> np.float32:
     """Range in metres beyond which no reading is of the own body, whatever the tilt."""
-    corners = np.array(list(itertools.product(*zip(config.body_min_m, config.body_max_m, strict=True))))
+    corners = np.array(list(itertools.product(*zip(robot.body_min_m, robot.body_max_m, strict=True))))
     from_mount = np.linalg.norm(corners - tilt_geometry.T_base_mount[:3, 3], axis=1).max()
     return np.float32(from_mount + np.linalg.norm(tilt_geometry.T_tilt_laser[:3, 3]))
 

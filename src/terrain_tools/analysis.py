@@ -9,12 +9,13 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from octomap_server_3dnav.exploration.frontiers import Frontier, find_frontiers
+from octomap_server_3dnav.navigation.passages import navigable_terrain
 from octomap_server_3dnav.navigation.planner import Path, nearest_traversable, plan_path
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.octree.octree import OctreeMap
-from octomap_server_3dnav.terrain.classify import Terrain, classify
+from octomap_server_3dnav.terrain.classify import Terrain
+from terrain_tools.criteria import Criteria
 from terrain_tools.ground import Place, Point, nearest_ground, nearest_reached, outside, pose_on, why_no_goal, why_no_start
-from terrain_tools.robot_file import RobotConfig
 
 T = TypeVar("T")
 
@@ -58,20 +59,20 @@ class _Clock:
             self.time_s[step] = round(time.perf_counter() - begun, 4)
 
 
-def analyse(octree: OctreeMap, robot: RobotConfig, start: Point, goal: Point | None, tolerance_m: float) -> Analysis:
+def analyse(octree: OctreeMap, by: Criteria, start: Point, goal: Point | None, tolerance_m: float) -> Analysis:
     """Classifies the whole map from `start`, a point on the ground, and plans to the reached ground within `tolerance_m` of `goal`.
 
     Points are finite, in map, in metres. ValueError where the known voxels span more columns than an octree lists.
     """
-    clock, T_map_base = _Clock(), pose_on(start, robot.terrain)
+    clock, T_map_base = _Clock(), pose_on(start, by.robot)
     runs = clock.of("column_runs", octree.column_runs)
     found, no_start = Analysis(octree, runs, time_s=clock.time_s), outside(runs, start)
     if no_start is None:
-        terrain = clock.of("classification", lambda: classify(runs, T_map_base, robot.terrain, None))
-        no_start = None if terrain.departure is not None else why_no_start(octree, runs, terrain, start, robot.terrain)
+        terrain = clock.of("classification", lambda: navigable_terrain(runs, T_map_base, by.settings, None))
+        no_start = None if terrain.departure is not None else why_no_start(octree, runs, terrain, start, by.terrain, by.robot)
     if no_start is not None:
-        return dataclasses.replace(found, problem=Problem("no start", no_start, nearest_ground(runs, start, robot.terrain)))
-    frontiers = clock.of("frontiers", lambda: find_frontiers(terrain, T_map_base, robot.frontier, robot.planner))
+        return dataclasses.replace(found, problem=Problem("no start", no_start, nearest_ground(runs, start, by.terrain, by.robot)))
+    frontiers = clock.of("frontiers", lambda: find_frontiers(terrain, T_map_base, by.frontier, by.planner))
     found = dataclasses.replace(found, terrain=terrain, frontiers=sorted(frontiers, key=lambda f: f.distance_m))
     if goal is None:
         return found
@@ -79,6 +80,6 @@ def analyse(octree: OctreeMap, robot: RobotConfig, start: Point, goal: Point | N
     if node is None:
         reason = why_no_goal(octree, runs, terrain, goal, tolerance_m)
         return dataclasses.replace(found, problem=Problem("no path", reason, nearest_reached(terrain, goal)))
-    path = clock.of("path", lambda: plan_path(terrain, node, robot.planner))
+    path = clock.of("path", lambda: plan_path(terrain, node, by.planner))
     problem = None if path else Problem("no path", "no way leads from the start to the goal", nearest_reached(terrain, start))
     return dataclasses.replace(found, goal=node, path=path, problem=problem)

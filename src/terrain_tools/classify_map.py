@@ -14,17 +14,17 @@ from typing import Any
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from octomap_server_3dnav.exploration import exploration
 from octomap_server_3dnav.octree.octree_files import replace_file
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig
+from octomap_server_3dnav.terrain.classify import Terrain
 from terrain_tools import octree_survey
 from terrain_tools.analysis import Analysis, analyse
+from terrain_tools.criteria import Criteria, read_criteria
 from terrain_tools.map_source import CLOUDS, OCTREES, ORIGINS, read_map
 from terrain_tools.results import CLASSES, NUMBERS, PATH, PICTURE, csv_bytes, json_bytes, numbers, ply_bytes, prepare_folder
-from terrain_tools.robot_file import RobotConfig, read_robot
 
 FOUND, NOT_FOUND, BAD_INPUT = 0, 1, 2
 _USABLE_SHARE = 0.8  # of the memory that is free
 _FARTHEST_M = 1e6
-_DEFAULTS = TerrainConfig()
+_DEFAULTS = Criteria()
 _DESCRIPTION = f"""Tells the ground that a robot can drive on from obstacles, cliffs and what was not seen, in a map that is a file,
 and finds a way over it. FILE is an octomap octree ({" ".join(OCTREES)}), or a cloud ({" ".join(CLOUDS)}) whose points are put into
 voxels; z is up, in metres. The robot stands level at the start, and what it cannot reach from there is not classified."""
@@ -44,23 +44,23 @@ def parser() -> argparse.ArgumentParser:
         type=float,
         required=True,
         metavar=point,
-        help=f"on the ground, or off it by up to {_DEFAULTS.start_height_tolerance_m:g} m in height and "
-        f"{_DEFAULTS.start_search_radius_m:g} m aside (terrain/start_height_tolerance_m, start_search_radius_m)",
+        help=f"on the ground, or off it by up to {_DEFAULTS.terrain.start_tolerance_m:g} m in height (terrain/start_tolerance_m) and "
+        f"half the robot's length, {_DEFAULTS.robot.half_length_m:.2g} m, aside",
     )
     p.add_argument("--goal", nargs=3, type=float, metavar=point, help="on the ground, as --start is, on any storey; without it, no path")
     p.add_argument(
         "--goal-tolerance", type=float, default=0.5, metavar="M", help="how far from the goal a path may end; default %(default)g m"
     )
+    p.add_argument("--robot", type=Path, metavar="FILE.yaml", help="the robot, as config/robot.yaml, which is the default")
     p.add_argument(
-        "--robot",
-        type=Path,
-        metavar="FILE.yaml",
-        help="parameters over their defaults, by section (terrain, planner, frontier, sensor_model) as in "
-        "config/octomap_server_3dnav.yaml, or a profile; see docs/parameters.md",
+        "--profile",
+        metavar="P",
+        help="parameters over their defaults: a profile as of ./explore, or a YAML FILE, by section (terrain, planner, frontier, "
+        "sensor_model) as in config/octomap_server_3dnav.yaml; see docs/parameters.md",
     )
     p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for what is found; made where it is not there")
     p.add_argument(
-        "--resolution", type=float, metavar="M", help="edge of the voxels that a cloud is put into; default 0.08 m, or the robot's"
+        "--resolution", type=float, metavar="M", help="edge of the voxels that a cloud is put into; default 0.08 m, or the profile's"
     )
     p.add_argument(
         "--origins",
@@ -81,15 +81,15 @@ def parser() -> argparse.ArgumentParser:
 def classify_map(options: argparse.Namespace) -> int:
     """Reads, classifies, plans, writes and prints; the exit code. ArgumentProblem, ValueError and OSError for code 2."""
     _check(options)
-    robot = read_robot(options.robot) if options.robot else RobotConfig()
+    by = read_criteria(options.robot, options.profile)
     prepare_folder(options.out)
     for module in (octree_survey, exploration):
         module.compile_kernels()  # loads them: the times are those of the map
     begun = time.perf_counter()
-    octree = read_map(options.map, robot, options.resolution, options.origins, _allowed_bytes(options.max_memory), _say)
+    octree = read_map(options.map, by, options.resolution, options.origins, _allowed_bytes(options.max_memory), _say)
     read_s = time.perf_counter() - begun
-    found = analyse(octree, robot, tuple(options.start), tuple(options.goal) if options.goal else None, options.goal_tolerance)
-    _write(options, robot, found, {"reading": round(read_s, 4)})
+    found = analyse(octree, by, tuple(options.start), tuple(options.goal) if options.goal else None, options.goal_tolerance)
+    _write(options, by, found, {"reading": round(read_s, 4)})
     if found.terrain is not None:
         print(summary(found, found.terrain))
     if found.problem:
@@ -119,7 +119,7 @@ def _allowed_bytes(max_memory_gb: float | None) -> float:
     return _USABLE_SHARE * 1024 * free_kib
 
 
-def _write(options: argparse.Namespace, robot: RobotConfig, found: Analysis, time_s: dict[str, float]) -> None:
+def _write(options: argparse.Namespace, by: Criteria, found: Analysis, time_s: dict[str, float]) -> None:
     if found.terrain is not None:
         from terrain_tools.picture import png_bytes  # loads matplotlib: only where there is something to draw
 
@@ -129,7 +129,7 @@ def _write(options: argparse.Namespace, robot: RobotConfig, found: Analysis, tim
         time_s["picture"] = round(time.perf_counter() - begun, 4)
     if found.path is not None:
         replace_file(options.out / PATH, csv_bytes(found.path))
-    content: dict[str, Any] = {"file": str(options.map), "start_m": options.start, "goal_m": options.goal, **numbers(found, robot)}
+    content: dict[str, Any] = {"file": str(options.map), "start_m": options.start, "goal_m": options.goal, **numbers(found, by)}
     content["time_s"] = {**time_s, **content["time_s"]}
     replace_file(options.out / NUMBERS, json_bytes(content))
 
@@ -163,7 +163,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         problem = "the memory does not suffice; --max-memory refuses such maps before they are read"
     except ValueError as error:
         problem = " ".join(str(error).split())
-    _say(f"./classify_map: {problem}")
+    for line in problem.splitlines():
+        _say(f"./classify_map: {line}")
     return BAD_INPUT
 
 

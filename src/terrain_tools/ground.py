@@ -11,6 +11,7 @@ from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody
 
 Array = NDArray[np.float64]
 Point = tuple[float, float, float]
@@ -44,9 +45,9 @@ class Place:
         return f"({x:.2f} {y:.2f} {z:.2f}), {self.distance_m:.2f} m away"
 
 
-def pose_on(ground: Point, config: TerrainConfig) -> Array:
+def pose_on(ground: Point, robot: RobotBody) -> Array:
     """T_map_base of a level robot whose wheels stand at a point."""
-    return np.asarray(transform_from_rpy((ground[0], ground[1], ground[2] + config.base_height_m)))
+    return np.asarray(transform_from_rpy((ground[0], ground[1], ground[2] + robot.base_height_m)))
 
 
 def tops_with_room(runs: ColumnRuns, height_m: float) -> Array:
@@ -62,20 +63,18 @@ def tops_with_room(runs: ColumnRuns, height_m: float) -> Array:
     return np.asarray((voxels + 0.5) * runs.resolution)
 
 
-def nearest_ground(runs: ColumnRuns, asked: Point, config: TerrainConfig) -> Place | None:
+def nearest_ground(runs: ColumnRuns, asked: Point, config: TerrainConfig, robot: RobotBody) -> Place | None:
     """Traversable ground near a point, by starting at one top after the other, the nearest first; None when a few hundred are none."""
-    left = _nearest(tops_with_room(runs, config.robot_height_m + config.clearance_margin_m), asked, _MOST_TOPS)
+    left = _nearest(tops_with_room(runs, robot.height_m + config.clearance_margin_m), asked, _MOST_TOPS)
     for _ in range(_MOST_TRIES):
         if not left.size:
             return None
         top = left[np.argmin(np.linalg.norm(left - asked, axis=1))]
         here = (float(top[0]), float(top[1]), float(top[2]))
-        found = nearest_reached(classify(runs, pose_on(here, config), config, _LOOK_M), asked)
+        found = nearest_reached(classify(runs, pose_on(here, robot), config, robot, _LOOK_M), asked)
         if found is not None:
             return found
-        tried = (np.hypot(*(left - top)[:, :2].T) <= config.start_search_radius_m) & (
-            np.abs(left[:, 2] - top[2]) <= config.start_height_tolerance_m
-        )
+        tried = (np.hypot(*(left - top)[:, :2].T) <= robot.half_length_m) & (np.abs(left[:, 2] - top[2]) <= config.start_tolerance_m)
         left = left[~tried]
     return None
 
@@ -98,17 +97,17 @@ def nearest_reached(terrain: Terrain, asked: Point) -> Place | None:
     return Place((x, y, z), float(gaps.min()))
 
 
-def why_no_start(octree: OctreeMap, runs: ColumnRuns, terrain: Terrain, asked: Point, config: TerrainConfig) -> str:
+def why_no_start(octree: OctreeMap, runs: ColumnRuns, terrain: Terrain, asked: Point, config: TerrainConfig, robot: RobotBody) -> str:
     """What is wrong with a start inside the map from which `terrain` has no ground to drive on."""
     if terrain.start is not None:
         return "all ground around it is too near to obstacles or cliffs"
-    tops = tops_with_room(runs, config.robot_height_m + config.clearance_margin_m) - asked
-    near = np.hypot(tops[:, 0], tops[:, 1]) <= config.start_search_radius_m
-    if (near & (np.abs(tops[:, 2]) <= config.start_height_tolerance_m)).any():
-        area = config.min_traversable_voxels * runs.resolution**2
+    tops = tops_with_room(runs, robot.height_m + config.clearance_margin_m) - asked
+    near = np.hypot(tops[:, 0], tops[:, 1]) <= robot.half_length_m
+    if (near & (np.abs(tops[:, 2]) <= config.start_tolerance_m)).any():
+        area = config.min_ground_voxels * runs.resolution**2
         return f"what lies there leads to less than {area:.2g} m2 of ground that the robot can drive on"
     state = VoxelState(int(octree.states_at([asked])[0]))
-    reach = f"no ground lies within {config.start_search_radius_m:g} m beside it and {config.start_height_tolerance_m:g} m above or below"
+    reach = f"no ground lies within {robot.half_length_m:g} m beside it and {config.start_tolerance_m:g} m above or below"
     return f"{_WHAT_IS_THERE[state]}, and {reach}"
 
 

@@ -13,8 +13,8 @@ from explore_command.arguments import ArgumentProblem
 from octomap_server_3dnav.octree.column_runs import KEY_OFFSET
 from octomap_server_3dnav.octree.map_builder import MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap
+from terrain_tools.criteria import Criteria
 from terrain_tools.octree_survey import Survey, survey
-from terrain_tools.robot_file import RobotConfig
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -29,14 +29,14 @@ _BLOCK_BYTES = 1500  # of the octree, 8^3 voxels that beams passed
 _REGION_BYTES, _REGION_VOXELS = 1 << 16, 64
 
 
-def read_map(path: Path, robot: RobotConfig, resolution: float | None, origins: str | None, max_bytes: float, say: Say) -> OctreeMap:
+def read_map(path: Path, by: Criteria, resolution: float | None, origins: str | None, max_bytes: float, say: Say) -> OctreeMap:
     """The map in a .bt, .ot, .ply, .pcd or .npz file.
 
     `resolution` in metres and `origins`, one of ORIGINS, are for clouds only. ValueError names the file and what is wrong with it, or
     that it takes more than `max_bytes`; OSError when it cannot be read.
     """
     if path.suffix.lower() in CLOUDS:
-        return _map_of_cloud(path, robot, robot.octree.resolution if resolution is None else resolution, origins, max_bytes, say)
+        return _map_of_cloud(path, by, by.octree.resolution if resolution is None else resolution, origins, max_bytes, say)
     if path.suffix.lower() not in OCTREES:
         raise ArgumentProblem(f"{path}: expected a file that ends in {', '.join(OCTREES + CLOUDS)}")
     if resolution is not None or origins is not None:
@@ -47,7 +47,7 @@ def read_map(path: Path, robot: RobotConfig, resolution: float | None, origins: 
     found = survey(data, full=path.suffix.lower() == ".ot")
     if {b"id OcTree", b"size %d" % found.nodes} <= set(header.split(b"\n")):  # else it is refused by its reader, which builds nothing
         _allow_map(path, found, max_bytes, say)
-    return _with_usable_voxels(path, OctreeMap.read(path, robot.sensor_model))
+    return _with_usable_voxels(path, OctreeMap.read(path, by.sensor_model))
 
 
 def _allow(path: Path, count: int, what: str, need: float, max_bytes: float) -> None:
@@ -72,7 +72,7 @@ def _with_usable_voxels(path: Path, octree: OctreeMap) -> OctreeMap:
     return octree
 
 
-def _map_of_cloud(path: Path, robot: RobotConfig, resolution: float, origins: str | None, max_bytes: float, say: Say) -> OctreeMap:
+def _map_of_cloud(path: Path, by: Criteria, resolution: float, origins: str | None, max_bytes: float, say: Say) -> OctreeMap:
     if problems := MapConfig(resolution=resolution).validate():
         raise ArgumentProblem(f"--resolution: {'; '.join(problems)}")
     size = path.stat().st_size
@@ -84,7 +84,7 @@ def _map_of_cloud(path: Path, robot: RobotConfig, resolution: float, origins: st
         f"{path}: {len(points):,} points to voxels of {resolution:g} m, {rays}; up to {in_words(need)} of the {in_words(max_bytes)} allowed"
     )
     _allow(path, len(points), "points", need, max_bytes)
-    octree = OctreeMap(resolution, robot.sensor_model)
+    octree = OctreeMap(resolution, by.sensor_model)
     octree.insert_sweep(points.astype(np.float32), (points if starts is None else starts).astype(np.float32))
     _allow_map(path, survey(octree.to_binary()), max_bytes, say)
     return octree

@@ -12,9 +12,10 @@ from octomap_server_3dnav.exploration.frontiers import Frontier
 from octomap_server_3dnav.navigation.planner import Path as GroundPath
 from octomap_server_3dnav.terrain.class_colours import CLASS_RGB
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
+from robot_body import robot_mapping
 from stage_config import to_mapping
 from terrain_tools.analysis import Analysis
-from terrain_tools.robot_file import RobotConfig
+from terrain_tools.criteria import Criteria
 
 CLASSES, PATH, NUMBERS, PICTURE = "terrain.ply", "path.csv", "terrain.json", "terrain.png"
 FILES = (CLASSES, PATH, NUMBERS, PICTURE)
@@ -60,7 +61,7 @@ def json_bytes(content: dict[str, object]) -> bytes:
     return (json.dumps(content, indent=1, allow_nan=False) + "\n").encode("utf-8")
 
 
-def numbers(found: Analysis, robot: RobotConfig) -> dict[str, object]:
+def numbers(found: Analysis, by: Criteria) -> dict[str, object]:
     """What is written of an analysis; None is what there is not."""
     problem = found.problem
     return {
@@ -76,10 +77,12 @@ def numbers(found: Analysis, robot: RobotConfig) -> dict[str, object]:
         "path": None if found.path is None else _path_numbers(found.path),
         "time_s": found.time_s,
         "config": {
-            "sensor_model": to_mapping(robot.sensor_model),
-            "terrain": to_mapping(robot.terrain),
-            "frontier": to_mapping(robot.frontier),
-            "planner": to_mapping(robot.planner),
+            "robot": robot_mapping(by.robot),
+            "sensor_model": to_mapping(by.sensor_model),
+            "terrain": to_mapping(by.terrain),
+            "passages": to_mapping(by.passages),
+            "frontier": to_mapping(by.frontier),
+            "planner": to_mapping(by.planner),
         },
     }
 

@@ -36,7 +36,7 @@ class SpinningLidarTest(unittest.TestCase):
         np.testing.assert_allclose(np.diff([stamp_of(m) for m in turns]), PERIOD_S, atol=1e-6)
         message = turns[-1]
         self.assertEqual([f.name for f in message.fields], ["x", "y", "z", "ring", "time"])
-        turn = revolution_of(message)
+        turn = revolution_of(message, "laser")
         self.assertLessEqual(len(turn.points), 16 * COLUMNS)
         self.assertEqual(set(turn.rings), set(range(16)))
         self.assertTrue(0.0 <= turn.times_s.min() and turn.times_s.max() < PERIOD_S)
@@ -67,7 +67,7 @@ class SpinningLidarTest(unittest.TestCase):
 
     def test_cloud_of_another_sensor_is_counted_and_dropped(self) -> None:
         points = feed("/points", PointCloud2)
-        foreign = revolution_message(1.0, np.ones((4, 3)), np.zeros(4, np.uint16), np.zeros(4))
+        foreign = revolution_message(1.0, "laser", np.ones((4, 3)), np.zeros(4, np.uint16), np.zeros(4))
         foreign.header.frame_id = "camera"
         points.publish(foreign)
         self.diagnostics.wait_for_dropped("bad PointCloud2")

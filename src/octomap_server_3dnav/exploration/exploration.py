@@ -16,10 +16,10 @@ from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
 from octomap_server_3dnav.exploration.lookouts import Lookout, WayOut, find_lookouts
 from octomap_server_3dnav.exploration.tried_places import Place, TriedPlaces
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
-from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
 from rigid_geometry import as_transform, yaw_of
 from rigid_geometry.transforms import Transform

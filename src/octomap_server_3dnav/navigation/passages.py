@@ -1,8 +1,8 @@
 """Passages: straight ways through where the robot fits but cannot turn, from one place with room to turn to another.
 
-After `terrain.classify`, of a finished terrain. A passage is looked for only where inflated ground parts two pieces of traversable ground: a
-door, a ramp with a drop on both sides. Its middle line is chosen so that the nearest barriers on its left and right are equally far,
-and what the outline sweeps along it must be ground. At both ends the line goes on for a run-up over traversable ground.
+After `terrain.classify`, of a finished terrain. A passage is looked for only where inflated ground parts two pieces of traversable
+ground: a door, a ramp with a drop on both sides. Its middle line is chosen so that the nearest barriers on its left and right are
+equally far, and what the outline sweeps along it must be ground. At both ends the line goes on for a run-up over traversable ground.
 """
 
 import math
@@ -25,9 +25,9 @@ from octomap_server_3dnav.navigation.straight_lines import (
     points_of,
     score_of,
 )
-from octomap_server_3dnav.terrain.classified_terrain import TRAVERSABLE, UNREACHED, Passage, Terrain, TerrainClass
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
+from octomap_server_3dnav.terrain.classified_terrain import TRAVERSABLE, UNREACHED, Passage, Terrain, TerrainClass
 from octomap_server_3dnav.terrain.classify import classify
 from octomap_server_3dnav.terrain.config import TerrainConfig
 from octomap_server_3dnav.terrain.flood import components
@@ -157,7 +157,7 @@ def _connected(passages: list[Passage], piece: NDArray[np.int32], first: int) ->
 
 
 def _narrow(terrain: Terrain, robot: RobotBody) -> NDArray[np.bool_]:
-    """(N,) inflated ground over which the middle of a robot may be that drives straight: a voxel's corner may be farther off than its middle."""
+    """(N,) inflated ground over which the middle of a robot may be that drives straight, at least in a corner of the voxel."""
     least_m = robot.passage_radius_m - math.sqrt(0.5) * terrain.resolution
     return np.asarray((terrain.label == TerrainClass.INFLATION) & (terrain.distance_m > least_m))
 

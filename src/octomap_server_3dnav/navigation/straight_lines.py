@@ -42,7 +42,9 @@ class KeptOff(NamedTuple):
         radius = np.where((b.column >= 0) & ~b.falls, stands, max(stands, falls))
         x, y = terrain.ix[unknown] - terrain.window_key[0] + 0.5, terrain.iy[unknown] - terrain.window_key[1] + 0.5
         return cls(
-            np.append(b.x, x), np.append(b.y, y), np.append(b.level, terrain.z[unknown]).astype(np.float64),
+            np.append(b.x, x),
+            np.append(b.y, y),
+            np.append(b.level, terrain.z[unknown]).astype(np.float64),
             np.append(radius, np.full(unknown.size, falls)),
         )
 
@@ -97,9 +99,7 @@ class Demand(NamedTuple):
         half_width, step, slope = robot.half_width_m / resolution, math.ceil(robot.max_step_m / resolution), math.tan(robot.max_slope_rad)
         band = step + math.ceil(robot.passage_radius_m / resolution * slope)
         run_up, longest = config.run_up_m / resolution, max(config.run_up_m, config.longest_run_up_m) / resolution
-        return cls(
-            config.most_length_m / resolution, run_up, longest, half_width, float(band), step + math.ceil(half_width * slope)
-        )
+        return cls(config.most_length_m / resolution, run_up, longest, half_width, float(band), step + math.ceil(half_width * slope))
 
     @property
     def longest_line(self) -> int:
@@ -182,7 +182,8 @@ def _line_through(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: A
 def centred_line(g: Any, b: Any, demand: Any, s: Any, dx: Any, dy: Any, is_through: Any, ahead: Any, behind: Any) -> Any:
     """The line through node s in direction dx, dy, or up to it if it is not to lead `through`, moved aside to where as much room is on its
     left as on its right: its nodes, how many come before x, y, then x, y, and the lesser room; no nodes where there is none."""
-    x, y, node = g.column[s] // g.ny + 0.5, g.column[s] % g.ny + 0.5, np.int64(s)
+    x, y = g.column[s] // g.ny + 0.5, g.column[s] % g.ny + 0.5
+    node: Any = np.int64(s)
     line, before = _line_through(g, demand, node, x, y, dx, dy, is_through, ahead, behind)
     if line.size == 0:
         return line, 0, x, y, 0.0

@@ -3,7 +3,11 @@
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
+import numpy as np
 from numba import njit
+
+Index = int | np.integer
+"""A whole number as kernels pass it on."""
 
 Kernel = TypeVar("Kernel", bound=Callable[..., Any])
 _LEAN: dict[str, Any] = {"_nrt": False, "forceinline": True}  # the first as numba compiles its own sorting

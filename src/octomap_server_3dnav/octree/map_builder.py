@@ -15,6 +15,7 @@ from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel, SweepVoxe
 from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
 from rigid_geometry import as_transforms, rotation_angles, transform_points
 from rigid_geometry.transforms import Transform
+from robot_body import RobotBody
 from stage_config import check_ranges, parameter
 
 _MOVED = 0.125  # voxels: of what is kept off things 1 cm is for errors, so sweeps must not lie farther off than that
@@ -38,7 +39,6 @@ class MapConfig:
     start_plane_half_m: float = parameter(
         0.8, "m", "half side of the plane put under the robot at the start, where the laser is blind", low=0.0, high=3.0
     )
-    base_height_m: float = parameter(0.132, "m", "height of base_link above the ground", low=0.0, high=2.0)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
@@ -80,11 +80,11 @@ class MapBuilder:
     of a large map, and no answer depends on how far the work has come. `heights` are true wherever the tree was asked for.
     """
 
-    def __init__(self, config: MapConfig, sensor_model: SensorModel) -> None:
+    def __init__(self, config: MapConfig, sensor_model: SensorModel, robot: RobotBody) -> None:
         """ValueError lists what is wrong with the configuration."""
         if problems := config.validate():
             raise ValueError("; ".join(problems))
-        self.config = config
+        self.config, self.robot = config, robot
         self.heights = SurfaceHeights(config.resolution)
         self._tree = OctreeMap(config.resolution, sensor_model)
         self._sweeps: list[_PlacedSweep] = []
@@ -168,7 +168,7 @@ class MapBuilder:
         """Vertices whose sweep touches the square around the robot, where it was drawn or where it is now."""
         c = self.config
         # The plane of the first sweep lies up to base_height_m beside a tilted robot; a voxel more is what boxes are rounded by.
-        reach = radius_m + max(c.crop_half_m, c.start_plane_half_m + c.base_height_m) + c.resolution
+        reach = radius_m + max(c.crop_half_m, c.start_plane_half_m + self.robot.base_height_m) + c.resolution
         return [
             vertex
             for vertex, (sweep, T_now) in self._moved.items()
@@ -201,7 +201,8 @@ class MapBuilder:
         if first and c.start_plane_half_m > 0:
             alone = OctreeMap(c.resolution, self._tree.sensor_model)
             alone.insert(voxels[0])
-            voxels.append(alone.trace_plane(T[:3, 3] - c.base_height_m * T[:3, 2] - (0, 0, 0.25 * c.resolution), c.start_plane_half_m))
+            ground = T[:3, 3] - self.robot.base_height_m * T[:3, 2]
+            voxels.append(alone.trace_plane(ground - (0, 0, 0.25 * c.resolution), c.start_plane_half_m))
         return _Seen(voxels, HitHeights.of(hits[inside], c.resolution))
 
 

@@ -195,8 +195,11 @@ class SurfaceHeights:
                 del self._slabs[number]
 
     def at(self, x: NDArray[np.integer], y: NDArray[np.integer], z: NDArray[np.integer]) -> NDArray[np.float32]:
-        """(N, 4) of the surfaces in voxels (N,) of index x, y, z, in voxels, NaN where no beam ended: mean height of the hits in the voxel and,
-        where both are of one slope, in the one below; their mean place along x and y from the middle of the column; and their number."""
+        """(N, 4) of the surfaces in voxels (N,) of index x, y, z, in voxels, NaN where no beam ended.
+
+        Mean height of the hits in the voxel and, where both are of one slope, in the one below; their mean place along x and y from the
+        middle of the column; and their number.
+        """
         wanted = _keys(x, y, z)
         out = np.full((wanted.size, 4), np.nan, dtype=np.float32)
         for slab, part in self._slabs_of(wanted):

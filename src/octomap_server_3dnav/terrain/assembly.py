@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.octree.lean_kernels import Index
 from octomap_server_3dnav.terrain.beside import EDGE
 from octomap_server_3dnav.terrain.classified_terrain import (
     FRONTIER,
@@ -40,8 +41,8 @@ class Judged(NamedTuple):
 
 
 class _Beside(NamedTuple):
-    """Voxels beside the nodes, obstacles first: column and z (M, 2), class (M,), the node that each was seen from (M,), and which of them each
-    frontier edge leads to (E,)."""
+    """Voxels beside the nodes, obstacles first: column and z (M, 2), class (M,), the node that each was seen from (M,), and which of them
+    each frontier edge leads to (E,)."""
 
     voxels: NDArray[np.int64]
     label: NDArray[np.uint8]
@@ -111,7 +112,7 @@ def _column_starts(start: NDArray[np.int32], number: NDArray[np.int32]) -> NDArr
 
 @njit(cache=True)
 def _drivable_neighbours(
-    label: NDArray[np.uint8], graph: NDArray[np.int32], node: NDArray[np.int64], number: NDArray[np.int32], more: int
+    label: NDArray[np.uint8], graph: NDArray[np.int32], node: NDArray[np.int64], number: NDArray[np.int32], more: Index
 ) -> NDArray[np.int32]:
     """(K + more, 4) int32 neighbours of the kept nodes by their new numbers, -1 unless both are drivable; -1 in the `more` rows."""
     out = np.full((node.size + more, 4), -1, np.int32)

@@ -1,13 +1,13 @@
-"""One question beside ground: does it go on, does something stand there, does it drop, or does nobody know (third principle of docs/terrain.md).
+"""One question beside ground: does it go on, does something stand there, does it drop, or does nobody know.
 
-Asked by the flood of `classify`, of the runs of the columns alone. Everything is in voxels.
+The third principle of docs/terrain.md. Asked by the flood of `classify`, of the runs of the columns alone. Everything is in voxels.
 """
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.lean_kernels import lean_njit
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.columns import (
     DX,
     DY,
@@ -26,17 +26,16 @@ from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
 GROUND, BLOCKED, DROP, UNKNOWN, EDGE = 0, 1, 2, 3, 4
 """What lies beside ground; an EDGE is unknown, and a beam passed where its floor would be."""
 NEAR = 2  # columns from what is BLOCKED within which the unknown may be a side of it
-_AREA = 2  # columns aside that an edge is looked across (thesis figure 5.12)
 
 
 @lean_njit
-def drivable_rise(j: int, limits: Limits) -> int:
+def drivable_rise(j: Index, limits: Limits) -> Index:
     """Voxels by which drivable ground may differ in height j columns away."""
     return max(limits.step, 1 + int(np.floor(j * limits.max_slope)))
 
 
 @njit(cache=True)
-def _drops_along(columns: Columns, surfaces: Surfaces, s: int, c: int, stride: int, limits: Limits, assumed: bool) -> bool:
+def _drops_along(columns: Columns, surfaces: Surfaces, s: Index, c: Index, stride: Index, limits: Limits, assumed: bool) -> bool:
     """Whether from column c in steps of `stride` all ground that could be driven to from node s lies too low, or free space below it.
 
     Where a drop is `assumed`, as the thesis does (7.3), it is enough that a beam passed where ground would be and none was seen.
@@ -46,7 +45,7 @@ def _drops_along(columns: Columns, surfaces: Surfaces, s: int, c: int, stride: i
         cj, rise = c + j * stride, drivable_rise(j, limits)
         n = find_node(surfaces.start, surfaces.z, cj, level, rise)
         if n >= 0:  # ground, but lower than any slope between would lead
-            return surfaces.height[s] - surfaces.height[n] > max(limits.max_step, (j + 1) * limits.max_slope)
+            return bool(surfaces.height[s] - surfaces.height[n] > max(limits.max_step, (j + 1) * limits.max_slope))
         if lowest_occupied(columns, cj, level - step, level + step) != NO_VOXEL:
             return False
         seen = seen_down_to(columns, cj, level)
@@ -58,36 +57,19 @@ def _drops_along(columns: Columns, surfaces: Surfaces, s: int, c: int, stride: i
     return False
 
 
-@lean_njit
-def _is_ground_aside(surfaces: Surfaces, c: int, stride: int, aside: int, level: int, limits: Limits) -> bool:
-    """Whether the area beside the ray (thesis figure 5.12) holds ground at about this level."""
-    for offset in range(-_AREA, _AREA + 1):
-        for j in range(1, 4):
-            if find_node(surfaces.start, surfaces.z, c + offset * aside + j * stride, level, drivable_rise(j, limits)) >= 0:
-                return True
-    return False
-
-
 @njit(cache=True)
-def _beyond(columns: Columns, surfaces: Surfaces, s: int, c: int, k: int, limits: Limits) -> int:
+def _beyond(columns: Columns, surfaces: Surfaces, s: Index, c: Index, k: Index, limits: Limits) -> Index:
     """What lies in direction k of node s of column c where no ground is near."""
-    assumed, level = limits.assumes_cliffs, np.int64(surfaces.z[s])
-    stride, aside = DX[k] * columns.ny + DY[k], DX[(k + 1) % 4] * columns.ny + DY[(k + 1) % 4]
-    if blocking_voxel(columns, c + stride, level, limits.step, limits.clearance) != NO_VOXEL:
+    stride = DX[k] * columns.ny + DY[k]
+    if blocking_voxel(columns, c + stride, np.int64(surfaces.z[s]), limits.step, limits.clearance) != NO_VOXEL:
         return BLOCKED
-    if _drops_along(columns, surfaces, s, c, stride, limits, assumed):
+    if _drops_along(columns, surfaces, s, c, stride, limits, limits.assumes_cliffs):
         return DROP
-    if _is_ground_aside(surfaces, c, stride, aside, level, limits):
-        return UNKNOWN
-    for offset in range(1, _AREA + 1):
-        for side in (-offset, offset):
-            if _drops_along(columns, surfaces, s, c + side * aside, stride, limits, assumed):
-                return DROP
     return EDGE if _drops_along(columns, surfaces, s, c, stride, limits, True) else UNKNOWN
 
 
 @njit(cache=True)
-def beside(columns: Columns, surfaces: Surfaces, links: Links, s: int, k: int, limits: Limits) -> int:
+def beside(columns: Columns, surfaces: Surfaces, links: Links, s: Index, k: Index, limits: Limits) -> Index:
     """GROUND, BLOCKED, DROP, UNKNOWN or EDGE: what lies in direction k of node s.
 
     Lower ground whose top was not seen may be higher than it looks: a wall under a deck that was seen from below only.
@@ -103,7 +85,7 @@ def beside(columns: Columns, surfaces: Surfaces, links: Links, s: int, k: int, l
 
 
 @lean_njit
-def stands_near(columns: Columns, c: int, low: int, high: int) -> bool:
+def stands_near(columns: Columns, c: Index, low: Index, high: Index) -> bool:
     """Whether something stands in low..high within NEAR columns of column c."""
     for dx in range(-NEAR, NEAR + 1):
         for dy in range(-NEAR, NEAR + 1):
@@ -113,7 +95,7 @@ def stands_near(columns: Columns, c: int, low: int, high: int) -> bool:
 
 
 @lean_njit
-def is_hidden_side(columns: Columns, surfaces: Surfaces, near: NDArray[np.int32], s: int, limits: Limits) -> bool:
+def is_hidden_side(columns: Columns, surfaces: Surfaces, near: NDArray[np.int32], s: Index, limits: Limits) -> bool:
     """Whether nothing was seen over node s as high as the robot, though it was beside, and something stands near: the unknown near what is
     BLOCKED is BLOCKED."""
     if surfaces.is_open[s]:

@@ -11,7 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
-from octomap_server_3dnav.octree.lean_kernels import lean_njit
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 
 DX = np.array([1, 0, -1, 0], dtype=np.int64)
 DY = np.array([0, 1, 0, -1], dtype=np.int64)
@@ -30,7 +30,7 @@ class Columns(NamedTuple):
 
 
 @njit(cache=True)
-def _crop(runs: tuple[NDArray, ...], rows: NDArray[np.int64], wy: int) -> tuple[NDArray, ...]:
+def _crop(runs: tuple[NDArray, ...], rows: NDArray[np.int64], wy: Index) -> tuple[NDArray, ...]:
     """Runs of a window wy columns wide: of row ix the columns rows[ix, 0] to before rows[ix, 1], in the map from column rows[ix, 2] on."""
     start, z_lo, z_hi, occupied = runs
     total = 0
@@ -67,7 +67,7 @@ def crop_columns(runs: ColumnRuns, key: tuple[int, int], ny: int, spans: NDArray
 
 
 @njit(cache=True)
-def indices_of(column: NDArray[np.int32], ny: int, key: tuple[int, int]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+def indices_of(column: NDArray[np.int32], ny: Index, key: tuple[int, int]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """(N,) int32 ix and iy of ascending columns of a window of index `key`."""
     ix, iy, x, first = np.empty(column.size, np.int32), np.empty(column.size, np.int32), 0, 0
     for i in range(column.size):
@@ -78,7 +78,7 @@ def indices_of(column: NDArray[np.int32], ny: int, key: tuple[int, int]) -> tupl
 
 
 @lean_njit
-def lowest_occupied(columns: Columns, c: int, low: int, high: int) -> int:
+def lowest_occupied(columns: Columns, c: Index, low: Index, high: Index) -> Index:
     """Lowest occupied voxel of column c in low..high, NO_VOXEL when there is none."""
     for r in range(columns.start[c], columns.start[c + 1]):
         if columns.z_lo[r] > high:
@@ -89,9 +89,10 @@ def lowest_occupied(columns: Columns, c: int, low: int, high: int) -> int:
 
 
 @lean_njit
-def top_near(columns: Columns, c: int, z: int, reach: int) -> int:
+def top_near(columns: Columns, c: Index, z: Index, reach: Index) -> Index:
     """Top of the occupied run of column c that ends nearest to z, within `reach`; NO_VOXEL when there is none."""
-    best, best_gap = NO_VOXEL, reach + 1
+    best: Index = NO_VOXEL
+    best_gap = reach + 1
     for r in range(columns.start[c], columns.start[c + 1]):
         gap = abs(np.int64(columns.z_hi[r]) - z)
         if columns.occupied[r] and gap < best_gap:
@@ -100,12 +101,12 @@ def top_near(columns: Columns, c: int, z: int, reach: int) -> int:
 
 
 @lean_njit
-def seen_down_to(columns: Columns, c: int, z: int) -> int:
+def seen_down_to(columns: Columns, c: Index, z: Index) -> Index:
     """Lowest voxel of the free space seen from level z of column c downwards, NO_VOXEL when level z itself was not seen.
 
     One unknown voxel in between is allowed. Space under a floor that was seen only from below does not count: it must open at z.
     """
-    lowest = NO_VOXEL
+    lowest: Index = NO_VOXEL
     for r in range(columns.start[c + 1] - 1, columns.start[c] - 1, -1):
         lo, hi = np.int64(columns.z_lo[r]), np.int64(columns.z_hi[r])
         if lo > z + 1:
@@ -117,7 +118,7 @@ def seen_down_to(columns: Columns, c: int, z: int) -> int:
 
 
 @lean_njit
-def is_free_in(columns: Columns, c: int, low: int, high: int) -> bool:
+def is_free_in(columns: Columns, c: Index, low: Index, high: Index) -> bool:
     """Whether any voxel of column c was seen free in low..high."""
     for r in range(columns.start[c], columns.start[c + 1]):
         if columns.z_hi[r] >= low and columns.z_lo[r] <= high and not columns.occupied[r]:
@@ -126,13 +127,13 @@ def is_free_in(columns: Columns, c: int, low: int, high: int) -> bool:
 
 
 @lean_njit
-def is_top_seen(columns: Columns, c: int, z: int) -> bool:
+def is_top_seen(columns: Columns, c: Index, z: Index) -> bool:
     """Whether the voxel above voxel z of column c was seen free, so that what stands there ends at z, or below."""
     return is_free_in(columns, c, z + 1, z + 1)
 
 
 @lean_njit
-def blocking_voxel(columns: Columns, c: int, level: int, step: int, clearance: int) -> int:
+def blocking_voxel(columns: Columns, c: Index, level: Index, step: Index, clearance: Index) -> Index:
     """Lowest occupied voxel of column c where something stands in the way of a robot at `level`, NO_VOXEL when nothing does.
 
     It stands higher than a step, or it leaves too little room above a floor near the level. What was only seen from below does not block.

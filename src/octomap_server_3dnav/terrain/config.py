@@ -17,10 +17,18 @@ class TerrainConfig:
     pose_noise_m: float = parameter(0.004, "m", "sigma of a sweep's place in the map", low=0.0, high=0.2)
     confidence: float = parameter(2.0, "-", "sigmas by which a slope or a step must be within the robot's limits", low=0.0, high=6.0)
     slope_tolerance_rad: float = parameter(
-        0.009, "rad", "by which a plane as large as the robot may be steeper than its limit: a ramp of that limit is driven", low=0.0, high=0.1
+        0.009,
+        "rad",
+        "by which a plane as large as the robot may be steeper than its limit: a ramp of that limit is driven",
+        low=0.0,
+        high=0.1,
     )
     step_tolerance_m: float = parameter(
-        0.012, "m", "by which a step, with its sigmas, may be higher than the robot's limit: a kerb of that limit is climbed", low=0.0, high=0.05
+        0.012,
+        "m",
+        "by which a step, with its sigmas, may be higher than the robot's limit: a kerb of that limit is climbed",
+        low=0.0,
+        high=0.05,
     )
     margin_m: float = parameter(0.025, "m", "kept from what is blocked, a drop or too steep, beside the robot's radius", low=0.0, high=0.5)
     fill_columns: int = parameter(3, "voxels", "widest unknown gap in a floor that counts as floor", low=0, high=8)

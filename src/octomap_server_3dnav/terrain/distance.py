@@ -1,7 +1,8 @@
-"""How far ground is from where it ends: one distance, over the ground, for inflation, narrow ways and costs (fourth principle of docs/terrain.md).
+"""How far ground is from where it ends: one distance, over the ground, for inflation, narrow ways and costs.
 
-Seventh step of `classify`. Barriers are what is blocked, a drop, or too steep, each at the mean place of its hits. The distance is taken
-straight, to the barriers that are near by way of the ground: never to those of another storey. Everything is in voxels.
+The fourth principle of docs/terrain.md, seventh step of `classify`. Barriers are what is blocked, a drop, or too steep, each at the mean
+place of its hits. The distance is taken straight, to the barriers that are near by way of the ground: never to those of another storey.
+Everything is in voxels.
 """
 
 from typing import NamedTuple
@@ -10,9 +11,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.lean_kernels import lean_njit
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
-from octomap_server_3dnav.terrain.beside import BLOCKED, EDGE, UNKNOWN
+from octomap_server_3dnav.terrain.beside import BLOCKED, EDGE, UNKNOWN, stands_near
 from octomap_server_3dnav.terrain.classified_terrain import CLIFF, OBSTACLE, TRAVERSABLE, UNREACHED, Barriers
 from octomap_server_3dnav.terrain.columns import DX, DY, NO_VOXEL, Columns, blocking_voxel, lowest_occupied, top_near
 from octomap_server_3dnav.terrain.config import Limits
@@ -24,29 +25,11 @@ _FOOT = 1  # voxels above the ground's, from which the hits of what stands there
 
 
 @lean_njit
-def _stands_at(columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], c: int, level: int, limits: Limits) -> bool:
-    """Whether something stands at column c, or its ground is an obstacle."""
-    if lowest_occupied(columns, c, level + limits.step + 1, level + limits.clearance) != NO_VOXEL:
-        return True
-    node = find_node(surfaces.start, surfaces.z, c, level, limits.step + 1)
-    return node >= 0 and label[node] == OBSTACLE
+def _stands_across(columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], s: Index, stride: Index, limits: Limits) -> Index:
+    """The column of what stands in the way of node s in steps of `stride`, across what is unknown; -1 where nothing does.
 
-
-@lean_njit
-def _is_side(columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], c: int, level: int, limits: Limits) -> bool:
-    """Whether something stands at column c or at one of its four neighbours: the unknown right before it may be a side of it."""
-    is_side = _stands_at(columns, surfaces, label, c, level, limits)
-    for k in range(4):
-        is_side |= _stands_at(columns, surfaces, label, c + DX[k] * columns.ny + DY[k], level, limits)
-    return is_side
-
-
-@lean_njit
-def _stands_across(
-    columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], s: int, stride: int, limits: Limits
-) -> int:
-    """The column of what stands in the way of node s in steps of `stride`, across what is unknown; -1 where nothing does within the distance
-    that is kept and before ground that was reached."""
+    It is looked for within the distance that is kept, and before ground that was reached.
+    """
     level = np.int64(surfaces.z[s])
     for j in range(1, int(np.ceil(limits.keep_off)) + 1):
         c = np.int64(surfaces.column[s]) + j * stride
@@ -59,8 +42,8 @@ def _stands_across(
 
 
 class _Found(NamedTuple):
-    """Barriers (B,): node of the ground that they were seen from; x, y of the window; level of that ground; column and voxel of an obstacle,
-    -1 of others; whether hits tell its place; and whether it is a drop."""
+    """Barriers (B,): node of the ground that they were seen from; x, y of the window; level of that ground; column and voxel of an
+    obstacle, -1 of others; whether hits tell its place; and whether it is a drop."""
 
     node: NDArray[np.int64]
     x: NDArray[np.float64]
@@ -77,7 +60,8 @@ def _barriers(
     columns: Columns, surfaces: Surfaces, links: Links, label: NDArray[np.uint8], seen: NDArray[np.uint8], limits: Limits
 ) -> tuple[NDArray, ...]:
     """The fields of `_Found`; what is UNKNOWN right before something that stands is BLOCKED in `seen` from now on."""
-    ny, found, at = columns.ny, [(0, 0, 0, 0, False, False) for _ in range(0)], [(0.0, 0.0) for _ in range(0)]
+    ny, at = columns.ny, [(0.0, 0.0) for _ in range(0)]
+    found: list[tuple[Index, Index, Index, Index, bool, bool]] = [(0, 0, 0, 0, False, False) for _ in range(0)]
     for s in np.flatnonzero(label == TRAVERSABLE):
         c, level = np.int64(surfaces.column[s]), np.int64(surfaces.z[s])
         for k in range(4):
@@ -97,7 +81,7 @@ def _barriers(
                 at.append((cx - 0.5 * DX[k], cy - 0.5 * DY[k]))
                 continue
             is_unknown = seen[s, k] == UNKNOWN or seen[s, k] == EDGE
-            if is_unknown and _is_side(columns, surfaces, label, c + 2 * stride, level, limits):
+            if is_unknown and stands_near(columns, c + stride, level + limits.step + 1, level + limits.clearance):
                 seen[s, k] = BLOCKED
                 found.append((s, level, c + stride, level, False, False))
                 at.append((cx, cy))
@@ -133,12 +117,17 @@ def barriers_of(
 
 @njit(cache=True)
 def distances(
-    node: NDArray[np.int64], x: NDArray[np.float64], y: NDArray[np.float64], scene: tuple[NDArray, NDArray, int], within: float, square: bool
+    node: NDArray[np.int64],
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    scene: tuple[NDArray, NDArray, int],
+    within: float,
+    square: bool,
 ) -> NDArray[np.float32]:
     """(N,) float32 distance of the middle of every node's column from the nearest of places (x, y), `within` at most, else inf.
 
-    Place i lies beside `node[i]`. `scene` is the column of every node, its neighbours (N, 4), -1 where no ground goes on, and the window's ny.
-    Every node passes its nearest place on to its neighbours. `square`: the larger of the distances along x and y.
+    Place i lies beside `node[i]`. `scene` is the column of every node, its neighbours (N, 4), -1 where no ground goes on, and the ny of
+    the window. Every node passes its nearest place on to its neighbours. `square`: the larger of the distances along x and y.
     """
     column, graph, ny = scene
     out, source = np.full(column.size, np.inf, np.float32), np.full(column.size, -1, np.int64)

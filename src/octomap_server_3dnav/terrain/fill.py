@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.lean_kernels import lean_njit
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.columns import NO_VOXEL, Columns, blocking_voxel, seen_down_to
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
@@ -31,40 +31,29 @@ class _Floor(NamedTuple):
 
 
 @lean_njit
-def slope_behind(surfaces: Surfaces, a: int, back: int, step: int) -> float:
+def slope_behind(surfaces: Surfaces, a: Index, back: Index, step: Index) -> float:
     """Rise per column from the node of column `back`, _BEHIND columns behind node a, to a; 0 where there is none."""
     n = find_node(surfaces.start, surfaces.z, back, np.int64(surfaces.z[a]), step + 1)
     return 0.0 if n < 0 else (surfaces.height[a] - surfaces.height[n]) / _BEHIND
 
 
 @lean_njit
-def _is_one_floor(surfaces: Surfaces, a: int, b: int, gap: int, stride: int, limits: Limits) -> bool:
+def _is_one_floor(surfaces: Surfaces, a: Index, b: Index, gap: Index, stride: Index, limits: Limits) -> bool:
     """Whether nodes a and b, `gap` columns of `stride` apart, are level, or on a slope that goes on behind a or beyond b, within a step."""
     rise = np.float64(surfaces.height[b]) - surfaces.height[a]
     behind = slope_behind(surfaces, a, surfaces.column[a] - _BEHIND * stride, limits.step)
     beyond = -slope_behind(surfaces, b, surfaces.column[b] + _BEHIND * stride, limits.step)
-    return min(abs(rise), abs(rise - gap * behind), abs(rise - gap * beyond)) <= limits.max_step
+    return bool(min(abs(rise), abs(rise - gap * behind), abs(rise - gap * beyond)) <= limits.max_step)
 
 
 @lean_njit
-def _is_alone(surfaces: Surfaces, s: int, ny: int, step: int) -> bool:
-    """Whether no column beside that of node s has ground at about its level: a hit or two that went astray carry no floor."""
-    c, level = np.int64(surfaces.column[s]), np.int64(surfaces.z[s])
-    for dx in range(-1, 2):
-        for dy in range(-1, 2):
-            if (dx != 0 or dy != 0) and find_node(surfaces.start, surfaces.z, c + dx * ny + dy, level, step) >= 0:
-                return False
-    return True
-
-
-@lean_njit
-def _level_between(z: NDArray[np.int16], a: int, b: int, j: int, gap: int) -> int:
+def _level_between(z: NDArray[np.int16], a: Index, b: Index, j: Index, gap: Index) -> Index:
     """Layer of the floor j of `gap` columns on the way from node a to node b."""
     return (2 * (np.int64(z[a]) * (gap - j) + np.int64(z[b]) * j) + gap) // (2 * gap)
 
 
 @lean_njit
-def _spans(columns: Columns, surfaces: Surfaces, a: int, b: int, stride: int, gap: int, limits: Limits) -> bool:
+def _spans(columns: Columns, surfaces: Surfaces, a: Index, b: Index, stride: Index, gap: Index, limits: Limits) -> bool:
     """Whether floor between nodes a and b, `gap` columns of `stride` apart, contradicts nothing that is known there."""
     start, z, step = surfaces.start, surfaces.z, limits.step
     for j in range(1, gap):
@@ -82,7 +71,7 @@ def _spans(columns: Columns, surfaces: Surfaces, a: int, b: int, stride: int, ga
 
 
 @lean_njit
-def _other_side(columns: Columns, surfaces: Surfaces, a: int, stride: int, room: int, limits: Limits) -> tuple[int, int]:
+def _other_side(columns: Columns, surfaces: Surfaces, a: Index, stride: Index, room: Index, limits: Limits) -> tuple[Index, Index]:
     """The node across unknown columns beyond node a in steps of `stride` that is one floor with it, and how many columns on; -1 and 0 where
     there is none within `room` columns."""
     start, z, step = surfaces.start, surfaces.z, limits.step
@@ -95,8 +84,7 @@ def _other_side(columns: Columns, surfaces: Surfaces, a: int, stride: int, room:
             continue
         is_floor = abs(np.int64(z[b]) - level) <= _MOST_RISE and _is_one_floor(surfaces, a, b, gap, stride, limits)
         if is_floor and _spans(columns, surfaces, a, b, stride, gap, limits):
-            if not (_is_alone(surfaces, a, columns.ny, step) or _is_alone(surfaces, b, columns.ny, step)):
-                return b, gap
+            return b, gap
         if abs(np.int64(z[b]) - level) <= step:
             return -1, 0
     return -1, 0
@@ -106,7 +94,8 @@ def _other_side(columns: Columns, surfaces: Surfaces, a: int, stride: int, room:
 def _find_floor(columns: Columns, surfaces: Surfaces, limits: Limits) -> tuple[NDArray, ...]:
     """The fields of `_Floor`: lines between the sides of every gap along x and along y."""
     nx, ny = columns.nx, columns.ny
-    found, places = [(0, 0, 0) for _ in range(0)], [(0.0, 0.0, 0.0, 0.0) for _ in range(0)]
+    found: list[tuple[Index, Index, Index]] = [(0, 0, 0) for _ in range(0)]
+    places = [(0.0, 0.0, 0.0, 0.0) for _ in range(0)]
     for a in range(surfaces.z.size):
         ix, iy = surfaces.column[a] // ny, surfaces.column[a] % ny
         for k in range(2):
@@ -135,7 +124,7 @@ def _find_floor(columns: Columns, surfaces: Surfaces, limits: Limits) -> tuple[N
 
 
 @njit(cache=True)
-def _kept(found: _Floor, order: NDArray[np.int64], step: int) -> NDArray[np.int64]:
+def _kept(found: _Floor, order: NDArray[np.int64], step: Index) -> NDArray[np.int64]:
     """Those of the lines in `order` whose column has none before them at about their level."""
     kept, n = np.empty(order.size, np.int64), 0
     for i in order:
@@ -153,7 +142,7 @@ def _one_per_hole(found: _Floor, step: int) -> _Floor:
     """Where lines meet in one column at one level that over the narrowest gap stays, and of these the highest; sorted by column and z."""
     which = _kept(found, np.lexsort((-found.z, found.gap, found.column)), step)
     which = which[np.lexsort((found.z[which], found.column[which]))]
-    return _Floor(*(field[which] for field in found))
+    return _Floor._make(field[which] for field in found)
 
 
 @njit(cache=True)

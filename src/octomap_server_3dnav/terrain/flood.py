@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.lean_kernels import lean_njit
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.beside import BLOCKED, DROP, beside, is_hidden_side
 from octomap_server_3dnav.terrain.classified_terrain import CLIFF, OBSTACLE, TRAVERSABLE, UNREACHED
 from octomap_server_3dnav.terrain.columns import Columns
@@ -21,7 +21,7 @@ ROW_LAST = (0, 2, 1, 3)  # a stack filled in this order is worked off along y, w
 
 
 @lean_njit
-def _is_too_steep(surfaces: Surfaces, links: Links, ny: int, s: int, limits: Limits) -> bool:
+def _is_too_steep(surfaces: Surfaces, links: Links, ny: Index, s: Index, limits: Limits) -> bool:
     """Whether node s is too steep, or may be within its sigma, amid known ground, and so may a neighbour.
 
     Alone it is a hit or two gone astray, and at the rim of what is known too little was seen to tell.
@@ -33,13 +33,13 @@ def _is_too_steep(surfaces: Surfaces, links: Links, ny: int, s: int, limits: Lim
         n = np.int64(links.graph[s, k])
         if n < 0:
             return False
-        is_shared = is_shared or steepness(surfaces, links, ny, n, limits) > 0
+        is_shared |= bool(steepness(surfaces, links, ny, n, limits) > 0)
     return is_shared
 
 
 @njit(cache=True)
 def flood(
-    columns: Columns, surfaces: Surfaces, links: Links, first: int, inside: NDArray[np.bool_], limits: Limits
+    columns: Columns, surfaces: Surfaces, links: Links, first: Index, inside: NDArray[np.bool_], limits: Limits
 ) -> tuple[NDArray[np.uint8], int, NDArray[np.uint8]]:
     """(N,) uint8 labels of all nodes reached from `first`, UNREACHED elsewhere, the number of traversable ones, and (N, 4) uint8 of what
     lies beside those that are traversable or cliffs.
@@ -86,7 +86,9 @@ def mark_steps(label: NDArray[np.uint8], seen: NDArray[np.uint8], near: NDArray[
 
 
 @njit(cache=True)
-def components(label: NDArray[np.uint8], graph: NDArray[np.int32], first: int, enough: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+def components(
+    label: NDArray[np.uint8], graph: NDArray[np.int32], first: Index, enough: Index
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
     """(N,) int32 component of every traversable node, -1 elsewhere, and the (C,) size of each, that of the node `first` before others.
 
     Where that has `enough` nodes it is the only one that is looked for.
@@ -117,7 +119,7 @@ def components(label: NDArray[np.uint8], graph: NDArray[np.int32], first: int, e
 
 
 @njit(cache=True)
-def hops_from(seeds: NDArray[np.bool_], passable: NDArray[np.bool_], graph: NDArray[np.int32], most: int) -> NDArray[np.int32]:
+def hops_from(seeds: NDArray[np.bool_], passable: NDArray[np.bool_], graph: NDArray[np.int32], most: Index) -> NDArray[np.int32]:
     """(N,) int32 number of edges from the nearest seed through passable nodes, `most` where it is farther."""
     hops = np.full(passable.size, most, np.int32)
     queue = np.empty(passable.size, np.int32)

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.lean_kernels import lean_njit
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.beside import EDGE, UNKNOWN
 from octomap_server_3dnav.terrain.classified_terrain import INFLATION, TRAVERSABLE, UNREACHED
 from octomap_server_3dnav.terrain.columns import DX, DY, Columns
@@ -15,15 +15,15 @@ from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
 
 
 @lean_njit
-def _is_reached(surfaces: Surfaces, label: NDArray[np.uint8], c: int, level: int, rise: int) -> bool:
+def _is_reached(surfaces: Surfaces, label: NDArray[np.uint8], c: Index, level: Index, rise: Index) -> bool:
     """Whether the flood has reached ground at about this level some other way, in column c."""
     node = find_node(surfaces.start, surfaces.z, c, level, rise)
-    return node >= 0 and label[node] != UNREACHED
+    return bool(node >= 0 and label[node] != UNREACHED)
 
 
 @njit(cache=True)
 def unknown_edges(
-    columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], inside: NDArray[np.bool_], seen: NDArray[np.uint8], step: int
+    columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], inside: NDArray[np.bool_], seen: NDArray[np.uint8], step: Index
 ) -> NDArray[np.int64]:
     """(M, 5) int64 (column, z, node it was seen from, direction, what was seen) of unknown floor beside drivable ground in columns that
     are `inside` (bool per column).
@@ -31,7 +31,7 @@ def unknown_edges(
     The two-step test of thesis figure 5.13: no ground in a direction, and nothing that the flood has reached around one step further.
     Ground that it did not reach is what the look is for: a deck seen from below only, a slope behind a gap.
     """
-    found = [(0, 0, 0, 0, 0) for _ in range(0)]
+    found: list[tuple[Index, Index, Index, Index, Index]] = [(0, 0, 0, 0, 0) for _ in range(0)]
     for s in range(surfaces.z.size):
         if (label[s] != TRAVERSABLE and label[s] != INFLATION) or not inside[surfaces.column[s]]:
             continue

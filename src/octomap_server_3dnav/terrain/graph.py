@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.lean_kernels import lean_njit
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.columns import DX, DY
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.surfaces import VOXEL_SIGMA, Surfaces, find_node
@@ -29,7 +29,9 @@ class Links(NamedTuple):
 
 
 @njit(cache=True)
-def nearest_neighbours(start: NDArray[np.int32], z: NDArray[np.int16], ny: int, spans: NDArray[np.int64], step: int) -> NDArray[np.int32]:
+def nearest_neighbours(
+    start: NDArray[np.int32], z: NDArray[np.int16], ny: Index, spans: NDArray[np.int64], step: Index
+) -> NDArray[np.int32]:
     """(N, 4) int32 node of each neighbouring column within `step` voxels in height, -1 where there is none.
 
     For the nodes of columns (ix, iy) with spans[ix, 0] <= iy < spans[ix, 1], which must not be at the window's rim; -1 for others.
@@ -91,7 +93,7 @@ def centred_heights(near: NDArray[np.int32], surfaces: Surfaces) -> NDArray[np.f
 
 
 @lean_njit
-def _points_beside(near: NDArray[np.int32], height: NDArray[np.float32], s: int, k: int, out: NDArray[np.float64]) -> int:
+def _points_beside(near: NDArray[np.int32], height: NDArray[np.float32], s: Index, k: Index, out: NDArray[np.float64]) -> Index:
     """How many nodes there are in the rows that begin at node s and go on in direction k; their places from the edge before s, along k and
     aside, and heights go into `out` (M, 3)."""
     n, row = 0, np.int64(s)
@@ -108,12 +110,12 @@ def _points_beside(near: NDArray[np.int32], height: NDArray[np.float32], s: int,
 
 
 @njit(cache=True)
-def _height_at_edge(points: NDArray[np.float64], n: int, first: float, sigma: float, limits: Limits) -> tuple[float, float, float]:
+def _height_at_edge(points: NDArray[np.float64], n: Index, first: float, sigma: float, limits: Limits) -> tuple[float, float, float]:
     """Height at the edge of a plane through (n, 3) points, its variance, and how far the plane lies off the `first` of them.
 
-    Points that lie farther than a tenth of a step off the plane count little: they are of something else. The first fit is without the row at the edge,
-    in which its face was hit, too. Where fewer than half of the points lie on a plane the `first` counts. No plane leads farther beyond its
-    points than a slope that is driven.
+    Points that lie farther than a tenth of a step off the plane count little: they are of something else. The first fit is without the
+    row at the edge, in which its face was hit, too. Where fewer than half of the points lie on a plane the `first` counts. No plane leads
+    farther beyond its points than a slope that is driven.
     """
     far = limits.max_step / 10
     b0, b1, b2 = first, 0.0, 0.0
@@ -144,7 +146,9 @@ def _height_at_edge(points: NDArray[np.float64], n: int, first: float, sigma: fl
 
 
 @njit(cache=True)
-def _is_too_high(near: NDArray[np.int32], surfaces: Surfaces, s: int, n: int, k: int, limits: Limits, points: NDArray[np.float64]) -> bool:
+def _is_too_high(
+    near: NDArray[np.int32], surfaces: Surfaces, s: Index, n: Index, k: Index, limits: Limits, points: NDArray[np.float64]
+) -> bool:
     """Whether the ground may jump by more than the highest step between node s and node n in direction k of it."""
     height = surfaces.height
     sigma = max(surfaces.sigma[s], surfaces.sigma[n])

@@ -89,8 +89,11 @@ def near_kerbs(scene: Scene, label: NDArray[np.uint8], config: TerrainConfig, ro
 
 
 def soft_cost(
-    scene: Scene, judged: tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.bool_]], edges: NDArray[np.int64],
-    config: TerrainConfig, limits: Limits,
+    scene: Scene,
+    judged: tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.bool_]],
+    edges: NDArray[np.int64],
+    config: TerrainConfig,
+    limits: Limits,
 ) -> NDArray[np.float32]:
     """Cost factor of every node: 1 in the open, more towards inflation, kerbs and the unknown, inf where no path may go.
 

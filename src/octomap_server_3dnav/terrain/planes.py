@@ -1,14 +1,14 @@
 """Slopes: the largest plane that fits decides (second principle of docs/terrain.md).
 
-Fifth step of `classify`, asked by its flood. Planes are fitted to windows of 11, 5 and 3 columns, 0.88, 0.40 and 0.24 m of voxels of 8 cm: as
-large as the robot, as its wheel base, as a wheel. Everything is in voxels.
+Fifth step of `classify`, asked by its flood. Planes are fitted to windows of 11, 5 and 3 columns, 0.88, 0.40 and 0.24 m of voxels of 8 cm:
+as large as the robot, as its wheel base, as a wheel. Everything is in voxels.
 """
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.lean_kernels import lean_njit
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.graph import Links
 from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
@@ -21,16 +21,16 @@ _REACH = 2  # voxels from where a plane leads in which its surface is looked for
 
 
 @lean_njit
-def diagonal(graph: NDArray[np.int32], s: int, k: int) -> int:
+def diagonal(graph: NDArray[np.int32], s: Index, k: Index) -> Index:
     """Node diagonally between directions k and k + 1, -1 unless both ways round its corner are open and lead to it."""
     a, b = graph[s, k], graph[s, (k + 1) % 4]
     if a < 0 or b < 0 or graph[a, (k + 1) % 4] != graph[b, k]:
         return -1
-    return graph[a, (k + 1) % 4]
+    return np.int64(graph[a, (k + 1) % 4])
 
 
 @lean_njit
-def gradient_at(graph: NDArray[np.int32], surfaces: Surfaces, s: int, half: int) -> tuple[float, float, float]:
+def gradient_at(graph: NDArray[np.int32], surfaces: Surfaces, s: Index, half: Index) -> tuple[float, float, float]:
     """Rise along x and y of the plane fitted to the ground around node s that straight lines of the graph reach within `half` columns, and
     the sigma of its slope."""
     dx, dy = (1, 1, 0, -1, -1, -1, 0, 1), (0, 1, 1, 1, 0, -1, -1, -1)
@@ -52,7 +52,7 @@ def gradient_at(graph: NDArray[np.int32], surfaces: Surfaces, s: int, half: int)
 
 
 @lean_njit
-def _node_at(surfaces: Surfaces, ny: int, s: int, dx: int, dy: int, plane: tuple[float, float]) -> int:
+def _node_at(surfaces: Surfaces, ny: Index, s: Index, dx: Index, dy: Index, plane: tuple[float, float]) -> Index:
     """The ground in the column at dx, dy from that of node s, near a plane through s; -1 where there is none."""
     guess = np.int64(np.floor(surfaces.height[s] + plane[0] * dx + plane[1] * dy))
     return find_node(surfaces.start, surfaces.z, np.int64(surfaces.column[s]) + dx * ny + dy, guess, _REACH)
@@ -60,7 +60,7 @@ def _node_at(surfaces: Surfaces, ny: int, s: int, dx: int, dy: int, plane: tuple
 
 @njit(cache=True)
 def _plane_at(
-    surfaces: Surfaces, ny: int, s: int, at: tuple[int, int], half: int, plane: tuple[float, float]
+    surfaces: Surfaces, ny: Index, s: Index, at: tuple[Index, Index], half: Index, plane: tuple[float, float]
 ) -> tuple[float, float, float, float, float]:
     """The plane through the window of this half width around the column `at` from that of node s: its slope; the mean squares of what the
     ground lies off it and of its form if it is curved; the mean square of the ground's sigma; and that of the slope's sigma.
@@ -97,11 +97,11 @@ def _plane_at(
 
 
 @njit(cache=True)
-def _best_plane(surfaces: Surfaces, ny: int, s: int, half: int, plane: tuple[float, float], limits: Limits) -> tuple[float, float]:
+def _best_plane(surfaces: Surfaces, ny: Index, s: Index, half: Index, plane: tuple[float, float], limits: Limits) -> tuple[float, float]:
     """Slope of the plane of this size that fits around node s, and its sigma; NaN where none does.
 
-    What the ground lies off it must be noise: within its sigma, and, of a plane as large as the robot, no form of something curved. A smaller
-    window is shifted, with the node at its rim, only where it does not fit around it, as beside a kerb.
+    What the ground lies off it must be noise: within its sigma, and, of a plane as large as the robot, no form of something curved. A
+    smaller window is shifted, with the node at its rim, only where it does not fit around it, as beside a kerb.
     """
     best, slope, variance = np.inf, np.nan, np.nan
     for x in (0, -half, half):
@@ -116,7 +116,7 @@ def _best_plane(surfaces: Surfaces, ny: int, s: int, half: int, plane: tuple[flo
 
 
 @njit(cache=True)
-def steepness(surfaces: Surfaces, links: Links, ny: int, s: int, limits: Limits) -> int:
+def steepness(surfaces: Surfaces, links: Links, ny: Index, s: Index, limits: Limits) -> Index:
     """2 where the ground at node s is too steep, 1 where it may be within its sigma, else 0.
 
     A plane as large as the robot decides alone, where one fits. Elsewhere the ground under the wheel base must be within the limit by

@@ -8,6 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.octree.lean_kernels import Index
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
 from octomap_server_3dnav.terrain.columns import Columns, crop_columns
 from octomap_server_3dnav.terrain.config import Limits
@@ -38,7 +39,7 @@ class Scene:
 
 
 @njit(cache=True)
-def _columns_of(spans: NDArray[np.int64], ny: int) -> NDArray[np.bool_]:
+def _columns_of(spans: NDArray[np.int64], ny: Index) -> NDArray[np.bool_]:
     """(C,) bool: the columns of the spans."""
     out = np.zeros(spans.shape[0] * ny, np.bool_)
     for ix in range(spans.shape[0]):

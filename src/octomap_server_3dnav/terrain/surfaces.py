@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.lean_kernels import lean_njit
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
 from octomap_server_3dnav.terrain.columns import Columns, indices_of
 from octomap_server_3dnav.terrain.config import Limits
@@ -22,9 +22,9 @@ VOXEL_SIGMA = float(np.float32(12.0**-0.5))  # of a place that may be anywhere i
 class Surfaces(NamedTuple):
     """Surface nodes sorted by column and height.
 
-    start (C + 1,) first node of every column; column (N,); z (N,) of the voxel; height (N,) and its sigma (N,), float32, from the map's zero;
-    offset (N, 2) how far along x and y from the column's middle the hits lie on average; is_open (N,) whether all space above was seen free
-    as high as the robot is; filled (N,) whether the surface is assumed over unknown columns.
+    start (C + 1,) first node of every column; column (N,); z (N,) of the voxel; height (N,) and its sigma (N,), float32; offset (N, 2) how
+    far along x and y from the column's middle the hits lie on average; is_open (N,) whether all space above was seen free as high as the
+    robot is; filled (N,) whether the surface is assumed over unknown columns.
     """
 
     start: NDArray[np.int32]
@@ -38,7 +38,7 @@ class Surfaces(NamedTuple):
 
 
 @lean_njit
-def find_node(start: NDArray[np.int32], z: NDArray[np.int16], c: int, level: int, reach: int) -> int:
+def find_node(start: NDArray[np.int32], z: NDArray[np.int16], c: Index, level: Index, reach: Index) -> Index:
     """Index of the node of column c nearest to `level` within `reach` voxels, -1 when there is none."""
     best, best_gap = -1, reach + 1
     for n in range(start[c], start[c + 1]):
@@ -49,7 +49,7 @@ def find_node(start: NDArray[np.int32], z: NDArray[np.int16], c: int, level: int
 
 
 @njit(cache=True)
-def _tops(columns: Columns, clearance: int, step: int) -> tuple[NDArray, ...]:
+def _tops(columns: Columns, clearance: Index, step: Index) -> tuple[NDArray, ...]:
     """(start, column, z, is_open) of the tops of occupied runs with at least `clearance` voxels below the next occupied one.
 
     Not of those with something unknown directly above that are a wall, higher than a step, or an underside, with air below: their tops
@@ -85,7 +85,7 @@ def _tops(columns: Columns, clearance: int, step: int) -> tuple[NDArray, ...]:
 
 @njit(cache=True)
 def _estimates(hits: NDArray[np.float32], z: NDArray[np.int16], noise: float, pose: float) -> tuple[NDArray, ...]:
-    """height, sigma (N,) and offset (N, 2) out of `hits` (N, 4) as `SurfaceHeights.at` gives them; a voxel's middle where there are none."""
+    """height, sigma (N,) and offset (N, 2) out of `hits` (N, 4) of `SurfaceHeights.at`; a voxel's middle where there are none."""
     height, sigma = np.empty(z.size, np.float32), np.empty(z.size, np.float32)
     offset = np.zeros((z.size, 2), np.float32)
     for n in range(z.size):

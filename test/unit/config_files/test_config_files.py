@@ -10,7 +10,7 @@ import pytest
 import yaml
 
 from explore_command.parameters import NODE_CONFIGS, config_class, override_problems
-from robot_body import DEFAULT_ROBOT_FILE
+from robot_body import DEFAULT_ROBOT_FILE, RobotBody, robot_mapping
 from stage_config import load_config, to_mapping
 
 pytest.importorskip("_octree_binding", reason="the octree's extension module is not on PYTHONPATH: source .ws/devel/setup.bash")
@@ -50,6 +50,12 @@ def test_files_hold_the_defaults(node: str) -> None:
     for section, dotted in NODE_CONFIGS[node].items():
         cls, values = config_class(dotted), _values(node)[section]
         assert to_mapping(load_config(cls, values)) == to_mapping(cls())
+
+
+def test_reference_has_every_value_of_the_robot_and_all_that_is_derived_from_it() -> None:
+    chapter = REFERENCE.reference().partition("## The robot\n")[2].partition("\n## ")[0]
+    names = [*robot_mapping(RobotBody()), *(name for name, member in vars(RobotBody).items() if isinstance(member, property))]
+    assert all(f"| `{name}` |" in chapter for name in names)
 
 
 def test_both_octomap_nodes_set_the_same_terrain() -> None:

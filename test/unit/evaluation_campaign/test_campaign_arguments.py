@@ -3,9 +3,11 @@
 from pathlib import Path
 
 import pytest
+import yaml
 
 from evaluation_campaign.__main__ import main, parse
 from evaluation_campaign.plan import Limits
+from robot_body import RobotBody, robot_mapping
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -48,3 +50,17 @@ def test_scheduler_that_is_not_there_is_refused(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("evaluation_campaign.cluster._CONNECT_S", 0.5)
     assert main(["--worlds", "rooms", "--seeds", "1", "--scheduler", "tcp://127.0.0.1:9", "--out", str(tmp_path / "c")]) == 2
     assert "nobody answers there" in capsys.readouterr().err
+
+
+def test_robot_of_all_runs_is_checked_with_every_profile(tmp_path, capsys):
+    robot, profile = tmp_path / "robot.yaml", tmp_path / "mine.yaml"
+    robot.write_text(yaml.safe_dump({**robot_mapping(RobotBody()), "max_step_m": 0.05}))
+    profile.write_text("robot: {max_step_m: 0.16}\n")
+    campaign, _ = parse(["--robot", str(robot), "--out", str(tmp_path / "c")])
+    assert campaign.robot == str(robot) and parse(["--out", str(tmp_path / "c")])[0].robot == ""
+    assert main(["--robot", str(robot), "--profile", f"ours,{profile}", "--out", str(tmp_path / "c")]) == 2
+    assert "ground_clearance_m = 0.132 is below max_step_m = 0.16" in capsys.readouterr().err
+    robot.write_text("width_m: -1\n")
+    assert main(["--robot", str(robot), "--out", str(tmp_path / "c")]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == len(robot_mapping(RobotBody())) and all(line.startswith("./evaluate: --robot ") for line in lines)

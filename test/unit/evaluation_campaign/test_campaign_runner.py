@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,15 @@ def test_run_is_made_with_the_sensor_that_was_asked_for(tmp_path):
     (request.project / "explore").write_text(f'#!/bin/bash\necho "$@" > {tmp_path}/asked\n')
     make_run(request)
     assert "--sensor spinning" in (tmp_path / "asked").read_text()
+
+
+def test_run_is_made_with_the_campaign_s_robot_where_it_has_one(tmp_path):
+    request = request_with(tmp_path, "")
+    (request.project / "explore").write_text(f'#!/bin/bash\necho "$@" > {tmp_path}/asked\n')
+    make_run(request)
+    assert "--robot" not in (tmp_path / "asked").read_text()
+    make_run(replace(request, robot="/robots/small.yaml"))
+    assert "--robot /robots/small.yaml" in (tmp_path / "asked").read_text()
 
 
 @pytest.mark.parametrize(

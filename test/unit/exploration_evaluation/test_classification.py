@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from hand_made_worlds import Mesh, box, join, plate, ramp, room, wall
 
-from exploration_evaluation import reachable_ground, terrain_safety
+from exploration_evaluation import RobotShape, reachable_ground, terrain_safety
 from exploration_evaluation.classification import Classification, ClassificationConfig, classification
 from exploration_evaluation.true_classes import BARRIERS, TRUE_CLASSES, true_classes
 
 TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = range(5)
 START = (2.0, 2.0, 0.132)
+ROBOT = RobotShape(circumscribed_radius_m=0.6)  # so that areas are whole cells
 CONFIG = ClassificationConfig(horizontal_m=0.05, vertical_m=0.12, edge_m=0.1, voxel_m=0.1)
 PLACES = 28 * 28 * 0.01  # of the centre in a room of 4 x 4 m
 EDGE = (30 * 30 - 28 * 28) * 0.01  # one cell around them
@@ -27,7 +28,7 @@ def centre_may_be(voxels: np.ndarray, width: float = 4.0, depth: float = 4.0) ->
 
 
 def judged(mesh: Mesh, voxels: np.ndarray, labels: np.ndarray) -> Classification:
-    return classification(true_classes(*mesh, reachable_ground(*mesh, START)), voxels, labels, CONFIG)
+    return classification(true_classes(*mesh, reachable_ground(*mesh, START, ROBOT), ROBOT), voxels, labels, CONFIG)
 
 
 def nothing_but(causes: dict[str, float], **expected: float) -> None:

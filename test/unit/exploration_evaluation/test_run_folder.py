@@ -1,16 +1,19 @@
 """Whole run folders: a perfect one, and every way in which one is incomplete or wrong."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import open3d as o3d
 import pytest
+import yaml
 from hand_made_worlds import room
 from run_folder_on_disk import CONTACTS_HEADER, T_WORLD_MAP, WORLD, true_poses, write_run, write_tum
 
 from exploration_evaluation import RobotShape, evaluate_run, format_summary, read_contacts, read_trajectory, write_json
 from exploration_evaluation.__main__ import main
 from rigid_geometry import transform_points
+from robot_body import RobotBody, robot_mapping
 
 DESIGNED_KEYS = [
     "success",
@@ -48,7 +51,7 @@ def test_perfect_run_gets_the_scores_known_beforehand(run):
     assert (summary["coverage"], summary["coverage_straight"], summary["missed_piece_m2"]) == (1.0, 1.0, 0.0)
     assert summary["faults"] == []
     assert summary["reachable_straight_m2"] == pytest.approx(16.0, rel=0.01)  # the outline reaches into all but the corners
-    assert summary["turning_area_m2"] == pytest.approx(2.8 * 2.8, rel=1e-4)
+    assert summary["turning_area_m2"] == pytest.approx((4 - 2 * RobotShape().circumscribed_radius_m) ** 2, rel=1e-4)
     assert summary["distance_m"] == pytest.approx(2.0)
     for key in ("map_rmse_m", "trajectory_ate_m", "trajectory_origin_error_m", "map_tilt_rad", "max_tilt_rad"):
         assert summary[key] == pytest.approx(0.0, abs=1e-5)
@@ -192,6 +195,23 @@ def test_start_without_room_leaves_coverage_unknown_with_the_reason(run):
     summary = evaluate_run(run, *WORLD, robot=RobotShape(circumscribed_radius_m=3.0))
     assert summary["coverage"] is None
     assert any("no room to turn" in reason for reason in summary["missing"])
+
+
+def test_run_is_judged_by_the_robot_that_drove(run):
+    (run / "robot.yaml").write_text(yaml.safe_dump({**robot_mapping(RobotBody()), "length_m": 5.0, "width_m": 3.0}))
+    assert any("no room to turn" in reason for reason in evaluate_run(run, *WORLD)["missing"])
+
+
+def test_robot_of_a_run_that_is_none_is_an_error(run):
+    (run / "robot.yaml").write_text("width_m: -1\n")
+    with pytest.raises(ValueError, match="robot.yaml: length_m is missing"):
+        evaluate_run(run, *WORLD)
+
+
+def test_shape_is_that_of_the_robot():
+    robot = replace(RobotBody(), length_m=0.8, width_m=0.6, height_m=0.5, max_step_m=0.05, max_slope_rad=0.3, ground_clearance_m=0.06)
+    assert RobotShape.of(RobotBody()) == RobotShape()
+    assert RobotShape.of(robot) == RobotShape(0.5, 0.3, 0.8, 0.6, 0.0992, 0.5, 0.6, 0.06, 0.3, 0.05)
 
 
 def test_folder_that_is_not_there_is_an_error(tmp_path):

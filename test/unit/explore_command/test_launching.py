@@ -1,24 +1,40 @@
 """From checked arguments to the launch file's, to the parameters that it loads, and to a port for the master."""
 
+import re
 from pathlib import Path
 
 import pytest
+import yaml
 
-from explore_command.arguments import parse
-from explore_command.launching import launch_arguments, parameter_problem, world_problem
+from explore_command.__main__ import main
+from explore_command.arguments import ArgumentProblem, parse
+from explore_command.launching import effective_robot, launch_arguments, parameter_problem, world_problem
 from explore_command.parameters import all_overrides, override_problems, parsed_overrides, profile_names, read_profile
+from robot_body import DEFAULT_ROBOT_FILE, RobotBody, robot_mapping, urdf_file
+from stage_config.old_names import OLD_NAMES
+
+
+def launched(*arguments: str) -> dict[str, object]:
+    return launch_arguments(parse([*arguments]), RobotBody(), Path("/o/overrides.yaml"))
+
+
+def robot_file(tmp_path: Path, **changes: object) -> str:
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump({**robot_mapping(RobotBody()), **changes}))
+    return str(path)
 
 
 def test_launch_file_gets_every_argument() -> None:
-    values = launch_arguments(parse(["--world", "rooms", "--seed", "3", "--headless", "--free", "--out", "/o"]), "")
+    values = launched("--world", "rooms", "--seed", "3", "--headless", "--free", "--out", "/o")
     named = [values[name] for name in ("world", "seed", "rviz", "lockstep", "out")]
     assert named == ["rooms", 3, "false", "false", Path("/o")]
-    assert (values["start"], values["size"], values["area"], values["overrides"]) == ("", "", "", "")
+    assert (values["start"], values["size"], values["area"], values["overrides"]) == ("", "", "", Path("/o/overrides.yaml"))
+    assert (values["robot_file"], values["urdf"]) == (Path("/o/robot.yaml"), urdf_file(RobotBody()))
 
 
 def test_launch_file_is_told_the_sensor() -> None:
-    assert launch_arguments(parse([]), "")["sensor"] == "tilting"
-    assert launch_arguments(parse(["--sensor", "spinning"]), "")["sensor"] == "spinning"
+    assert launched()["sensor"] == "tilting"
+    assert launched("--sensor", "spinning")["sensor"] == "spinning"
 
 
 def test_unknown_sensor_is_refused() -> None:
@@ -28,7 +44,7 @@ def test_unknown_sensor_is_refused() -> None:
 
 
 def test_start_is_joined_by_spaces() -> None:
-    assert launch_arguments(parse(["--start", "1", "-2.5", "0.3"]), "")["start"] == "1 -2.5 0.3"
+    assert launched("--start", "1", "-2.5", "0.3")["start"] == "1 -2.5 0.3"
 
 
 def test_overrides_are_read_as_yaml_by_node() -> None:
@@ -63,17 +79,17 @@ def test_wrong_override_is_told_in_one_line_with_the_nearest_name(text: str, sai
 
 
 def test_named_world_with_its_own_start_is_no_problem() -> None:
-    assert world_problem(parse(["--world", "rooms"])) is None
+    assert world_problem(parse(["--world", "rooms"]), RobotBody()) is None
 
 
 def test_start_outside_the_world_is_a_problem() -> None:
-    problem = world_problem(parse(["--world", "rooms", "--start", "100", "100", "0"]))
+    problem = world_problem(parse(["--world", "rooms", "--start", "100", "100", "0"]), RobotBody())
     assert problem is not None and "--world rooms" in problem and "start" in problem
 
 
 def test_mesh_without_triangles_is_a_problem(tmp_path: Path) -> None:
     (tmp_path / "empty.obj").write_text("# nothing\n")
-    assert world_problem(parse(["--world", str(tmp_path / "empty.obj")])) is not None
+    assert world_problem(parse(["--world", str(tmp_path / "empty.obj")]), RobotBody()) is not None
 
 
 @pytest.mark.parametrize("name", profile_names())
@@ -102,3 +118,75 @@ def test_profile_that_is_none_is_refused(tmp_path: Path, content, text) -> None:
 def test_unknown_profile_is_a_problem_that_names_those_there_are() -> None:
     problem = parameter_problem(parse(["--profile", "thessis"]))
     assert problem is not None and "nearest, ours, thesis" in problem
+
+
+def test_robot_is_the_project_s_unless_a_file_is_given(tmp_path: Path) -> None:
+    assert effective_robot(parse([])) == RobotBody()
+    assert effective_robot(parse(["--robot", robot_file(tmp_path, max_step_m=0.05)])).max_step_m == 0.05
+
+
+def test_profile_and_set_change_single_values_of_the_robot(tmp_path: Path) -> None:
+    (tmp_path / "p.yaml").write_text("robot: {max_step_m: 0.06, max_slope_rad: 0.3}\n")
+    robot = effective_robot(parse(["--profile", str(tmp_path / "p.yaml"), "--set", "robot/max_step_m=0.07"]))
+    assert (robot.max_step_m, robot.max_slope_rad, robot.length_m) == (0.07, 0.3, RobotBody().length_m)
+
+
+def test_run_that_goes_on_has_the_robot_of_the_earlier_one(tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text('{"world": "rooms", "seed": 7}')
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump({**robot_mapping(RobotBody()), "max_step_m": 0.05}))
+    assert effective_robot(parse(["--resume", str(tmp_path)])).max_step_m == 0.05
+    assert effective_robot(parse(["--resume", str(tmp_path), "--robot", str(DEFAULT_ROBOT_FILE)])).max_step_m == 0.1
+
+
+def test_robot_with_a_description_beside_it_is_measured_by_that(tmp_path: Path) -> None:
+    text = urdf_file(RobotBody()).read_text()
+    (tmp_path / "mine.urdf").write_text(text.replace('radius="0.1651"', 'radius="0.15"').replace('0.0331"/>', '0.018"/>'))
+    robot = effective_robot(parse(["--robot", robot_file(tmp_path, urdf="mine.urdf", wheel_radius_m=0.15)]))
+    assert urdf_file(robot) == tmp_path / "mine.urdf"
+    with pytest.raises(ArgumentProblem, match="wheel_radius_m = 0.1651, and the URDF has 0.15"):
+        effective_robot(parse(["--robot", robot_file(tmp_path, urdf="mine.urdf")]))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"max_step_m": -0.1, "colour": "red"}, ["max_step_m = -0.1 is below 0.01", "unknown parameter colour"]),
+        (
+            {"width_m": 0.5, "max_step_m": 0.2},
+            ["below track_m + wheel_width_m", "wheel_radius_m = 0.1651 is", "ground_clearance_m = 0.132 is"],
+        ),
+        ({"mounts": {"laser": {"from": "urdf"}}}, ["mounts/laser: has no frame"]),
+        ({"track_m": 0.5, "length_m": 1.2}, ["track_m = 0.5, and the URDF has 0.5708", "length_m = 1.2, and the shapes of the URDF"]),
+        ({"terrain": {"max_step_m": 0.1}}, ["terrain is no value of a robot"]),
+        ({"urdf": "absent.urdf"}, ["absent.urdf cannot be read"]),
+    ],
+    ids=str,
+)
+def test_wrong_robot_is_refused_with_one_line_a_violation(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], changes: dict[str, object], said: list[str]
+) -> None:
+    assert main(["--world", "rooms", "--robot", robot_file(tmp_path, **changes), "--out", str(tmp_path / "run")]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert all(line.startswith("./explore: --robot ") and "mine.yaml: " in line for line in lines), lines
+    assert len(lines) == len(said) and all(any(text in line for line in lines) for text in said), lines
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "home"),
+    [
+        ("octomap_server_3dnav_node/terrain/max_step_m=0.1", "terrain/max_step_m now stands in robot.yaml: max_step_m"),
+        ("move_base_node/follower/footprint_width_m=1", "follower/footprint_width_m now stands in robot.yaml: width_m"),
+        ("scan_filter_node/body_min_m=[1]", "body_min_m now stands in robot.yaml: length_m"),
+        ("pybullet_sim_node/track_factor=1", "track_factor now stands in robot.yaml: effective_track_factor"),
+    ],
+)
+def test_old_name_is_told_with_its_new_home(text: str, home: str) -> None:
+    problem = parameter_problem(parse(["--set", text]))
+    assert problem is not None and home in problem
+
+
+def test_new_homes_are_values_of_the_robot() -> None:
+    robot = robot_mapping(RobotBody())
+    named = [re.findall(r"\w+", home.partition("robot.yaml: ")[2])[0] for home in OLD_NAMES.values() if "robot.yaml: " in home]
+    assert named and set(named) <= set(robot)

@@ -65,15 +65,15 @@ def test_distance_without_anything_lethal_is_infinite():
 
 
 def test_cost_falls_as_costmap_2d_has_it():
-    config = CostmapConfig(inscribed_radius_m=0.34, inflation_radius_m=0.9, cost_scaling_factor=5.0)
-    cost = inflation_cost(np.array([0.0, 0.1, 0.34, 0.5, 0.9, 0.91, np.inf]), config)
+    config = CostmapConfig(inflation_radius_m=0.9, cost_scaling_factor=5.0)
+    cost = inflation_cost(np.array([0.0, 0.1, 0.34, 0.5, 0.9, 0.91, np.inf]), 0.34, config)
     assert cost.tolist() == [254, 253, 253, int(252 * math.exp(-5 * 0.16)), int(252 * math.exp(-5 * 0.56)), 0, 0]
 
 
 def test_inflation_leaves_unknown_cells_unknown_beyond_the_inscribed_radius():
     cost = np.full((1, 12), NO_INFORMATION, dtype=np.uint8)
     cost[0, 0] = LETHAL
-    out = inflated(cost, 0.1, CostmapConfig())
+    out = inflated(cost, 0.34, CostmapConfig(resolution_m=0.1))
     assert out[0].tolist() == [LETHAL] + [INSCRIBED] * 3 + [NO_INFORMATION] * 8
 
 

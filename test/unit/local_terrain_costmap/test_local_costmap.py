@@ -1,6 +1,7 @@
 """The rolling window and its three layers, put together: what a follower may rely on."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,12 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from local_terrain_costmap import FREE, INSCRIBED, LETHAL, NO_INFORMATION, CostmapConfig, LocalCostmap
+from robot_body import RobotBody
 
 PICTURE = """
 ?....?
 ..#...
 ......
 """
+POINT = replace(RobotBody(), width_m=0.0)  # whose middle alone can touch
 VALUE_OF = {"#": 100, ".": 0, "?": -1}
 
 
@@ -24,7 +27,7 @@ def grid(picture: str) -> np.ndarray:
 
 def bare(**changes: float) -> CostmapConfig:
     """Ten cells of 0.1 m and no inflation, so that layers show as they are."""
-    values = {"size_m": 1.0, "resolution_m": 0.1, "inscribed_radius_m": 0.0, "inflation_radius_m": 0.0} | changes
+    values = {"size_m": 1.0, "resolution_m": 0.1, "inflation_radius_m": 0.0} | changes
     return CostmapConfig(**values)
 
 
@@ -36,11 +39,11 @@ NOTHING = np.empty((0, 2))
 
 
 def test_new_costmap_knows_nothing():
-    assert (LocalCostmap(CostmapConfig()).master().cost == NO_INFORMATION).all()
+    assert (LocalCostmap(CostmapConfig(), RobotBody()).master().cost == NO_INFORMATION).all()
 
 
 def test_terrain_shows_where_it_lies():
-    costmap = LocalCostmap(bare())
+    costmap = LocalCostmap(bare(), POINT)
     costmap.set_terrain(grid(PICTURE), (-0.3, -0.1), 0.1)
     view = costmap.master()
     row, column = round((-0.1 - view.origin_xy[1]) / 0.1), round((-0.3 - view.origin_xy[0]) / 0.1)
@@ -50,7 +53,7 @@ def test_terrain_shows_where_it_lies():
 
 
 def test_terrain_that_left_the_window_is_there_when_the_robot_comes_back():
-    costmap = LocalCostmap(bare())
+    costmap = LocalCostmap(bare(), POINT)
     costmap.set_terrain(grid(PICTURE), (-0.3, -0.1), 0.1)
     before = costmap.master().cost.copy()
     costmap.recenter(5.0, 5.0)
@@ -60,7 +63,7 @@ def test_terrain_that_left_the_window_is_there_when_the_robot_comes_back():
 
 
 def test_newer_terrain_replaces_the_older_one():
-    costmap = LocalCostmap(bare())
+    costmap = LocalCostmap(bare(), POINT)
     costmap.set_terrain(np.full((10, 10), 100), (-0.5, -0.5), 0.1)
     costmap.set_terrain(np.zeros((2, 2)), (0.0, 0.0), 0.1)
     assert at(costmap, (0.05, 0.05), (-0.25, -0.25)) == [FREE, NO_INFORMATION]
@@ -70,7 +73,7 @@ def test_newer_terrain_replaces_the_older_one():
 def test_no_barrier_is_lost_when_resolutions_differ(resolution):
     cost = np.zeros((20, 20), dtype=np.int8)
     cost[7, 11] = 100
-    costmap = LocalCostmap(bare(size_m=3.0))
+    costmap = LocalCostmap(bare(size_m=3.0), POINT)
     costmap.set_terrain(cost, (-10 * resolution, -10 * resolution), resolution)
     assert at(costmap, (1.5 * resolution, -2.5 * resolution)) == [LETHAL]
 
@@ -78,7 +81,7 @@ def test_no_barrier_is_lost_when_resolutions_differ(resolution):
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.tuples(st.floats(-3, 3), st.floats(-3, 3)), min_size=1, max_size=5))
 def test_marks_stay_on_their_ground_while_the_window_moves(path):
-    costmap = LocalCostmap(bare(size_m=10.0))
+    costmap = LocalCostmap(bare(size_m=10.0), POINT)
     hit = np.array([[0.55, 0.25]])
     costmap.add_scan(hit, NOTHING, (0.0, 0.0))
     for x, y in path:
@@ -90,7 +93,7 @@ def test_marks_stay_on_their_ground_while_the_window_moves(path):
 
 @given(st.floats(-50, 50), st.floats(-50, 50))
 def test_window_is_aligned_and_holds_the_robot_in_its_middle(x, y):
-    costmap = LocalCostmap(CostmapConfig())
+    costmap = LocalCostmap(CostmapConfig(), RobotBody())
     costmap.recenter(x, y)
     view = costmap.master()
     for origin, position in zip(view.origin_xy, (x, y), strict=True):
@@ -99,7 +102,7 @@ def test_window_is_aligned_and_holds_the_robot_in_its_middle(x, y):
 
 
 def test_beam_clears_what_it_passes_and_marks_what_it_hits():
-    costmap = LocalCostmap(bare(size_m=4.0))
+    costmap = LocalCostmap(bare(size_m=4.0), POINT)
     costmap.set_terrain(np.zeros((40, 40)), (-2.0, -2.0), 0.1)
     costmap.add_scan([[0.55, 0.05], [1.05, 0.05]], NOTHING, (0.05, 0.05))
     assert at(costmap, (0.55, 0.05), (1.05, 0.05)) == [LETHAL, LETHAL]
@@ -110,7 +113,7 @@ def test_beam_clears_what_it_passes_and_marks_what_it_hits():
 
 
 def test_beam_without_a_measurement_changes_nothing():
-    costmap = LocalCostmap(bare(size_m=4.0))
+    costmap = LocalCostmap(bare(size_m=4.0), POINT)
     costmap.add_scan([[0.55, 0.05]], NOTHING, (0.05, 0.05))
     before = costmap.master()
     costmap.add_scan([[math.nan, 0.05]], [[math.nan, math.nan]], (0.05, 0.05))
@@ -118,26 +121,26 @@ def test_beam_without_a_measurement_changes_nothing():
 
 
 def test_free_beam_does_not_make_unknown_ground_free():
-    costmap = LocalCostmap(bare(size_m=4.0))
+    costmap = LocalCostmap(bare(size_m=4.0), POINT)
     costmap.add_scan(NOTHING, [[1.5, 0.0]], (0.0, 0.0))
     assert at(costmap, (0.5, 0.0)) == [NO_INFORMATION]
 
 
 def test_free_beam_does_not_clear_a_terrain_obstacle():
-    costmap = LocalCostmap(bare())
+    costmap = LocalCostmap(bare(), POINT)
     costmap.set_terrain(grid(PICTURE), (-0.3, -0.1), 0.1)
     costmap.add_scan(NOTHING, [[-0.05, 0.45]], (-0.05, -0.45))
     assert at(costmap, (-0.05, 0.05)) == [LETHAL]
 
 
 def test_hit_beyond_the_short_range_marks_nothing():
-    costmap = LocalCostmap(bare(size_m=8.0))
+    costmap = LocalCostmap(bare(size_m=8.0), POINT)
     costmap.add_scan([[2.45, 0.05], [0.05, 2.65]], NOTHING, (0.0, 0.0))
     assert at(costmap, (2.45, 0.05), (0.05, 2.65)) == [LETHAL, NO_INFORMATION]
 
 
 def test_hit_on_known_ramp_is_no_obstacle_but_a_box_on_it_is():
-    costmap = LocalCostmap(bare(size_m=4.0))
+    costmap = LocalCostmap(bare(size_m=4.0), POINT)
     ramp = np.tile(np.linspace(0.0, 1.0, 40, dtype=np.float32), (40, 1))
     costmap.set_terrain(np.zeros((40, 40)), (-2.0, -2.0), 0.1, ramp)
     ground = ramp[0, 35]
@@ -147,7 +150,7 @@ def test_hit_on_known_ramp_is_no_obstacle_but_a_box_on_it_is():
 
 
 def test_ramp_that_was_marked_before_it_was_known_is_taken_back():
-    costmap = LocalCostmap(bare(size_m=4.0))
+    costmap = LocalCostmap(bare(size_m=4.0), POINT)
     costmap.add_scan([[0.55, 0.05], [0.55, 0.95]], NOTHING, (0.0, 0.0), [0.9, 0.9])
     height = np.full((40, 40), 0.85, dtype=np.float32)
     height[25:] = 0.0
@@ -156,14 +159,14 @@ def test_ramp_that_was_marked_before_it_was_known_is_taken_back():
 
 
 def test_mark_without_height_is_kept_on_known_ground():
-    costmap = LocalCostmap(bare(size_m=4.0))
+    costmap = LocalCostmap(bare(size_m=4.0), POINT)
     costmap.add_scan([[0.55, 0.05]], NOTHING, (0.0, 0.0))
     costmap.set_terrain(np.zeros((40, 40)), (-2.0, -2.0), 0.1, np.zeros((40, 40)))
     assert at(costmap, (0.55, 0.05)) == [LETHAL]
 
 
 def test_clear_obstacles_leaves_the_terrain():
-    costmap = LocalCostmap(bare())
+    costmap = LocalCostmap(bare(), POINT)
     costmap.set_terrain(grid(PICTURE), (-0.3, -0.1), 0.1)
     costmap.add_scan([[0.25, 0.05]], NOTHING, (0.0, 0.0))
     costmap.clear_obstacles()
@@ -171,7 +174,7 @@ def test_clear_obstacles_leaves_the_terrain():
 
 
 def test_master_is_computed_again_only_after_a_change():
-    costmap = LocalCostmap(CostmapConfig())
+    costmap = LocalCostmap(CostmapConfig(), RobotBody())
     first = costmap.master()
     costmap.recenter(0.01, 0.01)
     costmap.add_scan(NOTHING, [[1.0, 0.0]], (0.0, 0.0))
@@ -181,7 +184,7 @@ def test_master_is_computed_again_only_after_a_change():
 
 
 def test_wall_is_inflated_to_the_inscribed_radius_in_free_and_unknown_ground():
-    costmap = LocalCostmap(CostmapConfig(size_m=4.0, resolution_m=0.05))
+    costmap = LocalCostmap(CostmapConfig(size_m=4.0, resolution_m=0.05), RobotBody())
     terrain = np.zeros((80, 80), dtype=np.int8)
     terrain[:, 60] = 100
     terrain[:, 61:] = -1
@@ -194,7 +197,7 @@ def test_wall_is_inflated_to_the_inscribed_radius_in_free_and_unknown_ground():
 
 
 def test_outside_the_window_nothing_is_known():
-    costmap = LocalCostmap(bare())
+    costmap = LocalCostmap(bare(), POINT)
     costmap.set_terrain(np.zeros((10, 10)), (-0.5, -0.5), 0.1)
     assert at(costmap, (0.0, 0.0), (0.51, 0.0), (0.0, -7.0), (math.nan, 0.0)) == [FREE, 255, 255, 255]
 
@@ -216,9 +219,32 @@ def test_outside_the_window_nothing_is_known():
 )
 def test_bad_input_is_refused_with_what_was_expected(call):
     with pytest.raises(ValueError, match=r"not|one of"):
-        call(LocalCostmap(bare()))
+        call(LocalCostmap(bare(), POINT))
 
 
 def test_wrong_configuration_lists_every_violation():
     with pytest.raises(ValueError, match=r"obstacle_range_m.*inflation_radius_m"):
-        LocalCostmap(CostmapConfig(obstacle_range_m=-1.0, inflation_radius_m=0.1))
+        LocalCostmap(CostmapConfig(obstacle_range_m=-1.0, inflation_radius_m=0.1), RobotBody())
+
+
+def test_robot_touches_what_is_within_half_its_width():
+    for width_m, within in ((0.4, 2), (0.8, 4)):
+        costmap = LocalCostmap(CostmapConfig(size_m=4.0, resolution_m=0.1), replace(RobotBody(), width_m=width_m))
+        costmap.set_terrain(np.where(np.eye(41) * (np.arange(41) == 20), 100, 0), (-2.05, -2.05), 0.1)
+        row = costmap.master().cost[20]
+        assert (row == INSCRIBED).sum() == 2 * within
+
+
+def test_hit_above_the_robot_is_passed_under_by_a_lower_one_only():
+    marked = []
+    for height_m in (0.5, 1.0):
+        costmap = LocalCostmap(bare(size_m=4.0), replace(POINT, height_m=height_m))
+        costmap.set_terrain(np.zeros((40, 40)), (-2.0, -2.0), 0.1, np.zeros((40, 40)))
+        costmap.add_scan([[1.05, 0.05]], NOTHING, (0.0, 0.0), [0.9])
+        marked += at(costmap, (1.05, 0.05))
+    assert marked == [FREE, LETHAL]
+
+
+def test_robot_wider_than_the_inflation_is_refused():
+    with pytest.raises(ValueError, match="inflation_radius_m = 0.3 is below half of the robot's width_m = 0.67"):
+        LocalCostmap(CostmapConfig(inflation_radius_m=0.3), RobotBody())

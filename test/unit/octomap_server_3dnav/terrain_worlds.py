@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
+from robot_body import RobotBody
 
 RESOLUTION = 0.08
 BELOW = 8  # voxel layers of the grids under height 0
@@ -34,12 +36,26 @@ def runs_of(states: NDArray[np.uint8]) -> ColumnRuns:
 def pose(x: float, y: float, ground: float = 0.0, yaw: float = 0.0) -> NDArray[np.float64]:
     """T_map_base of a level robot whose wheels stand at height `ground`."""
     c, s = math.cos(yaw), math.sin(yaw)
-    return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, ground + 0.132], [0, 0, 0, 1.0]])
+    return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, ground + RobotBody().base_height_m], [0, 0, 0, 1.0]])
 
 
-def terrain_of(states: NDArray[np.uint8], T_map_base: NDArray[np.float64], radius_m: float | None = None, **config: object) -> Terrain:
+def robot_with(turning_m: float, passage_m: float, **changes: float) -> RobotBody:
+    """A robot that turns within a radius, and drives straight where its middle line is so far from all that it keeps off."""
+    width_m = 2.0 * min(passage_m, turning_m)
+    length_m = math.sqrt(max(0.0, 4.0 * turning_m**2 - width_m**2))
+    exact = {"track_m": width_m, "wheel_width_m": 0.0, "straying_m": 0.0, "straying_rad": 0.0}
+    return replace(RobotBody(), length_m=length_m, width_m=width_m, **exact, **changes)
+
+
+def terrain_of(
+    states: NDArray[np.uint8],
+    T_map_base: NDArray[np.float64],
+    radius_m: float | None = None,
+    robot: RobotBody | None = None,
+    **config: object,
+) -> Terrain:
     """The classified terrain of a grid."""
-    return classify(runs_of(states), T_map_base, TerrainConfig(**config), radius_m)  # type: ignore[arg-type]
+    return classify(runs_of(states), T_map_base, TerrainConfig(**config), robot or RobotBody(), radius_m)  # type: ignore[arg-type]
 
 
 def label_at(terrain: Terrain, x: float, y: float, z: float, reach: float = 0.2) -> TerrainClass | None:

@@ -12,6 +12,7 @@ from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder, MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
 from octomap_server_3dnav.terrain.classify import TerrainConfig, classify
+from robot_body import RobotBody
 
 
 def signatures():
@@ -60,11 +61,11 @@ def test_no_sweep_compiles_what_was_not_compiled_beforehand():
     """The columns and heights that the node classifies."""
     exploration.compile_kernels()
     before = signatures()
-    builder, here = MapBuilder(MapConfig(), SensorModel()), pose(2.0, 2.0)
+    builder, here = MapBuilder(MapConfig(), SensorModel(), RobotBody()), pose(2.0, 2.0)
     nothing = np.zeros((0, 3), dtype=np.float32)
     builder.add_sweep(Beams(*floor_seen_from_above(), nothing, nothing), 0, np.eye(4)[None])
     decision = exploration.ExplorationPlanner().decide(
-        lambda radius_m: classify(builder.runs_around(here, radius_m), here, TerrainConfig(), radius_m, builder.heights), here
+        lambda radius_m: classify(builder.runs_around(here, radius_m), here, TerrainConfig(), RobotBody(), radius_m, builder.heights), here
     )
     assert decision.kind is exploration.DecisionKind.GOAL
     assert signatures() == before

@@ -15,6 +15,7 @@ from octomap_server_3dnav.exploration.lookouts import WayOut, find_lookouts
 from octomap_server_3dnav.navigation.passages import Passage
 from octomap_server_3dnav.navigation.planner import PlannerConfig, plan_into, plan_path
 from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig
+from robot_body import RobotBody
 
 BLOCK_M, SLOPE = 1.2, math.tan(math.radians(15.0))
 FOOT_X, HEAD_X = 2.4, 2.4 + BLOCK_M / SLOPE
@@ -49,7 +50,7 @@ def dead_end(width=11, last_x=60, nx=70):
 
 
 def lookouts_in(states, least_m2=0.5):
-    return find_lookouts(terrain_of(states, pose(1.2, 2.6)), FrontierConfig(least_lookout_gain_m2=least_m2), TerrainConfig())
+    return find_lookouts(terrain_of(states, pose(1.2, 2.6)), FrontierConfig(least_lookout_gain_m2=least_m2), TerrainConfig(), RobotBody())
 
 
 @pytest.mark.parametrize("lookouts", [True, False])
@@ -79,7 +80,7 @@ def test_lookout_is_the_middle_of_the_corridor_up_to_what_was_not_seen():
     x, y, _ = found.line.T
     assert found.xyz[0] == pytest.approx(60.5 * RESOLUTION) and found.gain_m2 > 0.5
     assert np.abs(y - 32.5 * RESOLUTION).max() < 0.06 and x[-1] == pytest.approx(59.5 * RESOLUTION, abs=0.1)
-    assert x[0] < 34 * RESOLUTION - TerrainConfig().inflation_radius_m
+    assert x[0] < 34 * RESOLUTION - RobotBody().turning_radius_m
     way = found.way_in(1.0)
     assert way.line[-1, 0] == pytest.approx(x[-1] - 1.0, abs=0.09) and way.nodes == (found.nodes[0], found.nodes[len(way.line) - 1])
     assert found.way_in(10.0) is None
@@ -91,7 +92,7 @@ def test_no_lookout_where_the_robot_does_not_fit_or_little_is_to_be_seen(states,
 
 
 def test_way_out_is_the_way_in_until_the_robot_can_turn():
-    states, way_out = dead_end(), WayOut(TerrainConfig())
+    states, way_out = dead_end(), WayOut(TerrainConfig(), RobotBody())
     way = lookouts_in(states)[0].way_in(1.0)
     inside, outside = terrain_of(states, pose(way.line[-1, 0], way.line[-1, 1])), terrain_of(states, pose(1.2, 2.6))
     assert way_out.from_inside(inside) is None and way_out.added_to(inside) is inside
@@ -116,7 +117,7 @@ def test_robot_that_wakes_up_inside_leaves_straight_if_it_stands_in_line(yaw):
 
 
 def test_robot_that_wakes_up_inside_across_has_no_way_out():
-    terrain, way_out = terrain_of(dead_end(), pose(34 * RESOLUTION + 1.5, 32.5 * RESOLUTION)), WayOut(TerrainConfig())
+    terrain, way_out = terrain_of(dead_end(), pose(34 * RESOLUTION + 1.5, 32.5 * RESOLUTION)), WayOut(TerrainConfig(), RobotBody())
     way_out.notice(terrain, 1.2)
     assert way_out.from_inside(terrain) is None
     way_out.notice(terrain, 0.0)
@@ -124,13 +125,13 @@ def test_robot_that_wakes_up_inside_across_has_no_way_out():
 
 
 def test_robot_beside_a_wall_is_not_inside():
-    terrain, way_out = terrain_of(dead_end(), pose(1.2, 0.5)), WayOut(TerrainConfig())
+    terrain, way_out = terrain_of(dead_end(), pose(1.2, 0.5)), WayOut(TerrainConfig(), RobotBody())
     way_out.notice(terrain, 0.0)
     assert terrain.is_inside and way_out.from_inside(terrain) is None
 
 
 def test_robot_that_goes_on_inside_comes_out_by_where_it_went_in():
-    states, way_out = dead_end(), WayOut(TerrainConfig())
+    states, way_out = dead_end(), WayOut(TerrainConfig(), RobotBody())
     (lookout,) = lookouts_in(states)
     way, aside = lookout.way_in(1.5), lookout.way_in(0.75)
     aside = Passage(aside.nodes, aside.line + [0.0, 0.1, 0.0])
@@ -187,7 +188,7 @@ def test_robot_goes_on_to_where_it_was_sent_to_look_until_that_was_seen_or_the_w
 
 
 def test_path_out_is_driven_at_once_whichever_way_the_robot_faces():
-    states, way_out = dead_end(), WayOut(TerrainConfig())
+    states, way_out = dead_end(), WayOut(TerrainConfig(), RobotBody())
     way = lookouts_in(states)[0].way_in(1.0)
     way_out.enter(way, terrain_of(states, pose(1.2, 2.6)))
     T_map_base = pose(way.line[-1, 0], way.line[-1, 1])  # nose first

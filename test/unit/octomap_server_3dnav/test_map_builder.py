@@ -12,6 +12,7 @@ from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder, MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody
 
 SENSOR = (0.2, 0.0, 0.75)
 NOTHING = np.zeros((0, 3), np.float32)
@@ -30,7 +31,7 @@ def pose(x: float = 0.0, yaw: float = 0.0) -> np.ndarray:
 
 
 def builder() -> MapBuilder:
-    return MapBuilder(MapConfig(), SensorModel())
+    return MapBuilder(MapConfig(), SensorModel(), RobotBody())
 
 
 def state(built: MapBuilder, *xyz: float) -> VoxelState:
@@ -254,4 +255,4 @@ def test_clearing_an_empty_map_or_no_box_is_no_harm():
     with pytest.raises(ValueError, match="lo <= hi"):
         built.clear_box(BOX[1], BOX[0])
     with pytest.raises(ValueError, match="miss is 0.5"):
-        MapBuilder(MapConfig(), SensorModel(miss=0.5)).clear_box(*BOX)
+        MapBuilder(MapConfig(), SensorModel(miss=0.5), RobotBody()).clear_box(*BOX)

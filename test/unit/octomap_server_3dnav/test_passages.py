@@ -12,6 +12,7 @@ from octomap_server_3dnav.exploration.exploration import DecisionKind, Explorati
 from octomap_server_3dnav.navigation.passages import Passage
 from octomap_server_3dnav.navigation.planner import PlannerConfig, distances_over_ground, plan_path
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
+from robot_body import RobotBody
 
 WALL_X, MIDDLE_Y = 55, 35  # columns
 CONFIG = PlannerConfig()
@@ -73,7 +74,7 @@ def test_unknown_floor_in_the_room_behind_a_door_is_a_question_there_too() -> No
 
 def test_classes_are_what_they_were_without_passages() -> None:
     states = with_door(11)
-    off = classify(runs_of(states), BEFORE, TerrainConfig().without_passages(), None)
+    off = classify(runs_of(states), BEFORE, TerrainConfig().without_passages(), RobotBody(), None)
     on = terrain_of(states, BEFORE)
     assert not off.passages and not off.narrow.any() and way(off, *BEHIND) is None
     assert np.array_equal(off.label, on.label) and np.array_equal(off.neighbours, on.neighbours) and np.array_equal(off.cost, on.cost)

@@ -11,6 +11,7 @@ from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.exploration import DecisionKind, ExplorationPlanner, Validity
 from octomap_server_3dnav.navigation.planner import PlannerConfig
 from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig, classify
+from robot_body import RobotBody
 
 GOAL, EXPLORED, TRAPPED = DecisionKind
 
@@ -82,10 +83,10 @@ def test_another_look_is_never_taken_from_beside_unknown_floor():
 
 def test_goal_beside_a_kerb_is_moved_back_along_its_path():
     states, at = opening(room()), pose(2.0, 3.2)
-    plain = ExplorationPlanner().decide(lambda radius: classify(runs_of(states), at, TerrainConfig(), radius), at)
+    plain = ExplorationPlanner().decide(lambda radius: classify(runs_of(states), at, TerrainConfig(), RobotBody(), radius), at)
 
     def kerb_at_the_goal(radius):
-        terrain = classify(runs_of(states), at, TerrainConfig(), radius)
+        terrain = classify(runs_of(states), at, TerrainConfig(), RobotBody(), radius)
         terrain.near_kerb[terrain.ix > (plain.goal[0] - 0.5) / RESOLUTION] = True
         return terrain
 
@@ -197,7 +198,7 @@ def test_plan_stays_valid_until_the_path_is_blocked_or_the_frontier_is_gone():
     decision = planner.decide(runs_of(states), pose(2.0, 2.0))
 
     def after(world):
-        terrain = classify(runs_of(world), pose(2.3, 2.2), TerrainConfig(), 6.0)
+        terrain = classify(runs_of(world), pose(2.3, 2.2), TerrainConfig(), RobotBody(), 6.0)
         return planner.still_valid(terrain, decision.path, decision.frontier)
 
     assert after(states) is Validity.VALID
@@ -215,7 +216,7 @@ def test_wrong_configuration_and_wrong_frontier_are_refused():
 
 
 def coverage(journey, world, start):
-    true = classify(runs_of(world), start, TerrainConfig(), None).traversable_area_m2
+    true = classify(runs_of(world), start, TerrainConfig(), RobotBody(), None).traversable_area_m2
     return journey.decisions[-1].terrain.traversable_area_m2 / true
 
 
@@ -245,7 +246,7 @@ def test_deck_is_explored_above_and_below_and_its_edges_are_never_left():
     last = journey.decisions[-1]
     assert last.kind is EXPLORED
     assert coverage(journey, world, pose(1.5, 1.5)) > 0.95
-    edge = classify(runs_of(world), pose(1.5, 1.5), TerrainConfig(), None)
+    edge = classify(runs_of(world), pose(1.5, 1.5), TerrainConfig(), RobotBody(), None)
     cliffs = edge.centers(edge.nodes_of(TerrainClass.CLIFF))
     for T_map_base in journey.poses:
         ground = T_map_base[:3, 3] - [0, 0, 0.132]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
-from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, grid_of_heights, pose, terrain_of
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, grid_of_heights, pose, robot_with, terrain_of
 
 from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, distances, edge_cost
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, distances_over_ground, nearest_traversable, plan_path, trim_path
@@ -146,7 +146,7 @@ def far_round():
     states = flat()
     for wall, opening in ((20, slice(0, 48)), (35, slice(12, None)), (50, slice(0, 48)), (65, slice(12, None))):
         states[wall, opening, BELOW:] = OCCUPIED
-    t = terrain_of(states, pose(0.8, 0.8), inflation_radius_m=0.16, narrow_radius_m=0.335)
+    t = terrain_of(states, pose(0.8, 0.8), robot=robot_with(0.16, 0.16))
     ways = Ways(t.neighbours, t.ix, t.iy, t.z, t.cost, 0.3, np.zeros((0, 2), np.int64), np.zeros(0))
     return t, ways, t.surface_near((6.0, 1.0, 0.04))
 

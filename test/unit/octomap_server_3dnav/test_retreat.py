@@ -9,6 +9,7 @@ from octomap_server_3dnav.navigation.planner import PlannerConfig
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.terrain.classify import TerrainConfig, classify
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody
 
 POSES = np.array([transform_from_rpy((float(k), 0.0, 0.0)) for k in range(9)])
 
@@ -45,7 +46,11 @@ def floor_with_wall():
 def go_back(target, at=(6.0, 2.0)):
     T_map_base = transform_from_rpy((*at, 0.132))
     return way_back(
-        lambda radius: classify(floor_with_wall(), T_map_base, TerrainConfig(), radius), 4.0, T_map_base, target, PlannerConfig()
+        lambda radius: classify(floor_with_wall(), T_map_base, TerrainConfig(), RobotBody(), radius),
+        4.0,
+        T_map_base,
+        target,
+        PlannerConfig(),
     )
 
 

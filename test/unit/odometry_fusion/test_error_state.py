@@ -26,6 +26,7 @@ from odometry_fusion.error_state import (
 from odometry_fusion.increments import carried
 from odometry_fusion.interval import ImuInterval
 from rigid_geometry import inverse, transform_from_rpy
+from robot_body import RobotBody
 
 QUIET = ProcessNoise(0.0, (0.0, 0.0), 0.0, 0.0, 0.0, 60.0)
 RNG = np.random.default_rng(7)
@@ -101,7 +102,7 @@ def test_slip_shortens_the_way_and_is_not_learnt_from_wheels():
     config = OdometryConfig()
     level = measurements.level(0.0, np.array([0.0, 0.0, 9.81]), 1.0, 0.0, True, config)
     interval = ImuInterval(0.05, rates, np.full(1, 0.05), np.zeros(3), None, 0, 0.01)
-    after = measurements.roll_wheels(level, interval, 0.5, 0.0, config)
+    after = measurements.roll_wheels(level, interval, 0.5, 0.0, config, RobotBody())
     assert after.covariance[15, 15] == level.covariance[15, 15]
 
 
@@ -112,8 +113,8 @@ def test_robot_that_turns_slides_to_the_side_that_is_downhill(fall, share):
     state = measurements.level(0.0, 9.81 * up, 1.0, 0.0, False, config)
     turning = ImuInterval(0.05, np.array([[0.0, 0.0, -0.5]]), np.full(1, 0.05), np.array([0.0, 0.0, -0.5]), None, 0, 0.01)
     for _ in range(200):
-        state = measurements.roll_wheels(state, turning, 0.0, -0.5, config)
-    assert state.velocity[1] == pytest.approx(0.5 * config.turning_slide_m * share, rel=0.05, abs=1e-3)
+        state = measurements.roll_wheels(state, turning, 0.0, -0.5, config, RobotBody())
+    assert state.velocity[1] == pytest.approx(0.5 * RobotBody().turning_slide_m * share, rel=0.05, abs=1e-3)
 
 
 def test_robot_in_a_bend_slides_outwards_as_on_a_slope():
@@ -123,8 +124,8 @@ def test_robot_in_a_bend_slides_outwards_as_on_a_slope():
     state = measurements.level(0.0, np.array([0.0, 0.0, 9.81]), 1.0, 0.0, False, config)
     left_bend = ImuInterval(0.05, np.array([[0.0, 0.0, rate]]), np.full(1, 0.05), np.array([0.0, 0.0, rate]), None, 0, 0.01)
     for _ in range(200):
-        state = measurements.roll_wheels(state, left_bend, forward, rate, config)
-    assert state.velocity[1] == pytest.approx(-rate * config.turning_slide_m * math.sqrt(fall / 0.1), rel=0.05)
+        state = measurements.roll_wheels(state, left_bend, forward, rate, config, RobotBody())
+    assert state.velocity[1] == pytest.approx(-rate * RobotBody().turning_slide_m * math.sqrt(fall / 0.1), rel=0.05)
 
 
 def test_orthonormal_mends_rounding():

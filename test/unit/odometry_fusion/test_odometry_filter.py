@@ -16,6 +16,8 @@ from rigid_geometry import inverse, rotation_from_rpy, rpy_from_rotation, yaw_of
 sys.path.insert(0, str(Path(__file__).parent))
 from kinematic_robot import Errors, Motion, simulate  # noqa: E402
 
+from robot_body import RobotBody
+
 REST = Motion(2.0)
 
 
@@ -25,7 +27,7 @@ def drive(motions, errors=None, seed=0, R_start=None):
 
 def estimates(data, odometry=None):
     """One estimate a wheel message, as in lock-step."""
-    odometry = odometry or OdometryFilter(OdometryConfig())
+    odometry = odometry or OdometryFilter(OdometryConfig(), RobotBody())
     pending, found = list(data.imu), []
     for stamp, v, w in data.wheels:
         while pending and pending[0][0] <= stamp:
@@ -215,7 +217,7 @@ def test_twist_is_the_motion_of_the_body():
 def test_order_between_topics_and_earlier_questions_do_not_matter(random):
     data = drive([Motion(0.5), Motion(1.0, 0.5, 0.3), Motion(0.6)], Errors(gyro_noise=0.005, accel_noise=0.05))
     expected = {e.stamp_s: e for e in estimates(data)}
-    odometry, asked = OdometryFilter(OdometryConfig()), [s for s in expected if random.random() < 0.7]
+    odometry, asked = OdometryFilter(OdometryConfig(), RobotBody()), [s for s in expected if random.random() < 0.7]
     asked = sorted({*asked, data.wheels[-1][0]} | {s + 0.013 for s in asked[:-1]})
     imu, wheels = list(data.imu), list(data.wheels)
     while imu or wheels:
@@ -233,7 +235,7 @@ def test_order_between_topics_and_earlier_questions_do_not_matter(random):
 
 
 def test_estimate_waits_for_both_inputs_up_to_its_stamp():
-    odometry = OdometryFilter(OdometryConfig())
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
     for i in range(1, 11):
         odometry.add_imu(i * 0.01, np.zeros(3), [0, 0, 9.81])
     assert odometry.estimate(0.05) is None and odometry.complete_until_s is None
@@ -257,7 +259,7 @@ def test_stamps_that_differ_by_rounding_are_the_same_instant():
     exact = estimates(data)
     assert all(e is not None for e in found)
     np.testing.assert_allclose(found[-1].T_odom_base, exact[-1].T_odom_base, atol=1e-5)
-    odometry = OdometryFilter(OdometryConfig())
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
     for sample in data.imu:
         odometry.add_imu(*sample)
     for message in data.wheels:
@@ -268,7 +270,7 @@ def test_stamps_that_differ_by_rounding_are_the_same_instant():
 
 def test_estimate_between_wheel_messages_lies_between_theirs():
     data = drive([REST, Motion(4.0, 0.5)])
-    odometry = OdometryFilter(OdometryConfig())
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
     for sample in data.imu:
         odometry.add_imu(*sample)
     for message in data.wheels:
@@ -278,7 +280,7 @@ def test_estimate_between_wheel_messages_lies_between_theirs():
 
 
 def test_unreadable_late_and_repeated_samples_are_dropped_and_counted():
-    odometry = OdometryFilter(OdometryConfig())
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
     odometry.add_imu(1.0, np.zeros(3), [0, 0, 9.81])
     odometry.add_imu(1.0, np.zeros(3), [0, 0, 9.81])
     odometry.add_imu(1.01, [0, np.nan, 0], [0, 0, 9.81])
@@ -293,7 +295,7 @@ def test_unreadable_late_and_repeated_samples_are_dropped_and_counted():
 
 def test_time_that_jumps_back_starts_afresh():
     data = drive([REST, Motion(2.0, 0.5)])
-    odometry = OdometryFilter(OdometryConfig())
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
     estimates(data, odometry)
     again = estimates(data, odometry)
     assert odometry.dropped["time_jump"] >= 1
@@ -303,7 +305,7 @@ def test_time_that_jumps_back_starts_afresh():
 def test_pause_of_the_imu_inflates_the_attitude_and_is_counted():
     data = drive([REST, Motion(4.0, 0.5)])
     whole = estimates(data)[-1]
-    odometry = OdometryFilter(OdometryConfig())
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
     gapped = type(data)([s for s in data.imu if not 4.0 < s[0] < 4.4], data.wheels, data.truth, data.path_m)
     for sample in gapped.imu:
         odometry.add_imu(*sample)
@@ -317,7 +319,7 @@ def test_pause_of_the_imu_inflates_the_attitude_and_is_counted():
 def test_pause_of_the_wheels_inflates_the_position_and_is_counted():
     data = drive([REST, Motion(6.0, 0.5)])
     whole = estimates(data)[-1]
-    odometry = OdometryFilter(OdometryConfig())
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
     gapped = type(data)(data.imu, [m for m in data.wheels if not 4.0 < m[0] < 6.0], data.truth, data.path_m)
     last = estimates(gapped, odometry)[-1]
     assert odometry.dropped["wheels_gap"] == 1
@@ -326,7 +328,7 @@ def test_pause_of_the_wheels_inflates_the_position_and_is_counted():
 
 
 def test_start_in_free_fall_waits_for_gravity():
-    odometry = OdometryFilter(OdometryConfig())
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
     odometry.add_imu(1.0, np.zeros(3), np.zeros(3))
     odometry.add_wheels(1.0, 0.0, 0.0)
     assert odometry.estimate(1.0) is None
@@ -335,7 +337,7 @@ def test_start_in_free_fall_waits_for_gravity():
 
 
 def test_memory_stays_bounded_when_nobody_asks_or_a_topic_is_silent():
-    odometry = OdometryFilter(OdometryConfig(buffer_s=2.0))
+    odometry = OdometryFilter(OdometryConfig(buffer_s=2.0), RobotBody())
     for i in range(1000):
         odometry.add_imu(i * 0.01, np.zeros(3), [0, 0, 9.81])
     assert len(odometry._imu) <= 202
@@ -345,4 +347,4 @@ def test_memory_stays_bounded_when_nobody_asks_or_a_topic_is_silent():
 def test_configuration_is_checked():
     assert OdometryConfig().validate() == []
     with pytest.raises(ValueError, match="gyro_noise"):
-        OdometryFilter(OdometryConfig(gyro_noise=-1.0))
+        OdometryFilter(OdometryConfig(gyro_noise=-1.0), RobotBody())

@@ -1,13 +1,15 @@
 """Single steps: what the follower does with missing, late or wrong input, and when time does not count."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from drive_simulation import Grid
+from drive_simulation import Grid, World, drive
 
 from path_following import FollowerConfig, FollowerObservation, FollowerState, PathFollower
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody
 
 FREE = Grid(np.zeros((100, 100), dtype=np.uint8), (-4.0, -4.0))
 PATH = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0]])
@@ -19,7 +21,7 @@ def seen(t: float, x: float = 0.0, **changes: object) -> FollowerObservation:
 
 
 def following() -> PathFollower:
-    follower = PathFollower(FollowerConfig())
+    follower = PathFollower(FollowerConfig(), RobotBody())
     follower.set_path(PATH, None)
     return follower
 
@@ -29,7 +31,7 @@ def is_still(output) -> bool:
 
 
 def test_without_a_path_it_stands_and_says_so():
-    out = PathFollower(FollowerConfig()).step(seen(1.0))
+    out = PathFollower(FollowerConfig(), RobotBody()).step(seen(1.0))
     assert is_still(out) and out.state is FollowerState.IDLE and out.reason == "no path yet" and out.remaining_m is None
 
 
@@ -107,7 +109,7 @@ def test_remaining_distance_and_side_are_told():
 
 
 def test_path_of_one_point_where_the_robot_stands_is_reached():
-    follower = PathFollower(FollowerConfig())
+    follower = PathFollower(FollowerConfig(), RobotBody())
     follower.set_path(np.zeros((1, 3)), None)
     assert follower.step(seen(1.0)).state is FollowerState.REACHED
 
@@ -129,4 +131,33 @@ def test_wrong_heading_and_stamp_are_refused():
 
 def test_wrong_configuration_lists_every_violation():
     with pytest.raises(ValueError, match=r"goal_tolerance_m.*min_speed_mps"):
-        PathFollower(FollowerConfig(goal_tolerance_m=-1.0, min_speed_mps=0.4, max_speed_mps=0.3))
+        PathFollower(FollowerConfig(goal_tolerance_m=-1.0, min_speed_mps=0.4, max_speed_mps=0.3), RobotBody())
+
+
+def test_follower_is_no_faster_than_the_robot():
+    slow = replace(RobotBody(), max_speed_mps=0.3, max_turn_rate_radps=0.4)
+    fastest = []
+    for robot in (RobotBody(), slow):
+        follower = PathFollower(FollowerConfig(), robot)
+        follower.set_path(np.array([[0.0, 0.0, 0.0], [-4.0, 0.0, 0.0]]), None)  # behind it
+        outputs = drive(follower, World()).outputs
+        fastest.append((max(o.v for o in outputs), max(abs(o.w) for o in outputs)))
+    assert fastest[0] == pytest.approx((0.5, 0.9), abs=0.05)
+    assert fastest[1][0] <= 0.3 and fastest[1][1] <= 0.4
+
+
+def test_robot_that_cannot_turn_as_slowly_as_the_follower_wants_is_refused():
+    with pytest.raises(ValueError, match="min_turn_rate_radps = 0.25 is above max_turn_rate_radps = 0.2"):
+        PathFollower(FollowerConfig(), replace(RobotBody(), max_turn_rate_radps=0.2))
+
+
+def test_wider_robot_does_not_fit_where_ours_does():
+    world = World()
+    for side in (-1, 1):
+        world.lethal[world.cells(1.5, 9, *sorted((side * 0.48, side * 0.7)))] = True
+    ends = []
+    for width_m in (RobotBody().width_m, 1.2):
+        follower = PathFollower(FollowerConfig(), replace(RobotBody(), width_m=width_m))
+        follower.set_path(np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0]]), None)
+        ends.append(drive(follower, world).last.state.value)
+    assert ends[0] == "reached" and ends[1] != "reached"

@@ -7,6 +7,7 @@ import pytest
 from drive_simulation import Robot, World, cluttered_world, distance_to_path, drive, planned_path
 
 from path_following import FollowerConfig, PathFollower
+from robot_body import RobotBody
 
 STEP = 0.08
 
@@ -31,7 +32,7 @@ def s_curve() -> np.ndarray:
 
 
 def follower(path: np.ndarray, goal_yaw: float | None = None, **changes: float) -> PathFollower:
-    f = PathFollower(FollowerConfig(**changes))
+    f = PathFollower(FollowerConfig(**changes), RobotBody())
     f.set_path(path, goal_yaw)
     return f
 
@@ -192,19 +193,19 @@ def test_turn_on_a_slope_keeps_room_below_for_what_the_robot_slides():
     world = World()
     world.lethal[world.cells(-9, 9, -1.6, -0.6)] = True
     touched = []
-    for slide in (0.0, 0.15):
-        turned = follower(line((0, 0), (-0.3, 0.5), (-4, 0.5)), turn_slide_m=slide)
+    for factor in (0.0, 1.0):
+        turned = follower(line((0, 0), (-0.3, 0.5), (-4, 0.5)), turn_slide_factor=factor)
         run = drive(turned, world, (0.0, 0.0, 0.3), robot=Robot(slide_m_per_rad=0.2, slope_rad=0.2, feels_slide=False))
         assert run.last.state.value == "reached"
         touched.append(run.touched)
     assert touched == [True, False]
 
 
-@pytest.mark.parametrize("seen_m, touched", [(0.0, True), (0.15, False)], ids=["not known", "known"])
-def test_bend_on_a_slope_keeps_room_below_for_what_the_robot_slides(seen_m, touched):
+@pytest.mark.parametrize("factor, touched", [(0.0, True), (1.0, False)], ids=["not known", "known"])
+def test_bend_on_a_slope_keeps_room_below_for_what_the_robot_slides(factor, touched):
     world = World()
     world.lethal[world.cells(-9, 9, -1.6, -0.48)] = True
-    driven = follower(line((0, 0), (3, 2.6)), turn_slide_m=seen_m)
+    driven = follower(line((0, 0), (3, 2.6)), turn_slide_factor=factor)
     run = drive(driven, world, robot=Robot(slide_m_per_rad=0.2, slope_rad=0.2, feels_slide=False))
     assert run.last.state.value == "reached" and run.touched == touched
 

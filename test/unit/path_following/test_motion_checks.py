@@ -15,6 +15,7 @@ from path_following.pursuit import approached, steering_to
 from path_following.reference_path import ReferencePath
 from path_following.surroundings import Surroundings, Unknown, arc_poses, footprint_lattice, turn_poses
 from path_following.trail import Trail
+from robot_body import RobotBody
 
 LATTICE = footprint_lattice(0.99, 0.67, 0.05)
 
@@ -152,7 +153,7 @@ def signatures() -> dict[str, set[object]]:
 def test_nothing_that_a_driving_robot_asks_compiles_what_was_not_compiled_beforehand():
     surroundings.compile_kernels()
     obstacle.compile_kernels()
-    before, costmap, pose = signatures(), LocalCostmap(CostmapConfig()), (0.2, 0.1, 0.3)
+    before, costmap, pose = signatures(), LocalCostmap(CostmapConfig(), RobotBody()), (0.2, 0.1, 0.3)
     costmap.add_scan([[1.0, 0.2], [1.1, 0.2]], [[2.0, 1.0]], (0.0, 0.0))
     there = Surroundings(costmap.master(), LATTICE, LATTICE)
     assert there.cost_under(pose) >= 0 and there.mean_cost(turn_poses(pose, 1.0)) >= 0.0

@@ -8,6 +8,7 @@ from drive_simulation import Robot, World, drive
 
 from path_following import FollowerConfig, FollowerState, PathFollower
 from path_following.reference_path import ReferencePath
+from robot_body import RobotBody
 
 RUN_UP_M, NARROW_M = 0.8, 0.7  # of a wall at x = 0, 0.16 m thick
 
@@ -32,7 +33,7 @@ def through_the_door(before: tuple[float, float], after: tuple[float, float]) ->
 
 
 def follower_on(before: tuple[float, float], after: tuple[float, float], goal_yaw: float | None = None) -> PathFollower:
-    follower = PathFollower(FollowerConfig())
+    follower = PathFollower(FollowerConfig(), RobotBody())
     points, straight = through_the_door(before, after)
     follower.set_path(points, goal_yaw, straight)
     return follower
@@ -58,7 +59,7 @@ def test_door_is_entered_in_line_and_passed_without_a_touch(width, start, robot)
 def test_path_to_a_passage_is_driven_to_its_very_end(before, robot):
     points, straight = through_the_door(before, (2.5, 1.0))
     entry = int(straight.argmax()) + 1
-    follower = PathFollower(FollowerConfig())
+    follower = PathFollower(FollowerConfig(), RobotBody())
     follower.set_path(points[:entry], 0.0, straight[:entry])
     heading = math.atan2(*(points[entry - 1] - points[0])[1::-1])
     done = drive(follower, world_with_door(0.88), (*before, heading), robot=robot)
@@ -70,7 +71,7 @@ def test_path_to_a_passage_is_driven_to_its_very_end(before, robot):
 
 def test_robot_that_stands_in_the_door_turned_away_drives_out_backward_to_the_end_of_its_line():
     points, straight = through_the_door((0.1, 0.0), (2.5, 1.0))
-    follower = PathFollower(FollowerConfig())
+    follower = PathFollower(FollowerConfig(), RobotBody())
     follower.set_path(points[straight.argmax() :][4:], None, straight[straight.argmax() :][4:])
     done = drive(follower, world_with_door(0.88), (-0.5, 0.02, math.pi))
     assert done.last.state is FollowerState.REACHED and not done.touched
@@ -80,7 +81,7 @@ def test_robot_that_stands_in_the_door_turned_away_drives_out_backward_to_the_en
 
 
 def test_robot_whose_path_begins_in_the_line_backs_to_its_end_although_the_costmap_shows_room_to_turn():
-    follower, x = PathFollower(FollowerConfig()), np.linspace(0.0, 2.0, 15)
+    follower, x = PathFollower(FollowerConfig(), RobotBody()), np.linspace(0.0, 2.0, 15)
     follower.set_path(np.column_stack([x, 0 * x, 0 * x]), None, x < 2.0)
     done = drive(follower, World(12.0), (0.0, 0.02, math.pi))
     assert done.last.state is FollowerState.REACHED and done.poses[-1, 0] > 1.9
@@ -89,7 +90,7 @@ def test_robot_whose_path_begins_in_the_line_backs_to_its_end_although_the_costm
 
 @pytest.mark.parametrize("heading", [math.pi, -math.pi + 0.02])
 def test_heading_that_wraps_is_no_turn_on_which_the_robot_slides(heading):
-    world, follower = world_with_door(0.88), PathFollower(FollowerConfig())
+    world, follower = world_with_door(0.88), PathFollower(FollowerConfig(), RobotBody())
     world.lethal[world.cells(-6.0, 6.0, -6.0, -0.44)] = world.lethal[world.cells(-6.0, 6.0, 0.44, 6.0)] = True
     x = np.linspace(-0.4, 2.0, 17)
     follower.set_path(np.column_stack([x, 0 * x, 0 * x]), None, x < 2.0)
@@ -100,7 +101,7 @@ def test_heading_that_wraps_is_no_turn_on_which_the_robot_slides(heading):
 
 @pytest.mark.parametrize("way", [0.0, math.pi], ids=["forward", "backward"])
 def test_robot_beside_the_line_gets_back_to_it_where_its_corners_may_not_swing_far(way):
-    world, follower = world_with_door(0.88), PathFollower(FollowerConfig())
+    world, follower = world_with_door(0.88), PathFollower(FollowerConfig(), RobotBody())
     world.lethal[world.cells(-6.0, 6.0, -6.0, -0.4)] = world.lethal[world.cells(-6.0, 6.0, 0.4, 6.0)] = True
     x = np.linspace(-0.4, 3.0, 23)
     follower.set_path(np.column_stack([x, 0 * x, 0 * x]), None, x < 3.0)

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,10 +16,12 @@ from pybullet_simulation.solids import box
 from pybullet_simulation.sweep_profile import sweep_profile
 from pybullet_simulation.world import World, joined, nearest_hits, raycasting_scene
 from rigid_geometry import rotation_from_rpy, transform_from_rpy
+from robot_body import RobotBody
 from stage_config import ConfigError, load_config
 
 EXACT = SimulationConfig(range_sigma_m=0.0, range_sigma_far_m=0.0, veiling_probability=0.0)
-ROBOT = read_robot_model()
+HUSKY = RobotBody()
+ROBOT = read_robot_model(HUSKY)
 
 
 def world_of(*solids):
@@ -28,7 +31,7 @@ def world_of(*solids):
 
 def standing(tilt, steps=10):
     """A robot on the origin that does not move, over one tick."""
-    positions = np.tile((0.0, 0.0, ROBOT.ground_to_base_m), (steps + 1, 1))
+    positions = np.tile((0.0, 0.0, HUSKY.base_height_m), (steps + 1, 1))
     return Motion(np.tile(np.eye(3), (steps + 1, 1, 1)), positions, np.full(steps + 1, tilt), 0.05 / steps)
 
 
@@ -42,9 +45,8 @@ ANGLES = ScanGeometry().angles
 
 def test_robot_model_has_the_mounting_that_the_stages_agreed_on():
     assert ROBOT.T_base_mount[:3, 3] == pytest.approx((0.20, 0.0, 0.75)) and ROBOT.T_tilt_laser[:3, 3] == pytest.approx((0.03, 0.0, 0.04))
-    assert ROBOT.wheel_radius_m == pytest.approx(0.1651) and ROBOT.ground_to_base_m == pytest.approx(0.132, abs=1e-4)
     size = ROBOT.body.vertices.max(axis=0) - ROBOT.body.vertices.min(axis=0)
-    assert size[:2] == pytest.approx((0.99, 0.67), abs=1e-3)
+    assert size[:2] == pytest.approx((HUSKY.length_m, HUSKY.width_m), abs=1e-3)
 
 
 def test_level_scan_measures_the_distance_to_a_wall():
@@ -179,7 +181,7 @@ def test_imu_at_rest_on_a_slope_measures_gravity_and_its_bias_is_that_of_the_see
 
 
 def test_wheel_odometry_is_the_inverse_of_the_drive():
-    drive = Drive(SimulationConfig(), ROBOT)
+    drive = Drive(SimulationConfig(), HUSKY)
     for _ in range(100):
         left, right = drive.step(0.4, -0.3, 0.05)
     assert drive.velocity(left, right) == pytest.approx((0.4, -0.3))
@@ -187,11 +189,11 @@ def test_wheel_odometry_is_the_inverse_of_the_drive():
 
 def test_drive_clips_and_smooths_commands_and_refuses_nan():
     config = SimulationConfig()
-    drive = Drive(config, ROBOT)
+    drive = Drive(config, HUSKY)
     assert drive.velocity(*drive.step(9.0, 0.0, 0.05))[0] == pytest.approx(config.max_acceleration_mps2 * 0.05)
     for _ in range(100):
         speeds = drive.step(9.0, 0.0, 0.05)
-    assert drive.velocity(*speeds)[0] == pytest.approx(config.max_speed_mps)
+    assert drive.velocity(*speeds)[0] == pytest.approx(HUSKY.max_speed_mps)
     with pytest.raises(ValueError, match="not finite"):
         drive.step(math.nan, 0.0, 0.05)
 
@@ -206,3 +208,18 @@ def test_configuration_reports_every_violation_at_once():
     with pytest.raises(ConfigError) as caught:
         load_config(SimulationConfig, {"physics_rate_hz": 250, "range_min_m": -1.0, "friktion": 1.0})
     assert "multiple of 200" in str(caught.value) and "range_min_m" in str(caught.value) and "did you mean friction" in str(caught.value)
+
+
+def test_robot_that_contradicts_its_description_is_refused():
+    with pytest.raises(ValueError, match="husky.urdf: wheel_radius_m = 0.2, and the URDF has 0.1651"):
+        read_robot_model(replace(HUSKY, wheel_radius_m=0.2))
+    with pytest.raises(ValueError, match="cannot read the robot description"):
+        read_robot_model(replace(HUSKY, urdf="absent.urdf"))
+
+
+def test_drive_is_as_fast_and_turns_as_the_robot_does():
+    drive = Drive(SimulationConfig(), replace(HUSKY, max_speed_mps=0.3, max_turn_rate_radps=0.2, effective_track_factor=2.0))
+    for _ in range(100):
+        left, right = drive.step(9.0, 9.0, 0.05)
+    assert drive.velocity(left, right) == pytest.approx((0.3, 0.2))
+    assert right - left == pytest.approx(0.2 * 2.0 * HUSKY.track_m / HUSKY.wheel_radius_m)

@@ -14,9 +14,11 @@ from pybullet_simulation.spinning_lidar import SpinningLidar
 from pybullet_simulation.sweep_profile import spinning_sweep_profile, sweep_profile
 from pybullet_simulation.world import World, joined, nearest_hits, raycasting_scene
 from rigid_geometry import rotation_from_rpy
+from robot_body import RobotBody
 
 EXACT = SimulationConfig(range_sigma_m=0.0, range_sigma_far_m=0.0, veiling_probability=0.0)
-ROBOT = read_robot_model()
+HUSKY = RobotBody()
+ROBOT = read_robot_model(HUSKY)
 HALL = box("hall", (-6.0, -6.0, -0.0), (6.0, 6.0, 4.0))
 LASER_ABOVE_GROUND_M = 0.132 + 0.75 + 0.04
 TICK_S = 0.05
@@ -28,7 +30,7 @@ def world_of(*solids):
 
 
 def standing(tilt=0.0, steps=10):
-    positions = np.tile((0.0, 0.0, ROBOT.ground_to_base_m), (steps + 1, 1))
+    positions = np.tile((0.0, 0.0, HUSKY.base_height_m), (steps + 1, 1))
     return Motion(np.tile(np.eye(3), (steps + 1, 1, 1)), positions, np.full(steps + 1, tilt), TICK_S / steps)
 
 

@@ -1,6 +1,7 @@
 """Worlds: what their makers promise of passages, slopes, starts and errors."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from PIL import Image
 from pybullet_simulation import WORLDS, load_world
 from pybullet_simulation.start_pose import StandingTest
 from pybullet_simulation.world import nearest_hits, raycasting_scene
+from robot_body import RobotBody
 
 
 def columns(world, xy):
@@ -28,7 +30,7 @@ def test_chosen_start_is_flat_and_clear_all_around(name, seed):
     x, y, _ = world.start_xyyaw
     around = np.linspace(0.0, 2.0 * math.pi, 36, endpoint=False)
     ring = np.column_stack([x + np.cos(around), y + np.sin(around)])
-    test = StandingTest(world.vertices, world.triangles, closed=True)
+    test = StandingTest(world.vertices, world.triangles, closed=True, robot=RobotBody())
     lowest = [test.ground_levels(float(a), float(b))[0] for a, b in ring]
     assert np.abs(np.array(lowest) - world.start_z).max() < 0.05
     level = np.column_stack([np.tile((x, y, world.start_z + 0.5), (36, 1)), np.cos(around), np.sin(around), np.zeros(36)])
@@ -55,7 +57,7 @@ def test_triangles_index_vertices_and_all_solids_face_outwards(name):
 def test_plateau_is_reached_by_the_ramp_and_has_headroom_below():
     world = load_world("ramp", 1, start=(5.0, 1.0, 0.0))  # under the plateau
     assert world.start_z == pytest.approx(0.0, abs=1e-5)
-    levels = StandingTest(world.vertices, world.triangles, closed=True).ground_levels(5.0, 1.0)
+    levels = StandingTest(world.vertices, world.triangles, closed=True, robot=RobotBody()).ground_levels(5.0, 1.0)
     assert levels == pytest.approx([0.0, 2.3], abs=1e-4)
     along = np.column_stack([np.arange(-6.5, 2.5, 0.1), np.full(90, 1.0)])
     steps = np.diff(columns(world, along))
@@ -184,3 +186,19 @@ def test_real_height_map_and_garage_load_where_they_are_present():
     assert (moon.extent[1, :2] - moon.extent[0, :2]) == pytest.approx((40.4, 40.4), abs=0.5)
     garage = load_world(str(data / "parking_garage.dae"), 1, None, (40.0, 40.0))
     assert (garage.extent[1, :2] - garage.extent[0, :2] < 40.5).all() and len(garage.triangles) > 100
+
+
+def test_robot_too_long_for_a_place_does_not_start_there():
+    start = load_world("rooms", 1).start_xyyaw
+    beside = next(
+        (x, start[1], 0.0) for x in np.arange(start[0], start[0] + 20.0, 0.05) if not stands("rooms", (float(x), start[1], 0.0), 1.6)
+    )
+    assert stands("rooms", beside, 0.99)
+
+
+def stands(name: str, start: tuple[float, float, float], length_m: float) -> bool:
+    try:
+        load_world(name, 1, start=start, robot=replace(RobotBody(), length_m=length_m))
+    except ValueError:
+        return False
+    return True

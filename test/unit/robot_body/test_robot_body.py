@@ -75,11 +75,11 @@ def test_every_missing_value_is_named() -> None:
         ({"width_m": -0.67}, "width_m = -0.67 is below 0.1"),
         ({"height_m": math.nan}, "height_m = nan is not finite"),
         ({"track_m": "wide"}, "track_m = 'wide' is no float"),
-        ({"width_m": 0.6}, "width_m = 0.6 is below track_m + wheel_width_m = 0.67: wheels stick out"),
-        ({"length_m": 0.84}, "length_m = 0.84 is below wheelbase_m + 2 wheel_radius_m = 0.8422: wheels stick out"),
-        ({"max_step_m": 0.17, "ground_clearance_m": 0.2}, "max_step_m = 0.17 is above wheel_radius_m = 0.1651"),
-        ({"max_step_m": 0.14}, "max_step_m = 0.14 is above ground_clearance_m = 0.132"),
-        ({"height_m": 0.12, "ground_clearance_m": 0.11}, "height_m = 0.12 is not above base_height_m = 0.132"),
+        ({"width_m": 0.6}, "width_m = 0.6 is below track_m + wheel_width_m = 0.67"),
+        ({"length_m": 0.84}, "length_m = 0.84 is below wheelbase_m + 2 wheel_radius_m = 0.8422"),
+        ({"max_step_m": 0.17, "ground_clearance_m": 0.2}, "wheel_radius_m = 0.1651 is below max_step_m = 0.17"),
+        ({"max_step_m": 0.14}, "ground_clearance_m = 0.132 is below max_step_m = 0.14"),
+        ({"height_m": 0.12, "ground_clearance_m": 0.11}, "height_m = 0.12 is below base_height_m = 0.132"),
         ({"mounts": {"imu": {"frame": "imu_link", "from": "urdf"}}}, "mounts has no laser"),
         ({"mounts": {"laser": {"from": "urdf"}}}, "mounts/laser: has no frame"),
         ({"mounts": {"laser": {"frame": "laser"}}}, "mounts/laser: has no parent, nor 'from: urdf'"),
@@ -109,7 +109,7 @@ def test_all_violations_come_at_once_one_a_line() -> None:
     content = values(width_m=0.5, max_step_m=0.2, colour="red", mounts={"laser": {"from": "urdf"}})
     del content["track_m"]
     found = problems(content)
-    assert len(found) == 6, found  # track missing, width, step twice, colour, frame
+    assert len(found) == 5, found  # track missing, step twice, colour, frame; nothing of the width, which the track would tell
 
 
 @pytest.mark.parametrize(("text", "expected"), [("[1, 2", "is no YAML"), ("- a", "expected the robot's values"), (None, "cannot be read")])
@@ -127,6 +127,16 @@ def test_changes_lie_over_the_values_and_leave_them_as_they_are() -> None:
     robot = robot_from_mapping(after)
     assert (robot.max_step_m, robot.mount("laser").frame, robot.mount("imu").frame) == (0.05, "lidar", "imu_link")
     assert before == values()
+
+
+def test_value_that_is_missing_or_wrong_contradicts_nothing() -> None:
+    assert problems({**values(width_m=-1.0, max_step_m="high")}) == [
+        "robot.yaml: max_step_m = 'high' is no float",
+        "robot.yaml: width_m = -1.0 is below 0.1",
+    ]
+    content = values(width_m=0.2)
+    del content["track_m"]
+    assert problems(content) == ["robot.yaml: track_m is missing"]
 
 
 def test_sensor_that_is_not_mounted_is_told_with_those_that_are() -> None:

@@ -29,7 +29,7 @@ def driver_s(count: int = 4, names: tuple[str, ...] = ("x", "y", "z", "intensity
 
 
 def test_cloud_has_the_fields_of_a_velodyne_s_driver() -> None:
-    message = revolution_message(3.25, POINTS, RINGS, TIMES)
+    message = revolution_message(3.25, "laser", POINTS, RINGS, TIMES)
     kinds = {f.name: f.datatype for f in message.fields}
     assert kinds == {**dict.fromkeys(("x", "y", "z", "time"), PointField.FLOAT32), "ring": PointField.UINT16}
     assert (message.header.frame_id, message.header.stamp.to_sec()) == ("laser", 3.25)
@@ -37,7 +37,7 @@ def test_cloud_has_the_fields_of_a_velodyne_s_driver() -> None:
 
 
 def test_revolution_comes_back_as_it_was() -> None:
-    back = revolution_of(revolution_message(3.25, POINTS, RINGS, TIMES))
+    back = revolution_of(revolution_message(3.25, "laser", POINTS, RINGS, TIMES), "laser")
     np.testing.assert_array_equal(back.points, POINTS)
     np.testing.assert_array_equal(back.rings, RINGS)
     np.testing.assert_array_equal(back.times_s, TIMES.astype(float))
@@ -45,36 +45,36 @@ def test_revolution_comes_back_as_it_was() -> None:
 
 
 def test_driver_s_cloud_with_more_fields_is_read() -> None:
-    back = revolution_of(driver_s())
+    back = revolution_of(driver_s(), "laser")
     assert back.points[:, 0].tolist() == [1.0, 2.0, 3.0, 4.0] and back.rings.tolist() == [0, 1, 2, 3]
     np.testing.assert_allclose(back.times_s, [0.0, 0.01, 0.02, 0.03], atol=1e-8)
 
 
 def test_cloud_without_points_is_a_revolution_without_beams() -> None:
-    assert len(revolution_of(driver_s(0)).points) == 0
+    assert len(revolution_of(driver_s(0), "laser").points) == 0
 
 
 def test_point_that_is_half_a_number_counts_as_none() -> None:
     half = POINTS.copy()
     half[2, 1] = np.inf
-    assert revolution_of(revolution_message(1.0, half, RINGS, TIMES)).met_nothing.tolist() == [False, True, True]
+    assert revolution_of(revolution_message(1.0, "laser", half, RINGS, TIMES), "laser").met_nothing.tolist() == [False, True, True]
 
 
 def test_clouds_that_are_none_of_a_lidar_are_refused() -> None:
     with pytest.raises(ValueError, match="without fields ring, time"):
-        revolution_of(driver_s(names=("x", "y", "z", "intensity")))
+        revolution_of(driver_s(names=("x", "y", "z", "intensity")), "laser")
     cut = driver_s()
     cut.data = cut.data[:-1]
     with pytest.raises(ValueError, match="cannot be read"):
-        revolution_of(cut)
+        revolution_of(cut, "laser")
     foreign = driver_s()
     foreign.header.frame_id = "velodyne"
     with pytest.raises(ValueError, match="frame 'velodyne', expected 'laser'"):
-        revolution_of(foreign)
+        revolution_of(foreign, "laser")
 
 
 def test_level_scan_belongs_to_the_time_at_which_the_revolution_ended() -> None:
-    message = level_scan_message(7.1, np.full(LEVEL_BEAMS, 2.0, np.float32), LidarConfig(), 2.5)
+    message = level_scan_message(7.1, "laser", np.full(LEVEL_BEAMS, 2.0, np.float32), LidarConfig(), 2.5)
     assert message.header.stamp.to_sec() + message.scan_time == pytest.approx(7.1)
     assert message.angle_min + (LEVEL_BEAMS - 1) * message.angle_increment == pytest.approx(message.angle_max)
 
@@ -82,7 +82,7 @@ def test_level_scan_belongs_to_the_time_at_which_the_revolution_ended() -> None:
 def test_level_scan_is_read_as_a_laser_s() -> None:
     ranges = np.full(LEVEL_BEAMS, np.nan, np.float32)
     ranges[LEVEL_BEAMS // 4], ranges[0] = 2.0, np.inf  # to the right, and behind
-    hits, free = scan_points(level_scan_message(7.1, ranges, LidarConfig(), 2.5))
+    hits, free = scan_points(level_scan_message(7.1, "laser", ranges, LidarConfig(), 2.5))
     np.testing.assert_allclose(hits, [[2.0 * math.sin(math.pi / LEVEL_BEAMS), -2.0, 0.0]], atol=0.02)
     np.testing.assert_allclose(free, [[-2.5, 0.0, 0.0]], atol=0.02)
 

@@ -9,12 +9,15 @@ from visualization_msgs.msg import Marker
 
 from octomap_server_3dnav.octree.octree import OctreeMap
 from rigid_geometry import transform_from_rpy
+from robot_body import SensorMount
 from ros_adapters.graph_markers import graph_markers, trajectory_message
 from ros_adapters.matching import refused_response
 from ros_adapters.octomap_messages import Octomap, octomap_bytes, octomap_message
 from ros_adapters.urdf_mount import mount_from_urdf
 
 ROOT = Path(__file__).resolve().parents[3]
+
+LASER = SensorMount("laser", "laser")
 
 
 def chain(*joints: str) -> str:
@@ -27,7 +30,7 @@ def joint(name: str, parent: str, child: str, kind: str = "fixed", xyz: str = "0
 
 
 def test_mount_of_the_husky_is_where_the_brief_says() -> None:
-    name, T_base_mount, T_tilt_laser = mount_from_urdf((ROOT / "urdf" / "husky.urdf").read_text())
+    name, T_base_mount, T_tilt_laser = mount_from_urdf((ROOT / "urdf" / "husky.urdf").read_text(), LASER)
     assert name == "tilt_joint"
     np.testing.assert_allclose(T_base_mount, transform_from_rpy((0.20, 0.0, 0.75)), atol=1e-12)
     np.testing.assert_allclose(T_tilt_laser, transform_from_rpy((0.03, 0.0, 0.04)), atol=1e-12)
@@ -40,7 +43,7 @@ def test_fixed_joints_on_both_sides_of_the_tilt_are_chained() -> None:
         joint("b", "cradle", "plate", xyz="0 2 0"),
         joint("c", "plate", "laser", xyz="0 0 3"),
     )
-    name, T_base_mount, T_tilt_laser = mount_from_urdf(urdf)
+    name, T_base_mount, T_tilt_laser = mount_from_urdf(urdf, LASER)
     assert name == "t"
     np.testing.assert_allclose(T_base_mount[:3, 3], [1.0, 0.0, 1.0])
     np.testing.assert_allclose(T_tilt_laser[:3, 3], [0.0, 2.0, 3.0])
@@ -52,12 +55,12 @@ def test_fixed_joints_on_both_sides_of_the_tilt_are_chained() -> None:
         (chain(joint("a", "base_link", "laser")), "no joint that tilts"),
         (chain(joint("a", "mast", "laser", "revolute")), "no chain of joints"),
         (chain(joint("a", "base_link", "laser", "revolute", axis="0 0 1")), "about the y axis"),
-        (chain(joint("a", "base_link", "m", "revolute"), joint("b", "m", "laser", "revolute")), "one joint that moves"),
+        (chain(joint("a", "base_link", "m", "revolute"), joint("b", "m", "laser", "revolute")), "one joint must move"),
     ],
 )
 def test_urdf_without_one_tilting_joint_is_refused(urdf: str, said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        mount_from_urdf(urdf)
+        mount_from_urdf(urdf, LASER)
 
 
 def test_octomap_has_the_type_that_everybody_knows() -> None:

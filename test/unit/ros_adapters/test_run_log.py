@@ -9,6 +9,7 @@ from explore_3dnav.msg import Contact, ExplorationDecision, RunEvent
 from nav_msgs.msg import Odometry
 
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody, load_robot, robot_from_mapping
 from ros_adapters.conversions import header
 from ros_adapters.run_log import RunLog
 
@@ -21,7 +22,7 @@ def odometry(stamp_s: float, x: float) -> Odometry:
 
 def finished_at_2(out: Path, *, judged: bool) -> str:
     """What a run says at its end that finished at 2 s and was told of until 3 s."""
-    log = RunLog(out, {"exploration_monitor_node": {"world": "rooms", "seed": 4}, "sensor": "tilting"}, judged)
+    log = RunLog(out, {"exploration_monitor_node": {"world": "rooms", "seed": 4}, "sensor": "tilting"}, RobotBody(), judged=judged)
     for tick in range(20, 61):
         stamp_s = 0.05 * tick
         if tick == 40:
@@ -58,6 +59,12 @@ def test_run_that_ended_before_there_was_a_world_is_no_success(tmp_path: Path) -
     assert (summary["world"], summary["seed"], summary["success"]) == ("rooms", 4, False)
 
 
+def test_robot_that_drove_is_saved_with_the_results(tmp_path: Path) -> None:
+    finished_at_2(tmp_path, judged=True)
+    assert load_robot(tmp_path / "robot.yaml") == RobotBody()
+    assert robot_from_mapping(read_summary(tmp_path)["config"]["robot"]) == RobotBody()
+
+
 def test_real_robot_tells_what_it_knows_and_of_no_simulated_world(tmp_path: Path) -> None:
     told = finished_at_2(tmp_path, judged=False)
     assert told.startswith("SUCCESS  explored: all")
@@ -72,7 +79,7 @@ def test_real_robot_tells_what_it_knows_and_of_no_simulated_world(tmp_path: Path
 def test_real_robot_that_set_all_aside_without_leaving_its_start_has_not_explored(
     tmp_path: Path, to_x: float, set_aside: int, success: bool
 ) -> None:
-    log = RunLog(tmp_path, {}, judged=False)
+    log = RunLog(tmp_path, {}, RobotBody(), judged=False)
     for x in (0.0, to_x):
         log.odometry(odometry(1.0 + x, x))
     log.decision(ExplorationDecision(kind="explored", set_aside_frontiers=set_aside))
@@ -82,7 +89,7 @@ def test_real_robot_that_set_all_aside_without_leaving_its_start_has_not_explore
 
 
 def test_run_without_a_folder_only_keeps_its_status() -> None:
-    log = RunLog(None, {}, judged=False)
+    log = RunLog(None, {}, RobotBody(), judged=False)
     log.odometry(odometry(1.0, 0.0))
     log.odometry(odometry(3.0, 2.0))
     assert log.status_line().startswith("t=2.0 s")

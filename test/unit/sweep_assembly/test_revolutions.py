@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from lidar_in_a_room import LIDAR, ROOM_HIGH, ROOM_LOW, TILT, beams, revolution, room_ranges, with_points
 
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody
 from sweep_assembly import LEVEL_BEAMS, LidarConfig, Revolution, RevolutionChain, RevolutionFilter, ScanFilterConfig
 from sweep_assembly.revolution import free_directions
 
@@ -29,7 +30,7 @@ def turning(t: float) -> np.ndarray:
 
 
 def filtered(one: Revolution, tilt: float = 0.0, **changes) -> Revolution:
-    return RevolutionFilter(ScanFilterConfig(**changes), LIDAR, TILT).filter(one, np.full(len(one.points), tilt))
+    return RevolutionFilter(ScanFilterConfig(**changes), LIDAR, TILT, RobotBody()).filter(one, np.full(len(one.points), tilt))
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
@@ -102,7 +103,7 @@ def test_free_beam_through_the_robot_is_dropped_and_one_past_it_kept():
 
 
 def chain(config=FAR_SIGHTED) -> RevolutionChain:
-    return RevolutionChain(config, LIDAR, TILT)
+    return RevolutionChain(config, LIDAR, TILT, RobotBody())
 
 
 def inputs(pose, tilt_at=level, begin=1.0, turns=3) -> dict[str, list[tuple[float, object]]]:
@@ -239,5 +240,5 @@ def test_shapes_that_do_not_agree_and_wrong_lidars_are_refused():
     with pytest.raises(ValueError, match=r"\(N, 3\) points"):
         Revolution(np.zeros((3, 3), np.float32), np.zeros(2, np.uint16), np.zeros(3))
     with pytest.raises(ValueError, match="lowest_rad"):
-        RevolutionFilter(ScanFilterConfig(), LidarConfig(lowest_rad=0.3, highest_rad=0.2), TILT)
+        RevolutionFilter(ScanFilterConfig(), LidarConfig(lowest_rad=0.3, highest_rad=0.2), TILT, RobotBody())
     assert (ROOM_LOW < ROOM_HIGH).all()

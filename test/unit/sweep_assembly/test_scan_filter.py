@@ -1,11 +1,13 @@
 """Readings that are no surface become NaN; everything else passes unchanged."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody
 from sweep_assembly import ScanFilter, ScanFilterConfig, ScanGeometry, TiltGeometry
 
 GEOMETRY = ScanGeometry(math.radians(-135.0), math.radians(0.25), 0.025 / 1440, 1081)
@@ -15,8 +17,11 @@ STRAIGHT_DOWN = math.pi / 2
 INF, NAN = np.inf, np.nan
 
 
+HUSKY = RobotBody()
+
+
 def make_filter(**changes) -> ScanFilter:
-    return ScanFilter(ScanFilterConfig(**changes), GEOMETRY, TILT)
+    return ScanFilter(ScanFilterConfig(**changes), GEOMETRY, TILT, HUSKY)
 
 
 def scan(fill: float = 5.0) -> np.ndarray:
@@ -90,11 +95,11 @@ def test_body_box_agrees_with_points_moved_one_by_one():
     for tilt in (0.0, 0.7, STRAIGHT_DOWN, 2.8, -0.5):
         tilts = tilt + rng.uniform(-0.05, 0.05, GEOMETRY.count)
         ranges = rng.uniform(0.2, 2.0, GEOMETRY.count).astype(np.float32)
-        out = ScanFilter(config, GEOMETRY, TILT).filter(ranges, tilts)
+        out = ScanFilter(config, GEOMETRY, TILT, HUSKY).filter(ranges, tilts)
         for beam in range(0, GEOMETRY.count, 7):
             r = float(ranges[beam])
             p = TILT.base_from_laser(tilts[beam])[0] @ [r * math.cos(ANGLES[beam]), r * math.sin(ANGLES[beam]), 0.0, 1.0]
-            inside = all(low <= v <= high for low, v, high in zip(config.body_min_m, p[:3], config.body_max_m, strict=True))
+            inside = all(low <= v <= high for low, v, high in zip(HUSKY.body_min_m, p[:3], HUSKY.body_max_m, strict=True))
             assert np.isnan(out[beam]) == inside
 
 
@@ -132,10 +137,10 @@ def test_wrong_shapes_are_named():
 
 
 def test_configuration_lists_every_violation():
-    config = ScanFilterConfig(min_range_m=2.0, max_range_m=1.0, body_min_m=(1.0, 0.0, 0.0))
+    config = ScanFilterConfig(min_range_m=2.0, max_range_m=1.0, veiling_angle_rad=-1.0)
     assert len(config.validate()) == 2
     with pytest.raises(ValueError, match="min_range_m"):
-        ScanFilter(config, GEOMETRY, TILT)
+        ScanFilter(config, GEOMETRY, TILT, HUSKY)
     assert ScanFilterConfig().validate() == []
 
 
@@ -143,3 +148,13 @@ def test_configuration_lists_every_violation():
 def test_impossible_scan_geometry_is_refused(values):
     with pytest.raises(ValueError):
         ScanGeometry(*values)
+
+
+def test_larger_robot_takes_more_echoes_for_its_own():
+    bumper = math.radians(30.0)  # nose down, so that the beam straight ahead ends 0.75 m before base_link
+    middle = GEOMETRY.count // 2
+    kept = []
+    for length_m in (0.99, 1.5):
+        body = ScanFilter(ScanFilterConfig(), GEOMETRY, TILT, replace(HUSKY, length_m=length_m))
+        kept.append(bool(np.isfinite(body.filter(scan(0.6), bumper)[middle])))
+    assert kept == [True, False]

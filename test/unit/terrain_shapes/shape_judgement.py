@@ -15,15 +15,15 @@ from shape_sweeps import PLACEMENTS, Placement, map_of
 
 from explore_command.parameters import read_profile
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig, find_frontiers
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.navigation.planner import Path as Way
 from octomap_server_3dnav.navigation.planner import PlannerConfig, nearest_traversable, plan_path
+from octomap_server_3dnav.navigation.straight_lines import PassageConfig
 from octomap_server_3dnav.octree.map_builder import MapConfig
 from octomap_server_3dnav.octree.octree import SensorModel
-from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
-from octomap_server_3dnav.navigation.straight_lines import PassageConfig
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig
-from robot_body import RobotBody
 from rigid_geometry import inverse, transform_points
+from robot_body import RobotBody
 from stage_config import load_config
 
 Array = NDArray[np.float64]

@@ -21,6 +21,7 @@ from pybullet_simulation.start_pose import Demand, StandingTest
 from pybullet_simulation.sweep_profile import sweep_profile
 from pybullet_simulation.world import World, joined
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody
 from sweep_assembly import ScanFilter, ScanFilterConfig, ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
 
 Array = NDArray[np.float64]
@@ -28,21 +29,21 @@ Array = NDArray[np.float64]
 STEP_S, SCAN_S, START_S = 0.005, 0.025, 0.25
 STAND_REACH_M = 0.15  # the ground lies so near to the height that a stand gives
 BEFORE_M = 0.05  # what swallows a beam lies so much before what it hits: the robot's body does not, which is seen twice
-CLIMBING = Demand(clearance_m=None, max_slope_rad=math.radians(25.1), max_roughness_m=0.10)
+CLIMBING = Demand(around_m=None, max_slope_rad=math.radians(25.1), max_roughness_m=0.10)
 
 
 class StandingLaser:
     """Sweeps of a robot that stands still among solids; `mute` ones swallow the beams that meet them first."""
 
     def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
-        config, robot, self._rng = SimulationConfig(), read_robot_model(), rng
+        config, robot, self._rng = SimulationConfig(), read_robot_model(RobotBody()), rng
         self._sigma_rad, self._profile = config.tilt_encoder_sigma_rad, sweep_profile(config)
         self._laser = Laser(config, robot, world_of(scene.solids), rng)
         self._swallow = Laser(config, robot, world_of(scene.mute), np.random.default_rng(0)) if scene.mute else None
         layout = self._laser.geometry
         self._geometry = ScanGeometry(layout.angle_min, layout.angle_increment, layout.time_increment, layout.beams)
         self._tilt_geometry = TiltGeometry(robot.T_base_mount, robot.T_tilt_laser)
-        self._filter = ScanFilter(ScanFilterConfig(), self._geometry, self._tilt_geometry)
+        self._filter = ScanFilter(ScanFilterConfig(), self._geometry, self._tilt_geometry, RobotBody())
 
     def sweep(self, T_map_base: Array) -> Beams:
         """One sweep in base_link."""
@@ -84,7 +85,7 @@ def world_of(solids: Sequence[Solid]) -> World:
 def poses_in(scene: Scene) -> list[Array]:
     """T_shape_base of the robot at every stand of a scene; ValueError where it could not stand."""
     world = world_of([*scene.solids, *scene.mute])
-    test, ground = StandingTest(world.vertices, world.triangles, closed=True), Ground(world)
+    test, ground = StandingTest(world.vertices, world.triangles, closed=True, robot=RobotBody()), Ground(world)
     return [_pose(test, ground, stand) for stand in scene.stands]
 
 
@@ -128,7 +129,7 @@ def sweeps_of(shape: Shape) -> list[tuple[Array, Beams]]:
 @lru_cache(maxsize=4)
 def map_of(shape: Shape, placement: Placement, config: MapConfig, sensor_model: SensorModel) -> tuple[MapBuilder, Array]:
     """The map of all sweeps of a shape that stands somewhere in the voxel grid, and where the robot stands at last."""
-    builder, poses = MapBuilder(config, sensor_model), []
+    builder, poses = MapBuilder(config, sensor_model, RobotBody()), []
     for k, (T_shape_base, beams) in enumerate(sweeps_of(shape)):
         poses.append(placement.T_map_shape @ T_shape_base)
         builder.add_sweep(beams, k, np.array(poses))

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from terrain_maps import AIR, FREE, OCCUPIED, RESOLUTION, UNKNOWN, cloud_file, floor, octree_file, octree_of, two_storeys
 
 from mapping_tools.cloud_files import read_cloud
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig, classify
+from robot_body import RobotBody, robot_mapping
 from terrain_tools.classify_map import main
 from terrain_tools.ground import pose_on
 from terrain_tools.results import FILES
@@ -54,7 +56,7 @@ def test_path_leads_over_the_ramp_to_the_upper_storey(tmp_path, storeys, capsys)
 
 def test_classes_are_those_of_the_node_and_in_their_colours(tmp_path, storeys):
     run(tmp_path, storeys, "--start", 4, 5, 0)
-    terrain = classify(OctreeMap.read(storeys).column_runs(), pose_on((4, 5, 0), TerrainConfig()), TerrainConfig(), None)
+    terrain = classify(OctreeMap.read(storeys).column_runs(), pose_on((4, 5, 0), RobotBody()), TerrainConfig(), RobotBody(), None)
     header, _, body = (tmp_path / "out" / "terrain.ply").read_bytes().partition(b"end_header\n")
     rows = np.frombuffer(body, dtype=[("xyz", "<f4", 3), ("rgb", "u1", 3), ("label", "u1")])
     assert np.array_equal(rows["xyz"], terrain.centers()) and np.array_equal(rows["label"], terrain.label)
@@ -81,11 +83,30 @@ def test_both_octree_formats_give_the_same(tmp_path, suffix, room):
     assert code == 0 and found["terrain"]["classes"] == run(tmp_path, room, *START)[1]["terrain"]["classes"]
 
 
+def robot_file(tmp_path, **changes):
+    path = tmp_path / "small.yaml"
+    path.write_text(yaml.safe_dump({**robot_mapping(RobotBody()), **changes}))
+    return path
+
+
 def test_robot_file_changes_what_is_traversable(tmp_path, room):
-    (tmp_path / "small.yaml").write_text("terrain: {inflation_radius_m: 0.3}\n")
-    code, found = run(tmp_path, room, *START, "--robot", tmp_path / "small.yaml")
-    assert code == 0 and found["config"]["terrain"]["inflation_radius_m"] == 0.3
+    small = {"length_m": 0.48, "width_m": 0.36, "track_m": 0.3, "wheel_width_m": 0.06, "wheelbase_m": 0.1}  # turns within 0.3 m
+    code, found = run(tmp_path, room, *START, "--robot", robot_file(tmp_path, **small))
+    assert code == 0 and found["config"]["robot"]["length_m"] == 0.48
     assert found["terrain"]["reachable_m2"] == pytest.approx(3.2**2, abs=0.01)
+
+
+def test_wrong_robot_is_refused_with_one_line_a_violation(tmp_path, room, capsys):
+    wrong = robot_file(tmp_path, width_m=0.5, max_step_m=-1.0, colour="red")
+    assert main([str(room), *map(str, START), "--robot", str(wrong), "--out", str(tmp_path / "out")]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 3 and all(line.startswith(f"./classify_map: --robot {wrong}: ") for line in lines), lines
+
+
+def test_profile_sets_parameters_and_values_of_the_robot(tmp_path, room):
+    (tmp_path / "p.yaml").write_text("octomap_server_3dnav_node: {terrain: {clearance_margin_m: 0.2}}\nrobot: {max_step_m: 0.05}\n")
+    code, found = run(tmp_path, room, *START, "--profile", tmp_path / "p.yaml")
+    assert code == 0 and found["config"]["terrain"]["clearance_margin_m"] == 0.2 and found["config"]["robot"]["max_step_m"] == 0.05
 
 
 def test_start_may_be_off_the_ground_by_its_tolerance(tmp_path, room):

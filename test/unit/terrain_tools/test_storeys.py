@@ -4,12 +4,13 @@ import numpy as np
 from terrain_maps import AIR, FREE, OCCUPIED, RESOLUTION, floor, octree_of, two_storeys
 
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig, classify
+from robot_body import RobotBody
 from terrain_tools.ground import pose_on
 from terrain_tools.storeys import storeys
 
 
 def terrain_of(states, start) -> Terrain:
-    return classify(octree_of(states).column_runs(), pose_on(start, TerrainConfig()), TerrainConfig(), None)
+    return classify(octree_of(states).column_runs(), pose_on(start, RobotBody()), TerrainConfig(), RobotBody(), None)
 
 
 def test_one_floor_is_one_storey_with_all_of_its_layers():
