@@ -14,7 +14,7 @@ from exploration_evaluation.config import RobotShape
 from exploration_evaluation.ground_grid import Floats, Grid, Ints, Mask, Surfaces, first_of
 
 _HEADINGS = 48  # in a full turn: a passage of 0.9 m is found up to 1.8 m long, whichever way it lies, and every one along the axes
-_OFFSETS = 3  # neighbouring places start on lines that lie differently in their cells: a door is found wherever it lies between them
+_OFFSETS = 3  # lines beside each other within a cell: a door is found wherever it lies between the places
 _FARTHEST_M = 100.0
 
 
@@ -69,9 +69,9 @@ def _drive(xyz: Floats, first: Ints, things: Things, frame: Frame, pieces: Ints,
     cell, half_length = limits[0], limits[1]
     step = 0.5 * cell
     for start in starts:
-        aside = ((start % _OFFSETS + 0.5) / _OFFSETS - 0.5) * cell
-        for heading in range(_HEADINGS):
-            u = (math.cos(2.0 * math.pi * heading / _HEADINGS), math.sin(2.0 * math.pi * heading / _HEADINGS))
+        for line in range(_HEADINGS * _OFFSETS):
+            angle, aside = 2.0 * math.pi * (line // _OFFSETS) / _HEADINGS, ((line % _OFFSETS + 0.5) / _OFFSETS - 0.5) * cell
+            u = (math.cos(angle), math.sin(angle))
             x, y, z = xyz[start, 0] - aside * u[1], xyz[start, 1] + aside * u[0], xyz[start, 2]
             beside = _surface_at(xyz, first, frame, (xyz[start, 0] + cell * u[0], xyz[start, 1] + cell * u[1], z))
             if beside < 0 or pieces[beside] >= 0:
