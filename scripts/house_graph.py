@@ -99,7 +99,7 @@ def _read(path: Path, src: Path) -> _Module:
 def _named_in(modules: dict[str, _Module], module: str, name: str) -> Iterator[str]:
     """The package's functions that a function's body names."""
     here = modules[module]
-    for node in ast.walk(here.functions[name]):
+    for node in (inner for line in here.functions[name].body for inner in ast.walk(line)):
         if isinstance(node, ast.Name):
             yield from _meant_by(modules, module, node.id)
         elif isinstance(node, ast.Attribute):

@@ -48,8 +48,6 @@ ORDER: dict[str, set[str]] = {
     "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "roslaunch_process"},
 }
 """Every package and what it may import, earlier ones only. Rooms count as packages."""
-OUT_OF_ORDER = {("octomap_server_3dnav.terrain", "octomap_server_3dnav.navigation")}
-"""Until passages are a function of a finished terrain: the classifier asks for them today."""
 SHARED = BASE
 PROGRAMS = set(list(ORDER)[list(ORDER).index(ADAPTERS) + 1 :])
 STAGES = {name.partition(".")[0] for name in ORDER} - SHARED - PROGRAMS - {ADAPTERS}
@@ -103,15 +101,10 @@ def test_order_has_no_way_back() -> None:
 
 @pytest.mark.parametrize("package", ORDER)
 def test_package_imports_what_its_line_names(package: str) -> None:
-    allowed = ORDER[package] | {package} | {to for name, to in OUT_OF_ORDER if name == package}
+    allowed = ORDER[package] | {package}
     modules = {dotted: path for dotted, path in modules_below(SRC).items() if package_of(dotted) == package}
     found = [(dotted, to) for dotted, path in modules.items() for to in imported_modules(path, SRC) if package_of(to) not in allowed]
     assert not found
-
-
-def test_no_exception_from_the_order_outlives_its_reason() -> None:
-    used = {(package_of(d), package_of(to)) for d, path in modules_below(SRC).items() for to in imported_modules(path, SRC)}
-    assert not OUT_OF_ORDER - used
 
 
 @pytest.mark.parametrize("package", sorted(STAGES | SHARED | PROGRAMS))

@@ -11,8 +11,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.octree.columns import seen_down_to
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
-from octomap_server_3dnav.terrain.columns import seen_down_to
 from octomap_server_3dnav.terrain.surfaces import find_node
 
 _RAYS = 64

@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.octree.columns import indices_of
 from octomap_server_3dnav.octree.lean_kernels import Index
 from octomap_server_3dnav.terrain.beside import EDGE
 from octomap_server_3dnav.terrain.classified_terrain import (
@@ -21,7 +22,6 @@ from octomap_server_3dnav.terrain.classified_terrain import (
     Barriers,
     Terrain,
 )
-from octomap_server_3dnav.terrain.columns import indices_of
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.judgement import Departure
 from octomap_server_3dnav.terrain.scene import Scene

@@ -5,20 +5,18 @@ The third principle of docs/terrain.md. Asked by the flood of `classify`, of the
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
-from octomap_server_3dnav.terrain.columns import (
+from octomap_server_3dnav.octree.columns import (
     DX,
     DY,
     NO_VOXEL,
     Columns,
     blocking_voxel,
-    is_free_in,
     is_top_seen,
     lowest_occupied,
     seen_down_to,
 )
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.graph import Links
 from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
@@ -91,20 +89,4 @@ def stands_near(columns: Columns, c: Index, low: Index, high: Index) -> bool:
         for dy in range(-NEAR, NEAR + 1):
             if lowest_occupied(columns, c + dx * columns.ny + dy, low, high) != NO_VOXEL:
                 return True
-    return False
-
-
-@lean_njit
-def is_hidden_side(columns: Columns, surfaces: Surfaces, near: NDArray[np.int32], s: Index, limits: Limits) -> bool:
-    """Whether nothing was seen over node s as high as the robot, though it was beside, and something stands near: the unknown near what is
-    BLOCKED is BLOCKED."""
-    if surfaces.is_open[s]:
-        return False
-    c, z = np.int64(surfaces.column[s]), np.int64(surfaces.z[s])
-    low, high = z + limits.step + 1, z + limits.clearance
-    if is_free_in(columns, c, low, high):
-        return False
-    for k in range(4):
-        if near[s, k] >= 0 and is_free_in(columns, c + DX[k] * columns.ny + DY[k], low, high):
-            return stands_near(columns, c, low, high)
     return False

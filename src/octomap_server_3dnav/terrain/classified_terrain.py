@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.terrain.columns import Columns
+from octomap_server_3dnav.octree.columns import Columns
 
 UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = 255, 0, 1, 2, 3, 4, 5
 """Labels of nodes, as the kernels take them; those but the first are of `TerrainClass`."""

@@ -11,11 +11,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.octree.columns import DX, DY, NO_VOXEL, Columns, blocking_voxel, lowest_occupied, top_near
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
 from octomap_server_3dnav.terrain.beside import BLOCKED, EDGE, UNKNOWN, stands_near
 from octomap_server_3dnav.terrain.classified_terrain import CLIFF, OBSTACLE, TRAVERSABLE, UNREACHED, Barriers
-from octomap_server_3dnav.terrain.columns import DX, DY, NO_VOXEL, Columns, blocking_voxel, lowest_occupied, top_near
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.graph import Links
 from octomap_server_3dnav.terrain.scene import Scene

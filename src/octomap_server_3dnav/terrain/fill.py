@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.octree.columns import NO_VOXEL, Columns, blocking_voxel, seen_down_to
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
-from octomap_server_3dnav.terrain.columns import NO_VOXEL, Columns, blocking_voxel, seen_down_to
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
 

@@ -8,10 +8,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.octree.columns import Columns
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
-from octomap_server_3dnav.terrain.beside import BLOCKED, DROP, beside, is_hidden_side
+from octomap_server_3dnav.terrain.beside import BLOCKED, DROP, beside
 from octomap_server_3dnav.terrain.classified_terrain import CLIFF, OBSTACLE, TRAVERSABLE, UNREACHED
-from octomap_server_3dnav.terrain.columns import Columns
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.graph import Links
 from octomap_server_3dnav.terrain.planes import steepness
@@ -63,7 +63,7 @@ def flood(
                     label[s] = CLIFF
         if label[s] == CLIFF:
             continue
-        if _is_too_steep(surfaces, links, columns.ny, s, limits) or is_hidden_side(columns, surfaces, links.near, s, limits):
+        if _is_too_steep(surfaces, links, columns.ny, s, limits):
             label[s] = OBSTACLE
             continue
         traversable += 1

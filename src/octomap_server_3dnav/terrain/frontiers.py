@@ -7,10 +7,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.octree.columns import DX, DY, Columns
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.beside import EDGE, UNKNOWN
 from octomap_server_3dnav.terrain.classified_terrain import INFLATION, TRAVERSABLE, UNREACHED
-from octomap_server_3dnav.terrain.columns import DX, DY, Columns
 from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.octree.columns import DX, DY
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
-from octomap_server_3dnav.terrain.columns import DX, DY
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.surfaces import VOXEL_SIGMA, Surfaces, find_node
 
@@ -49,25 +49,6 @@ def nearest_neighbours(
                     continue
                 for s in range(first, end):
                     out[s, k] = find_node(start, z, d, np.int64(z[s]), step)
-    return out
-
-
-@njit(cache=True)
-def supported_heights(near: NDArray[np.int32], surfaces: Surfaces, max_step: float) -> NDArray[np.float32]:
-    """(N,) float32 heights, of a lone surface that of the plane of its neighbours: a hit gone astray, or what a wheel climbs anyway.
-
-    It is lone if it is no more than a step above all four, or below them, and these lie on one plane.
-    """
-    height, far = surfaces.height, max_step / 5
-    out = height.copy()
-    for s in range(height.size):
-        a, b, c, d = near[s]
-        if a < 0 or b < 0 or c < 0 or d < 0:
-            continue
-        along, aside = 0.5 * (height[a] + height[c]), 0.5 * (height[b] + height[d])
-        off = height[s] - 0.5 * (along + aside)
-        if far < abs(off) <= max_step and abs(along - aside) <= far and max(abs(height[a] - height[c]), abs(height[b] - height[d])) <= far:
-            out[s] = 0.5 * (along + aside)
     return out
 
 

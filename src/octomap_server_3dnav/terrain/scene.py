@@ -8,12 +8,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.octree.columns import Columns, crop_columns
 from octomap_server_3dnav.octree.lean_kernels import Index
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
-from octomap_server_3dnav.terrain.columns import Columns, crop_columns
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.fill import fill_gaps
-from octomap_server_3dnav.terrain.graph import ROWS, Links, centred_heights, nearest_neighbours, steppable_neighbours, supported_heights
+from octomap_server_3dnav.terrain.graph import ROWS, Links, centred_heights, nearest_neighbours, steppable_neighbours
 from octomap_server_3dnav.terrain.planes import BASE
 from octomap_server_3dnav.terrain.surfaces import Surfaces, surfaces_of
 
@@ -88,6 +88,5 @@ def scene_around(
     linked_m = None if reach_m is None else reach_m + (BASE + ROWS + 2) * runs.resolution  # as far as slopes and steps look
     spans = _spans_inside(x, y, linked_m, limits.margin)
     near = nearest_neighbours(surfaces.start, surfaces.z, columns.ny, spans, limits.step)
-    surfaces = surfaces._replace(height=supported_heights(near, surfaces, limits.max_step))
     surfaces = surfaces._replace(height=centred_heights(near, surfaces))
     return Scene(columns, key, surfaces, Links(near, steppable_neighbours(near, surfaces, limits)), x, y)

@@ -10,9 +10,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.octree.columns import Columns, indices_of
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
-from octomap_server_3dnav.terrain.columns import Columns, indices_of
 from octomap_server_3dnav.terrain.config import Limits
 
 _STRIP = 3  # voxels from the end of one strip of a wall to the beginning of the next: the laser's lines leave as many out

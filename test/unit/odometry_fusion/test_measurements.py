@@ -11,6 +11,7 @@ from odometry_fusion import OdometryConfig, OdometryFilter
 from odometry_fusion.interval import ImuInterval
 from odometry_fusion.measurements import feel_gravity, level
 from rigid_geometry import rpy_from_rotation
+from robot_body import RobotBody
 
 sys.path.insert(0, str(Path(__file__).parent))
 from kinematic_robot import GRAVITY, Errors, Motion, simulate  # noqa: E402
@@ -49,7 +50,7 @@ def test_robot_that_gathers_speed_for_long_stays_level():
     gathering = [Motion(0.1, 0.025 * k) for k in range(40)]
     rests = [Motion(2.0)]
     data = simulate(rests + gathering * 3, Errors(), np.random.default_rng(0))
-    odometry, pending, pitch = OdometryFilter(CONFIG), list(data.imu), []
+    odometry, pending, pitch = OdometryFilter(CONFIG, RobotBody()), list(data.imu), []
     for stamp, v, w in data.wheels:
         while pending and pending[0][0] <= stamp:
             odometry.add_imu(*pending.pop(0))

@@ -6,6 +6,7 @@ from drive_simulation import World, drive
 
 from path_following import FollowerConfig, PathFollower
 from path_following.pursuit import Steering, regulated_speed
+from robot_body import RobotBody
 
 CONFIG = FollowerConfig()
 AHEAD = Steering(0.0, 0.0)
@@ -32,7 +33,7 @@ def test_robot_drives_slower_between_walls_than_in_the_open() -> None:
         world = World()
         for y in ((-1.2, -0.56), (0.56, 1.2)):
             world.lethal[world.cells(-9, 9, *y)] = walls
-        follower = PathFollower(CONFIG)
+        follower = PathFollower(CONFIG, RobotBody())
         follower.set_path(np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0]]), None)
         run = drive(follower, world)
         assert run.last.state.value == "reached" and not run.touched
