@@ -20,7 +20,8 @@ import yaml
 from map_rebuild import Array, from_scratch, recorded
 
 from exploration_evaluation import EvaluationConfig, RobotShape, reachable_ground, read_mesh, read_trajectory, trajectory_errors
-from exploration_evaluation.classification import EDGE, TrueClasses, classification, true_classes
+from exploration_evaluation.classification import EDGE, classification
+from exploration_evaluation.true_classes import TrueClasses, true_classes
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.octree.map_builder import Beams
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from exploration_evaluation import EvaluationConfig, RobotShape, reachable_ground, read_mesh, read_trajectory, trajectory_errors
-from exploration_evaluation.classification import EDGE, Classification, classification, true_classes
+from exploration_evaluation.classification import EDGE, Classification, classification
+from exploration_evaluation.true_classes import true_classes
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, MapBuilder, MapConfig
 from octomap_server_3dnav.octree.octree import SensorModel

@@ -12,9 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from exploration_evaluation import read_json
+from exploration_evaluation.verdict import Fault
 
 REFERENCE_PROFILE = "ours"
-GOOD_COVERAGE = 0.90  # a run that ended well with less left larger parts unexplored: the thesis marks such with "~" and counts them apart
+# A run that ended well and left larger parts unexplored: the thesis marks such with "~" and counts them apart. The judge calls that a fault
+# now; summaries of earlier versions tell their coverage only.
+GOOD_COVERAGE = 0.90
 
 
 class Status(enum.Enum):
@@ -62,9 +65,11 @@ class Run:
         """As the thesis grades its runs; None for a missing run or one that could not be judged."""
         if self.status is Status.MISSING:
             return None
+        coverage = self.number("coverage")
+        if self.status is Status.FINISHED and self.summary.get("faults") == [Fault.MISSED]:
+            return Grade.PARTIAL
         if self.status is not Status.FINISHED or self.summary.get("success") is False:
             return Grade.FAILED
-        coverage = self.number("coverage")
         if self.summary.get("success") is not True or coverage is None:
             return None
         return Grade.GOOD if coverage >= GOOD_COVERAGE else Grade.PARTIAL

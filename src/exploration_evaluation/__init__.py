@@ -24,6 +24,7 @@ from exploration_evaluation.run_files import (
     write_json,
 )
 from exploration_evaluation.run_folder import evaluate_run
+from exploration_evaluation.safety import TerrainSafety, terrain_safety
 from exploration_evaluation.scores import (
     ContactEpisode,
     MapError,
@@ -39,7 +40,7 @@ from exploration_evaluation.scores import (
     motion,
     trajectory_errors,
 )
-from exploration_evaluation.shortest_path import path_ratio, shortest_length
+from exploration_evaluation.shortest_path import path_ratio, shortest_legs, shortest_length
 from exploration_evaluation.truth import ReachableGround, reachable_ground
 
 __all__ = [
@@ -53,6 +54,7 @@ __all__ = [
     "ReachableGround",
     "RelativeError",
     "RobotShape",
+    "TerrainSafety",
     "TrajectoryErrors",
     "activity_times",
     "align_poses",
@@ -82,8 +84,10 @@ __all__ = [
     "read_sweeps",
     "read_trajectory",
     "relative_pose_error",
+    "shortest_legs",
     "shortest_length",
     "swept_coverage",
+    "terrain_safety",
     "trajectory_errors",
     "write_json",
 ]

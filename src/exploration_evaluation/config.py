@@ -1,5 +1,6 @@
 """What the judge assumes: the robot's body, and the tolerances of the scores. Every default of this stage is here."""
 
+import math
 from dataclasses import dataclass
 
 from robot_body import RobotBody
@@ -11,13 +12,24 @@ _ROOM_ABOVE_M = 0.10  # above the robot, where it is judged to fit
 
 @dataclass(frozen=True)
 class RobotShape:
-    """The body whose reach is judged, as a cylinder that turns in place; `of` makes it of the robot of the run."""
+    """The body whose reach is judged: a cylinder where it turns, a box where it drives straight; `of` makes it of the robot of the run."""
 
     circumscribed_radius_m: float = parameter(
         _DEFAULT.turning_radius_m, "m", "free distance the centre needs to turn in place", low=0.05, high=5.0
     )
     inscribed_radius_m: float = parameter(
         _DEFAULT.half_width_m, "m", "ground this near to a reachable centre lies under the body", low=0.0, high=5.0
+    )
+    length_m: float = parameter(
+        _DEFAULT.length_m, "m", "outline, along the robot's x, with which it drives straight where it cannot turn", low=0.1, high=5.0
+    )
+    width_m: float = parameter(_DEFAULT.width_m, "m", "outline, along the robot's y", low=0.1, high=5.0)
+    wheel_width_m: float = parameter(
+        _DEFAULT.wheel_width_m,
+        "m",
+        "no wheel falls into a seam narrower than this, nor, where seams cross, than half of it",
+        low=0.0,
+        high=1.0,
     )
     height_m: float = parameter(_DEFAULT.height_m, "m", "highest part of the robot above the ground", low=0.1, high=5.0)
     headroom_m: float = parameter(
@@ -35,12 +47,20 @@ class RobotShape:
         return cls(
             circumscribed_radius_m=robot.turning_radius_m,
             inscribed_radius_m=robot.half_width_m,
+            length_m=robot.length_m,
+            width_m=robot.width_m,
+            wheel_width_m=robot.wheel_width_m,
             height_m=robot.height_m,
             headroom_m=robot.height_m + _ROOM_ABOVE_M,
             ground_clearance_m=robot.ground_clearance_m,
             max_slope_rad=robot.max_slope_rad,
             max_step_m=robot.max_step_m,
         )
+
+    @property
+    def level_m(self) -> float:
+        """Difference in height up to which ground beside the robot lies on its own level."""
+        return self.circumscribed_radius_m * math.tan(self.max_slope_rad) + self.max_step_m
 
     def validate(self) -> list[str]:
         """All violations of ranges, and radii or heights in the wrong order."""
@@ -65,6 +85,14 @@ class EvaluationConfig:
     coverage_vertical_m: float = parameter(0.10, "m", "farthest mapped voxel, along z, that covers a cell of ground", low=0.0, high=1.0)
     map_resolution_m: float = parameter(0.08, "m", "finest voxel of the map, to which pruned ones are divided", low=0.01, high=1.0)
     max_cloud_points: int = parameter(400_000, "-", "points of the cloud that are measured against the true mesh", low=100)
+    min_coverage: float = parameter(
+        0.95, "-", "share of the reachable ground that a success has to exceed; runs that end well have over 0.99", low=0.0, high=1.0
+    )
+    max_missed_piece_m2: float = parameter(
+        5.0, "m2", "largest connected piece of reachable ground that a success may lack: a small room or a deck", low=0.0
+    )
+    stayed_m: float = parameter(1.0, "m", "the robot's length: one that came no farther has never left its start", low=0.0)
+    stayed_coverage: float = parameter(0.995, "-", "coverage from which one that stayed has seen all that there is", low=0.0, high=1.0)
     contact_gap_s: float = parameter(1.0, "s", "pause after which a contact counts as another collision", low=0.0)
     fall_tilt_rad: float = parameter(0.87, "rad", "tilt of the body beyond which it has fallen", low=0.3, high=3.1)
     fall_speed_mps: float = parameter(1.5, "m/s", "downward speed beyond which the body falls (0.11 m of free fall)", low=0.3)

@@ -7,7 +7,6 @@ blue; potential cliff light blue. Everything else that is occupied is grey. Ceil
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,22 +20,20 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from exploration_evaluation.classification import LABELS
-from exploration_evaluation.run_files import read_arrays, read_occupied, read_trajectory
-from exploration_evaluation.scores import trajectory_errors
+from exploration_evaluation.picture_content import (
+    COLOURS,
+    OTHER_COLOUR,
+    DrawnVoxels,
+    DrivenPath,
+    driven_path,
+    read_voxels,
+    without_ceiling,
+    without_front_walls,
+)
 from exploration_evaluation.voxel_renderer import Canvas, Depth, Image, View, render_cubes
-from rigid_geometry import inverse, transform_points
 
 Floats = NDArray[np.float64]
 
-_COLOURS = {
-    "traversable": "#63b46c",
-    "obstacle": "#d5483f",
-    "cliff": "#8e5bb8",
-    "inflation": "#f0a040",
-    "frontier": "#2f7fdb",
-    "potential cliff": "#35c4d7",
-}
-_OTHER_COLOUR = "#d4d7dc"
 _BACKGROUND = (1.0, 1.0, 1.0)
 _INK = "#20242b"
 _SUPERSAMPLING = 2
@@ -48,32 +45,6 @@ _MAP_PIXELS = (1500, 1150)
 _LEAST_WIDTH = 1500  # pixels: titles and legend need them
 _DPI = 100
 _MARGIN_M = 0.5
-_CEILING_M = 1.3
-_STRIP_M = 0.10
-_FRONT_WALL_M = 0.25
-_SILL_M = 0.25
-_PATH_ABOVE_BASE_M = 0.10
-_PATH_STEP_M = 0.05
-
-
-@dataclass(frozen=True)
-class _Voxels:
-    """(N, 3) centres, (N,) edge lengths, (N, 3) colours, and (N,) how far they come forward where two share a face."""
-
-    centres: Floats
-    sizes: Floats
-    colours: Image
-    bias: Floats
-    classes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class _Path:
-    """(N, 3) line that was driven, and (S, 3) places of sweeps, both a little above base_link in the map frame."""
-
-    line: Floats
-    sweeps: Floats
-    line_is_true: bool
 
 
 def draw_pictures(directory: Path | str, summary: Mapping[str, Any] | None = None) -> tuple[Path, ...]:
@@ -83,11 +54,11 @@ def draw_pictures(directory: Path | str, summary: Mapping[str, Any] | None = Non
     ValueError when there are neither occupied nor classified voxels.
     """
     folder = Path(directory)
-    path = _driven_path(folder)
-    voxels = _without_ceiling(_read_voxels(folder), path)
+    path = driven_path(folder)
+    voxels = without_ceiling(read_voxels(folder), path)
     written = []
     for name, (direction, view) in _VIEWS.items():
-        figure = _figure(_without_front_walls(voxels, view), path, view, direction, summary or {})
+        figure = _figure(without_front_walls(voxels, view), path, view, direction, summary or {})
         # In two steps, so that a picture is whole or not there.
         beside = folder / f".{name}"
         figure.savefig(beside, dpi=_DPI, format="png", facecolor="white")
@@ -95,106 +66,7 @@ def draw_pictures(directory: Path | str, summary: Mapping[str, Any] | None = Non
     return tuple(written)
 
 
-def _read_voxels(folder: Path) -> _Voxels:
-    parts, reasons = [], []
-    for read in (_occupied_voxels, _classified_voxels):
-        try:
-            parts.append(read(folder))
-        except ValueError as error:
-            reasons.append(str(error))
-    parts = [part for part in parts if len(part.centres)]
-    if not parts:
-        raise ValueError(f"nothing to draw in {folder}: {'; '.join(reasons) or 'the map is empty'}")
-    return _Voxels(
-        np.vstack([p.centres for p in parts]),
-        np.concatenate([p.sizes for p in parts]),
-        np.vstack([p.colours for p in parts]),
-        np.concatenate([p.bias for p in parts]),
-        tuple(name for p in parts for name in p.classes),
-    )
-
-
-def _occupied_voxels(folder: Path) -> _Voxels:
-    centres, sizes = read_occupied(folder / "occupied.npz")
-    return _Voxels(centres, sizes, np.tile(_rgb(_OTHER_COLOUR), (len(centres), 1)), np.zeros(len(centres)), ("other",))
-
-
-def _classified_voxels(folder: Path) -> _Voxels:
-    data = read_arrays(folder / "terrain.npz", ("x", "y", "z", "label"))
-    known = data["label"] < len(LABELS)
-    centres = np.column_stack([data[axis] for axis in "xyz"]).astype(np.float64)[known]
-    label = data["label"][known].astype(np.int64)
-    palette = np.stack([_rgb(_COLOURS[name]) for name in LABELS])
-    present = tuple(name for k, name in enumerate(LABELS) if (label == k).any())
-    size = _spacing(centres)
-    # Of classes that share a face the rarer tells more: a frontier beside ground, a cliff beside its inflation.
-    return _Voxels(centres, np.full(len(centres), size), palette[label], np.asarray(0.02 * size + 1e-5 * label, dtype=np.float64), present)
-
-
-def _spacing(centres: Floats) -> float:
-    """The grid that the centres lie on: the smallest distance between two different x."""
-    gaps = np.diff(np.unique(np.round(centres[:, 0], 4))) if len(centres) else np.empty(0)
-    gaps = gaps[gaps > 0.005]
-    return float(gaps.min()) if len(gaps) else 0.08
-
-
-def _rgb(code: str) -> Image:
-    return np.array([int(code[k : k + 2], 16) / 255.0 for k in (1, 3, 5)], dtype=np.float32)
-
-
-def _driven_path(folder: Path) -> _Path:
-    try:
-        stamps, poses = read_trajectory(folder / "trajectory.txt")
-    except ValueError:
-        return _Path(np.empty((0, 3)), np.empty((0, 3)), False)
-    sweeps = poses[:, :3, 3] + [0.0, 0.0, _PATH_ABOVE_BASE_M]
-    try:
-        at_truth, truth = read_trajectory(folder / "trajectory_truth.txt")
-        T_map_world = inverse(trajectory_errors(stamps, poses, at_truth, truth).T_world_map)
-    except ValueError:
-        return _Path(_densified(sweeps), sweeps, False)
-    driven = np.asarray(transform_points(T_map_world, truth[:, :3, 3]), dtype=np.float64) + [0.0, 0.0, _PATH_ABOVE_BASE_M]
-    return _Path(_densified(driven), sweeps, True)
-
-
-def _densified(points: Floats) -> Floats:
-    """Points every few centimetres along a line, so that each piece is seen or hidden as a whole."""
-    length = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
-    at = np.linspace(0.0, length[-1], max(2, math.ceil(length[-1] / _PATH_STEP_M)))
-    return np.column_stack([np.interp(at, length, points[:, axis]) for axis in range(3)])
-
-
-def _without_ceiling(voxels: _Voxels, path: _Path) -> _Voxels:
-    """Without what lies higher than a head above the highest ground that was classified or driven."""
-    classified = voxels.bias > 0
-    ground = np.concatenate([voxels.centres[classified, 2], path.line[:, 2], path.sweeps[:, 2]])
-    if not len(ground):
-        return voxels
-    kept = voxels.centres[:, 2] - 0.5 * voxels.sizes <= float(np.percentile(ground, 99.5)) + _CEILING_M
-    return _kept(voxels, kept)
-
-
-def _without_front_walls(voxels: _Voxels, view: View) -> _Voxels:
-    """Without the upper part of what stands between the viewer and all classified ground, as in a doll's house."""
-    ground = voxels.centres[voxels.bias > 0]
-    forward = np.array([view.axes[2, 0], view.axes[2, 1], 0.0])
-    if not len(ground) or np.linalg.norm(forward) < 1e-3:
-        return voxels
-    right = view.axes[0]
-    strip = np.round(ground @ right / _STRIP_M).astype(np.int64)
-    order = np.lexsort((ground @ forward, strip))
-    foremost = ground[order[np.append(np.diff(strip[order]) > 0, True)]]  # in each strip of the picture, left to right
-    at = voxels.centres @ right
-    before = voxels.centres @ forward > np.interp(at, foremost @ right, foremost @ forward) - _FRONT_WALL_M
-    above = voxels.centres[:, 2] > np.interp(at, foremost @ right, foremost[:, 2]) + _SILL_M
-    return _kept(voxels, ~(before & above & (voxels.bias == 0)))
-
-
-def _kept(voxels: _Voxels, kept: NDArray[np.bool_]) -> _Voxels:
-    return _Voxels(voxels.centres[kept], voxels.sizes[kept], voxels.colours[kept], voxels.bias[kept], voxels.classes)
-
-
-def _figure(voxels: _Voxels, path: _Path, view: View, direction: str, summary: Mapping[str, Any]) -> Figure:
+def _figure(voxels: DrawnVoxels, path: DrivenPath, view: View, direction: str, summary: Mapping[str, Any]) -> Figure:
     canvas = Canvas.around(view.project(voxels.centres), *_MAP_PIXELS, margin_m=_MARGIN_M)
     image, depth = _rendered(voxels, view, canvas)
     header, footer, side = 92, 84, 24
@@ -213,14 +85,14 @@ def _figure(voxels: _Voxels, path: _Path, view: View, direction: str, summary: M
     return figure
 
 
-def _rendered(voxels: _Voxels, view: View, canvas: Canvas) -> tuple[Image, Depth]:
+def _rendered(voxels: DrawnVoxels, view: View, canvas: Canvas) -> tuple[Image, Depth]:
     large = canvas.enlarged(_SUPERSAMPLING)
     image, depth = render_cubes(voxels.centres, voxels.sizes, _lit_by_height(voxels), voxels.bias, view, large, _BACKGROUND)
     blocks = image.reshape(canvas.height, _SUPERSAMPLING, canvas.width, _SUPERSAMPLING, 3)
     return np.clip(blocks.mean(axis=(1, 3)), 0.0, 1.0), depth
 
 
-def _lit_by_height(voxels: _Voxels) -> Image:
+def _lit_by_height(voxels: DrawnVoxels) -> Image:
     """Colours a little darker below and lighter above, so that levels that look alike are told apart."""
     low, high = np.percentile(voxels.centres[:, 2], [1, 99])
     share = np.clip((voxels.centres[:, 2] - low) / max(high - low, 1.0), 0.0, 1.0)[:, None]
@@ -228,7 +100,7 @@ def _lit_by_height(voxels: _Voxels) -> Image:
     return np.asarray(dark + (1.0 - dark) * 0.23 * share, dtype=np.float32)
 
 
-def _draw_path(axes: Axes, path: _Path, view: View, canvas: Canvas, depth: Depth) -> None:
+def _draw_path(axes: Axes, path: DrivenPath, view: View, canvas: Canvas, depth: Depth) -> None:
     if len(path.line) > 1:
         projected = view.project(path.line)
         pixels = canvas.pixels(projected)
@@ -280,10 +152,10 @@ def _facts(summary: Mapping[str, Any]) -> list[str]:
     return facts + ([str(summary["stop_reason"])] if summary.get("stop_reason") else [])
 
 
-def _draw_legend(figure: Figure, voxels: _Voxels, path: _Path, x: float, y: float) -> None:
-    handles: list[Any] = [Patch(facecolor=_COLOURS[n], label=n) for n in LABELS if n in voxels.classes]
+def _draw_legend(figure: Figure, voxels: DrawnVoxels, path: DrivenPath, x: float, y: float) -> None:
+    handles: list[Any] = [Patch(facecolor=COLOURS[n], label=n) for n in LABELS if n in voxels.classes]
     if "other" in voxels.classes:
-        handles.append(Patch(facecolor=_OTHER_COLOUR, label="other occupied"))
+        handles.append(Patch(facecolor=OTHER_COLOUR, label="other occupied"))
     if len(path.line):
         handles.append(Line2D([], [], color=_INK, lw=2.4, label="path driven" if path.line_is_true else "from sweep to sweep"))
     if len(path.sweeps):

@@ -1,10 +1,14 @@
 """A summary as text that fits one screen; what is not known is said, never left out."""
 
 import math
+import textwrap
 from collections.abc import Mapping
 from typing import Any
 
+from exploration_evaluation.verdict import Fault
+
 _UNKNOWN = "unknown"
+_COLUMNS = 100
 _MISSING_SHOWN = 6
 
 
@@ -25,15 +29,36 @@ def format_summary(summary: Mapping[str, Any]) -> str:
 
 
 def _headline(summary: Mapping[str, Any]) -> str:
+    """The verdict, whole: over as many lines of 100 columns as it takes."""
     verdict = {True: "SUCCESS", False: "FAILED"}.get(summary.get("success"), "UNDECIDED")  # type: ignore[arg-type]
-    reason = summary.get("stop_reason") or "no stop reason"
     where = f"{summary.get('world') or 'unknown world'}, seed {_value(summary, 'seed')}: " if "coverage" in summary else ""
-    return f"{verdict}  {where}{reason}"[:100]
+    return textwrap.fill(f"{verdict}  {where}{_ending(summary)}", _COLUMNS, subsequent_indent="  ", break_long_words=False)
+
+
+def _ending(summary: Mapping[str, Any]) -> str:
+    """Why the run ended and, where the robot thinks that it explored all, what speaks against that: "explored, but 73.2 % of ..."."""
+    reason = str(summary.get("stop_reason") or "no stop reason")
+    against = [_fault(fault, summary) for fault in summary.get("faults") or () if fault != Fault.NOT_EXPLORED]
+    word, _, rest = reason.partition(":")
+    return f"{word}, but {' and '.join(against)}:{rest}" if against and rest else f"{reason}{''.join(f', but {text}' for text in against)}"
+
+
+def _fault(fault: str, s: Mapping[str, Any]) -> str:
+    missed = _value(s, "missed_piece_m2", ".1f", " m2")
+    known = {
+        Fault.FELL: "it fell",
+        Fault.TOUCHED: f"{_value(s, 'collisions')} collision{'s' if s.get('collisions') != 1 else ''}",
+        Fault.NOT_SAVED: "its map was not saved",
+        Fault.MISSED: f"{_share(s, 'coverage')} of the reachable ground seen, {missed} missed in one piece",
+        Fault.STAYED: "it never left its start",
+    }
+    return known.get(Fault(fault), fault) if fault in set(Fault) else fault
 
 
 def _judged_rows(s: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [
         ("coverage", f"{_share(s, 'coverage')} of {_value(s, 'reachable_area_m2', '.1f', ' m2')} of reachable ground"),
+        ("driven straight", f"{_share(s, 'coverage_straight')} of {_value(s, 'reachable_straight_m2', '.1f', ' m2')}, with narrow places"),
         ("map error", f"RMS {_cm(s, 'map_rmse_m')}, 95 % under {_cm(s, 'map_p95_m')}, tilted by {_degrees(s, 'map_tilt_rad')}"),
         ("completeness", f"{_share(s, 'seen_surface_share')} of {_value(s, 'visible_surface_m2', '.0f', ' m2')} that can be seen"),
         ("terrain", _terrain(s.get("classification") or {})),

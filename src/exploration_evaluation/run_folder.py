@@ -30,10 +30,20 @@ from exploration_evaluation.run_files import (
     read_trajectory,
     write_json,
 )
-from exploration_evaluation.scores import Motion, TrajectoryErrors, coverage, divided_voxels, map_error, motion, trajectory_errors
-from exploration_evaluation.shortest_path import path_ratio, shortest_length
+from exploration_evaluation.scores import (
+    Motion,
+    TrajectoryErrors,
+    coverage,
+    covered_cells,
+    divided_voxels,
+    map_error,
+    motion,
+    trajectory_errors,
+)
+from exploration_evaluation.shortest_path import path_ratio, shortest_legs
 from exploration_evaluation.surface_scores import NO_SURFACE_SCORES, surface_scores
 from exploration_evaluation.truth import ReachableGround, reachable_ground
+from exploration_evaluation.verdict import Outcome, faults, largest_piece_m2, succeeded
 from rigid_geometry import transform_points
 
 Floats = NDArray[np.float64]
@@ -70,9 +80,10 @@ def evaluate_run(
     `robot` is by default that of the folder's robot.yaml.
 
     The summary has all that run.json and counters.json report (`_REPORTED` at least, None where they do not) and, of the judge:
-    success, coverage, map_rmse_m, map_p95_m, trajectory_ate_m, trajectory_origin_error_m, map_tilt_rad, collisions,
-    collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m, reachable_area_m2,
-    turning_area_m2, coverage_curve (a CurvePoint a sweep), rpe_translation_m, rpe_rotation_rad, wrong_edges, shortest_length_m, path_ratio,
+    success and what speaks against it ("faults"), coverage, coverage_straight (with ground that is driven straight only),
+    missed_piece_m2, reachable_area_m2, reachable_straight_m2, turning_area_m2, map_rmse_m, map_p95_m, trajectory_ate_m,
+    trajectory_origin_error_m, map_tilt_rad, collisions, collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m,
+    coverage_curve (a CurvePoint a sweep), rpe_translation_m, rpe_rotation_rad, wrong_edges, shortest_length_m, path_ratio,
     activity_s, compute_s, runtime_s, visible_surface_m2, seen_surface_share, map_completeness_rms_m, map_completeness_p95_m,
     classification (confusion, false-safe and false-unsafe ground), and "missing": what is None and why. ValueError when the folder does
     not exist, or its robot.yaml is none.
@@ -116,8 +127,20 @@ class _Judgement:
                 scores["coverage_curve"] = self._try("coverage curve", lambda: self._curve(reported, estimate, truth, errors, ground))
                 scores |= self._way(poses, truth, ground)
                 scores |= surface_scores(self._folder, self._mesh, ground, errors.T_world_map, self._robot, self._config.cell_m, self._try)
-        success = _succeeded(reported.get("stop_reason"), scores["fell"], scores["collisions"], self._map_saved())
-        return {"success": success, **reported, **scores, "missing": self._missing}
+        outcome = self._outcome(reported.get("stop_reason"), scores, truth)
+        verdict = {"success": succeeded(outcome, self._config), "faults": [str(fault) for fault in faults(outcome, self._config)]}
+        return {**verdict, **reported, **scores, "missing": self._missing}
+
+    def _outcome(self, stop_reason: Any, scores: Mapping[str, Any], truth: Trajectory | None) -> Outcome:
+        return Outcome(
+            stop_reason=None if stop_reason is None else str(stop_reason),
+            fell=scores["fell"],
+            collisions=scores["collisions"],
+            map_saved=self._map_saved(),
+            coverage=scores["coverage"],
+            missed_piece_m2=scores["missed_piece_m2"],
+            farthest_m=None if truth is None else float(np.linalg.norm(truth[1][:, :3, 3] - truth[1][0, :3, 3], axis=1).max()),
+        )
 
     def _try(self, what: str, get: Callable[[], V]) -> V | None:
         try:
@@ -161,9 +184,12 @@ class _Judgement:
         return [asdict(point) for point in coverage_curve(shares, stamps, *truth)]
 
     def _way(self, poses: MatchedPoses, truth: Trajectory, ground: ReachableGround) -> dict[str, Any]:
-        begin_m, end_m = driven_distances(*truth, np.maximum(poses.stamps[[0, -1]], truth[0][0]))
-        shortest = self._try("shortest way", lambda: shortest_length(ground, poses.truth[:, :3, 3]))
-        ratio = None if shortest is None else self._try("path ratio", lambda: path_ratio(float(end_m - begin_m), shortest))
+        driven = np.diff(driven_distances(*truth, np.maximum(poses.stamps, truth[0][0])))
+        legs = self._try("shortest way", lambda: shortest_legs(ground, poses.truth[:, :3, 3]))
+        if legs is None:
+            return {"shortest_length_m": None, "path_ratio": None}
+        shortest = float(np.minimum(legs, driven).sum())  # what was driven is a way, too
+        ratio = self._try("path ratio", lambda: path_ratio(float(driven.sum()), shortest))
         return {"shortest_length_m": shortest, "path_ratio": ratio}
 
     def _activity(self, truth: Trajectory | None, sim_time_s: float | None) -> dict[str, Any]:
@@ -205,19 +231,27 @@ class _Judgement:
         return self._try("reachable ground", lambda: reachable_ground(*self._mesh, start, self._robot, self._config.cell_m))
 
     def _coverage(self, ground: ReachableGround | None, errors: TrajectoryErrors | None) -> dict[str, Any]:
-        share = None
+        shares: dict[str, float] = {}
         if ground is not None and errors is not None:
-            share = self._try("coverage", lambda: self._covered_share(ground, errors.T_world_map))
+            shares = self._try("coverage", lambda: self._shares(ground, errors.T_world_map)) or {}
         return {
-            "coverage": share,
+            "coverage": shares.get("coverage"),
+            "coverage_straight": shares.get("coverage_straight"),
+            "missed_piece_m2": shares.get("missed_piece_m2"),
             "reachable_area_m2": ground.covered_area_m2 if ground else None,
+            "reachable_straight_m2": ground.straight_area_m2 if ground else None,
             "turning_area_m2": ground.area_m2 if ground else None,
         }
 
-    def _covered_share(self, ground: ReachableGround, T_world_map: Floats) -> float:
+    def _shares(self, ground: ReachableGround, T_world_map: Floats) -> dict[str, float]:
         voxels = divided_voxels(*read_occupied(self._folder / "occupied.npz"), self._config.map_resolution_m)
-        world = transform_points(T_world_map, voxels)
-        return coverage(ground.covered_points, world, self._config.coverage_horizontal_m, self._config.coverage_vertical_m)
+        near = (transform_points(T_world_map, voxels), self._config.coverage_horizontal_m, self._config.coverage_vertical_m)
+        covered = covered_cells(ground.covered_points, *near)
+        return {
+            "coverage": float(covered.mean()),
+            "coverage_straight": coverage(ground.straight_points, *near),
+            "missed_piece_m2": largest_piece_m2(ground.covered_points[~covered], self._config.cell_m),
+        }
 
     def _map_error(self, errors: TrajectoryErrors | None) -> dict[str, Any]:
         error = None
@@ -244,15 +278,6 @@ def _trajectory_scores(errors: TrajectoryErrors | None) -> dict[str, Any]:
         "map_tilt_origin_rad": errors.map_tilt_origin_rad if errors else None,
         "unmatched_poses": errors.unmatched if errors else None,
     }
-
-
-def _succeeded(stop_reason: Any, fell: bool | None, collisions: int | None, map_saved: bool) -> bool | None:
-    """False when anything known speaks against it, None when something is not known, True otherwise."""
-    explored = None if stop_reason is None else str(stop_reason).startswith("explored")
-    parts = (explored, None if fell is None else not fell, None if collisions is None else collisions == 0, map_saved)
-    if any(part is False for part in parts):
-        return False
-    return None if any(part is None for part in parts) else True
 
 
 def _crop_half_m(reported: Mapping[str, Any]) -> float:

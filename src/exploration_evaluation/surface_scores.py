@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from exploration_evaluation.classification import classification, true_classes
+from exploration_evaluation.classification import classification
 from exploration_evaluation.config import RobotShape
 from exploration_evaluation.mesh import read_cloud
 from exploration_evaluation.run_files import read_arrays
+from exploration_evaluation.true_classes import true_classes
 from exploration_evaluation.truth import ReachableGround
 from exploration_evaluation.visible_surface import VisibilityConfig, completeness, visible_surface
 from rigid_geometry import transform_points

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from exploration_evaluation import evaluate_run, format_summary, read_mesh, write_json
 from exploration_evaluation.pictures import draw_pictures
+from exploration_evaluation.verdict import Fault, succeeded_alone
 from rigid_geometry import quat_xyzw_from_transform
 from robot_body import RobotBody, robot_mapping
 from ros_adapters.conversions import stamp_of
@@ -161,6 +162,7 @@ class RunLog:
     def _own_summary(self, out: Path, reason: str) -> dict[str, Any]:
         """What a robot knows of its run by itself; the distance is its odometry's."""
         known = {**self._run_description(), **self._counters(reason), "distance_m": round(self._distance_m, 3)}
-        known["success"] = reason.startswith("explored")
+        known["success"] = succeeded_alone(reason, self._distance_m, known["set_aside_frontiers"])
+        known["faults"] = [] if known["success"] else [str(Fault.STAYED if reason.startswith("explored") else Fault.NOT_EXPLORED)]
         write_json(out / "summary.json", known)
         return known

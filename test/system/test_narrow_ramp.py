@@ -56,7 +56,7 @@ def test_block_was_looked_at_from_the_ramp(run: Run) -> None:
 
 
 def test_judge_knows_the_shortest_way_there(run: Run) -> None:
-    assert 0.9 < summary(run[0])["path_ratio"] < 2.0
+    assert 1.0 <= summary(run[0])["path_ratio"] < 2.0
 
 
 def test_outline_stays_over_the_ramp(run: Run) -> None:

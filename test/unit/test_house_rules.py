@@ -113,6 +113,18 @@ def test_ros_is_imported_by_nodes_and_adapters_only(package: str) -> None:
     assert not found
 
 
+@pytest.mark.parametrize("package", ["exploration_evaluation", "evaluation_report", "evaluation_campaign"])
+def test_judge_reaches_into_no_private_names(package: str) -> None:
+    found = []
+    for path in modules_of(package):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                found += [(path.name, alias.name) for alias in node.names if alias.name.startswith("_")]
+            elif isinstance(node, ast.Attribute) and node.attr.startswith("_") and not node.attr.startswith("__"):
+                found += [(path.name, node.attr)] if not (isinstance(node.value, ast.Name) and node.value.id in ("self", "cls")) else []
+    assert not found
+
+
 def test_adapters_do_not_know_the_programs() -> None:
     assert not [path.name for path in modules_of(ADAPTERS) if PROGRAMS & set(imported(path))]
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from hand_made_worlds import Mesh, box, join, plate, ramp, room, wall
 
-from exploration_evaluation import RobotShape, reachable_ground
-from exploration_evaluation.classification import Classification, ClassificationConfig, classification, true_classes
+from exploration_evaluation import RobotShape, reachable_ground, terrain_safety
+from exploration_evaluation.classification import Classification, ClassificationConfig, classification
+from exploration_evaluation.true_classes import BARRIERS, TRUE_CLASSES, true_classes
 
 TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER = range(5)
 START = (2.0, 2.0, 0.132)
@@ -144,6 +145,18 @@ def test_top_of_a_box_is_other_and_its_edge_an_obstacle_to_the_floor() -> None:
     assert found.confusion_m2["other"]["traversable"] > 0.0
 
 
+def test_safety_in_four_figures_tells_one_voxel_beside_the_border_from_the_rest() -> None:
+    true = true_classes(*room(4, 4), reachable_ground(*room(4, 4), START))
+    voxels = floor()
+    everywhere = terrain_safety(true, voxels, np.full(len(voxels), TRAVERSABLE), CONFIG)
+    assert everywhere.wrongly_safe_beyond_m2 == pytest.approx(16.0 - PLACES - EDGE)
+    assert everywhere.wrongly_safe_within_m2 == pytest.approx(EDGE)
+    assert (everywhere.wrongly_unsafe_m2, everywhere.turning_m2) == pytest.approx((0.0, PLACES))
+    nowhere = terrain_safety(true, voxels, np.full(len(voxels), INFLATION), CONFIG)
+    assert (nowhere.wrongly_safe_beyond_m2, nowhere.wrongly_safe_within_m2) == (0.0, 0.0)
+    assert nowhere.wrongly_unsafe_m2 == pytest.approx(PLACES) and nowhere.wrongly_unsafe_share == pytest.approx(1.0)
+
+
 def test_wrong_voxels_and_labels_are_refused() -> None:
     true = true_classes(*room(4, 4), reachable_ground(*room(4, 4), START))
     with pytest.raises(ValueError, match="one label each"):
@@ -168,6 +181,30 @@ def end_of_ground_along_x(mesh: Mesh) -> float:
 @pytest.mark.parametrize("edge_x", ODD_PLACES)
 def test_cliff_is_where_the_floor_ends_not_where_cells_do(edge_x: float) -> None:
     assert end_of_ground_along_x(plate(0, 0, edge_x, 4)) == pytest.approx(edge_x, abs=0.006)
+
+
+@pytest.mark.parametrize("height_m", [0.15, 0.3, 0.45])
+@pytest.mark.parametrize("face_x", ODD_PLACES)
+def test_low_box_ends_the_ground_exactly_where_it_stands(face_x: float, height_m: float) -> None:
+    # Vertical rays would find it to half a centimetre only, as they do the edge of its top.
+    mesh = join(room(8, 4), box((face_x, 0, 0), (6, 4, height_m)))
+    x, y, z = true_classes(*mesh, reachable_ground(*mesh, START)).barriers.T
+    assert x[(abs(y - 2.0) < 1.0) & (x > 3.0) & (z < 0.1)].min() == pytest.approx(face_x, abs=0.001)
+
+
+def test_thin_sheet_under_the_rays_of_a_row_of_columns_is_no_ground() -> None:
+    mesh = join(room(8, 4), box((4.04, 0, -0.5), (4.06, 4, 0.4)))
+    true = true_classes(*mesh, reachable_ground(*mesh, START))
+    drivable = true.cells[true.cell_class == TRUE_CLASSES.index("drivable")]
+    assert not ((drivable[:, 0] > 4.0) & (drivable[:, 0] < 4.1)).any()
+
+
+@pytest.mark.parametrize("height_m", [0.15, 0.3, 0.45])
+def test_low_kerb_along_a_drop_is_an_obstacle_and_no_cliff(height_m: float) -> None:
+    mesh = join(plate(0, 0, 4, 4), wall(4, 0, 4, 4, height_m))
+    true = true_classes(*mesh, reachable_ground(*mesh, START))
+    beside = true.barrier_kind[(true.barriers[:, 0] > 3.9) & (abs(true.barriers[:, 1] - 2.0) < 1.0)]
+    assert {BARRIERS[kind] for kind in beside} == {"obstacle"}
 
 
 @pytest.mark.parametrize("edge_x", ODD_PLACES)

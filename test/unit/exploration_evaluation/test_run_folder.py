@@ -8,10 +8,11 @@ import open3d as o3d
 import pytest
 import yaml
 from hand_made_worlds import room
-from run_folder_on_disk import CONTACTS_HEADER, WORLD, write_run
+from run_folder_on_disk import CONTACTS_HEADER, T_WORLD_MAP, WORLD, true_poses, write_run, write_tum
 
 from exploration_evaluation import RobotShape, evaluate_run, format_summary, read_contacts, read_trajectory, write_json
 from exploration_evaluation.__main__ import main
+from rigid_geometry import transform_points
 from robot_body import RobotBody, robot_mapping
 
 DESIGNED_KEYS = [
@@ -47,8 +48,10 @@ def test_perfect_run_gets_the_scores_known_beforehand(run):
     summary = evaluate_run(run, *WORLD)
     assert summary["success"] is True
     assert summary["missing"] == []
-    assert summary["coverage"] == 1.0
-    assert summary["turning_area_m2"] == pytest.approx(2.8 * 2.8)
+    assert (summary["coverage"], summary["coverage_straight"], summary["missed_piece_m2"]) == (1.0, 1.0, 0.0)
+    assert summary["faults"] == []
+    assert summary["reachable_straight_m2"] == pytest.approx(16.0, rel=0.01)  # the outline reaches into all but the corners
+    assert summary["turning_area_m2"] == pytest.approx((4 - 2 * RobotShape().circumscribed_radius_m) ** 2, rel=1e-4)
     assert summary["distance_m"] == pytest.approx(2.0)
     for key in ("map_rmse_m", "trajectory_ate_m", "trajectory_origin_error_m", "map_tilt_rad", "max_tilt_rad"):
         assert summary[key] == pytest.approx(0.0, abs=1e-5)
@@ -80,9 +83,9 @@ def test_summary_file_holds_what_is_returned_and_all_designed_keys(run):
     ("lost", "unknown", "known"),
     [
         ("trajectory_truth.txt", ["coverage", "trajectory_ate_m", "map_rmse_m", "distance_m", "fell", "success"], ["collisions"]),
-        ("trajectory.txt", ["coverage", "trajectory_ate_m", "map_rmse_m", "map_tilt_rad"], ["distance_m", "reachable_area_m2"]),
+        ("trajectory.txt", ["success", "coverage", "trajectory_ate_m", "map_rmse_m", "map_tilt_rad"], ["distance_m", "reachable_area_m2"]),
         ("contacts.csv", ["collisions", "success"], ["coverage", "fell"]),
-        ("occupied.npz", ["coverage"], ["map_rmse_m", "reachable_area_m2"]),
+        ("occupied.npz", ["coverage", "coverage_straight", "missed_piece_m2", "success"], ["map_rmse_m", "reachable_area_m2"]),
         ("cloud.ply", ["map_rmse_m", "map_p95_m"], ["coverage"]),
         ("counters.json", ["stop_reason", "sweeps", "sim_time_s", "success"], ["coverage"]),
         ("run.json", ["world", "seed", "config", "version", "coverage_curve"], ["coverage"]),
@@ -116,6 +119,46 @@ def test_contact_is_a_collision_with_its_speed_and_no_success(run):
     summary = evaluate_run(run, *WORLD)
     assert (summary["collisions"], summary["collision_top_speed_mps"], summary["collision_top_force_n"]) == (2, 0.30, 150.0)
     assert summary["success"] is False
+
+
+def test_one_touch_is_no_success(run):
+    (run / "contacts.csv").write_text(CONTACTS_HEADER + "2.00,base_link,0.01,5\n")
+    summary = evaluate_run(run, *WORLD)
+    assert (summary["collisions"], summary["success"], summary["faults"]) == (1, False, ["collision"])
+    assert "FAILED  rooms, seed 1: explored, but 1 collision" in format_summary(summary)
+
+
+def without_voxels_beyond(run, x_m):
+    """Leaves out of the map what lies beyond an x of the world."""
+    data = dict(np.load(run / "occupied.npz"))
+    kept = transform_points(T_WORLD_MAP, data["centers"].astype(np.float64))[:, 0] < x_m
+    np.savez(run / "occupied.npz", centers=data["centers"][kept], sizes=data["sizes"][kept])
+
+
+def test_map_that_lacks_a_part_of_the_ground_is_no_success_and_the_headline_says_how_much(run):
+    counters = json.loads((run / "counters.json").read_text())
+    reason = "explored: no reachable frontier is left in the whole map; 4 set aside"
+    (run / "counters.json").write_text(json.dumps({**counters, "stop_reason": reason}))
+    without_voxels_beyond(run, 2.7)
+    summary = evaluate_run(run, *WORLD)
+    assert 0.6 < summary["coverage"] < 0.9
+    assert (summary["success"], summary["faults"]) == (False, ["coverage"])
+    headline = " ".join(format_summary(summary).partition("\n\n")[0].split())
+    share = f"{100 * summary['coverage']:.1f} %"
+    assert headline.startswith(f"FAILED rooms, seed 1: explored, but {share} of the reachable ground seen, ")
+    assert headline.endswith("no reachable frontier is left in the whole map; 4 set aside")
+
+
+def test_robot_that_stood_and_saw_all_has_succeeded_and_one_that_saw_less_has_not(run):
+    stamps, poses = true_poses()
+    write_tum(run / "trajectory_truth.txt", stamps, np.tile(poses[0], (len(poses), 1, 1)))
+    write_tum(run / "trajectory.txt", stamps[::20], np.tile(np.eye(4), (5, 1, 1)))
+    assert evaluate_run(run, *WORLD)["success"] is True
+    without_voxels_beyond(run, 3.5)
+    summary = evaluate_run(run, *WORLD)
+    assert 0.95 < summary["coverage"] < 0.995
+    assert (summary["success"], summary["faults"]) == (False, ["stayed"])
+    assert "explored, but it never left its start" in format_summary(summary)
 
 
 @pytest.mark.parametrize("name", ["occupied.npz", "run.json", "counters.json", "cloud.ply"])
@@ -168,7 +211,7 @@ def test_robot_of_a_run_that_is_none_is_an_error(run):
 def test_shape_is_that_of_the_robot():
     robot = replace(RobotBody(), length_m=0.8, width_m=0.6, height_m=0.5, max_step_m=0.05, max_slope_rad=0.3, ground_clearance_m=0.06)
     assert RobotShape.of(RobotBody()) == RobotShape()
-    assert RobotShape.of(robot) == RobotShape(0.5, 0.3, 0.5, 0.6, 0.06, 0.3, 0.05)
+    assert RobotShape.of(robot) == RobotShape(0.5, 0.3, 0.8, 0.6, 0.0992, 0.5, 0.6, 0.06, 0.3, 0.05)
 
 
 def test_folder_that_is_not_there_is_an_error(tmp_path):

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from explore_3dnav.msg import Contact, RunEvent
+from explore_3dnav.msg import Contact, ExplorationDecision, RunEvent
 from nav_msgs.msg import Odometry
 
 from rigid_geometry import transform_from_rpy
@@ -73,6 +73,19 @@ def test_real_robot_tells_what_it_knows_and_of_no_simulated_world(tmp_path: Path
     assert (summary["distance_m"], summary["success"]) == (1.0, True)
     assert not {"world", "seed", "coverage"} & set(summary)
     assert not (tmp_path / "trajectory_truth.txt").exists() and not (tmp_path / "contacts.csv").exists()
+
+
+@pytest.mark.parametrize(("to_x", "set_aside", "success"), [(0.5, 12, False), (0.5, 0, True), (1.5, 12, True)])
+def test_real_robot_that_set_all_aside_without_leaving_its_start_has_not_explored(
+    tmp_path: Path, to_x: float, set_aside: int, success: bool
+) -> None:
+    log = RunLog(tmp_path, {}, RobotBody(), judged=False)
+    for x in (0.0, to_x):
+        log.odometry(odometry(1.0 + x, x))
+    log.decision(ExplorationDecision(kind="explored", set_aside_frontiers=set_aside))
+    told = log.finish("explored: no reachable frontier is left in the whole map; 12 set aside")
+    assert read_summary(tmp_path)["success"] is success
+    assert ("never left its start" in told) is not success
 
 
 def test_run_without_a_folder_only_keeps_its_status() -> None:

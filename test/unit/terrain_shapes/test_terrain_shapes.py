@@ -29,10 +29,6 @@ JUDGE_CELL_M = 0.15
 NEAR_M, LEVEL_M = 0.3, 0.12
 JUDGED_OTHERWISE = {  # what it says of the ground of runs, and the shapes do not
     "floor that gives no echo": {Expected.NOT_TRAVERSABLE},  # it knows of the floor
-    "door of 0.9 m": {Expected.PATH},  # it asks for room to turn everywhere
-    "door of 1 m": {Expected.PATH},
-    "door of 1.2 m": {Expected.PATH},
-    "narrow ramp of 1 m to a platform": {Expected.PATH},
 }
 
 

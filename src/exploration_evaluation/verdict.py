@@ -1,0 +1,97 @@
+"""Whether a run succeeded, and what speaks against it.
+
+Last in the judge: a success is a run that the robot ended because all was explored, whose map is there and holds what can be reached,
+and that did no harm. A robot that stayed where it began and saw all from there has succeeded, too.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from exploration_evaluation.config import EvaluationConfig
+
+
+class Fault(StrEnum):
+    """What speaks against a run; stands in the summary's "faults"."""
+
+    NOT_EXPLORED = "not explored"
+    FELL = "fell"
+    TOUCHED = "collision"
+    NOT_SAVED = "no map"
+    MISSED = "coverage"
+    STAYED = "stayed"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What is known of a run; None where it is not.
+
+    coverage: share of the reachable ground in the map. missed_piece_m2: the largest connected piece that it lacks.
+    farthest_m: the farthest that the robot came from its start.
+    """
+
+    stop_reason: str | None
+    fell: bool | None
+    collisions: int | None
+    map_saved: bool
+    coverage: float | None
+    missed_piece_m2: float | None
+    farthest_m: float | None
+
+
+def faults(outcome: Outcome, config: EvaluationConfig) -> tuple[Fault, ...]:
+    """All that is known to speak against a run."""
+    o = outcome
+    against = {
+        Fault.NOT_EXPLORED: o.stop_reason is not None and not o.stop_reason.startswith("explored"),
+        Fault.FELL: o.fell is True,
+        Fault.TOUCHED: o.collisions is not None and o.collisions > 0,
+        Fault.NOT_SAVED: not o.map_saved,
+        Fault.MISSED: _is_missed(o.coverage, o.missed_piece_m2, config),
+        Fault.STAYED: _has_stayed(o, config),
+    }
+    return tuple(fault for fault, holds in against.items() if holds)
+
+
+def succeeded(outcome: Outcome, config: EvaluationConfig) -> bool | None:
+    """False when anything known speaks against it, None when something is not known, True otherwise."""
+    if faults(outcome, config):
+        return False
+    o = outcome
+    needed = (o.stop_reason, o.fell, o.collisions, o.coverage, o.missed_piece_m2, o.farthest_m)
+    return None if any(part is None for part in needed) else True
+
+
+def succeeded_alone(stop_reason: str, driven_m: float, set_aside: int, config: EvaluationConfig | None = None) -> bool:
+    """Success as the robot itself knows it, without a true world: explored, and not just given up on all that it never drove to."""
+    stayed_m = (config or EvaluationConfig()).stayed_m
+    return stop_reason.startswith("explored") and (driven_m >= stayed_m or set_aside == 0)
+
+
+def largest_piece_m2(cells: ArrayLike, cell_m: float) -> float:
+    """Area of the largest piece of (N, 3) cells of ground, in which each is beside or cornerwise of the next on about its level."""
+    points = np.asarray(cells, dtype=np.float64).reshape(-1, 3)
+    if not len(points):
+        return 0.0
+    pairs = cKDTree(points).query_pairs(2.0 * cell_m, output_type="ndarray")
+    near = np.abs(points[pairs[:, 0], :2] - points[pairs[:, 1], :2]).max(axis=1) <= 1.1 * cell_m
+    a, b = pairs[near].T
+    graph = coo_array((np.ones(len(a), dtype=np.int8), (a, b)), shape=(len(points), len(points)))
+    piece = connected_components(graph, directed=False)[1]
+    return float(np.bincount(piece).max() * cell_m**2)
+
+
+def _is_missed(coverage: float | None, piece_m2: float | None, config: EvaluationConfig) -> bool:
+    too_little = coverage is not None and coverage <= config.min_coverage
+    return too_little or (piece_m2 is not None and piece_m2 > config.max_missed_piece_m2)
+
+
+def _has_stayed(outcome: Outcome, config: EvaluationConfig) -> bool:
+    if outcome.farthest_m is None or outcome.farthest_m >= config.stayed_m:
+        return False
+    return outcome.coverage is None or outcome.coverage < config.stayed_coverage

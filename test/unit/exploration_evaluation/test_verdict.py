@@ -1,0 +1,62 @@
+"""What makes a run a success, and what speaks against one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from exploration_evaluation.config import EvaluationConfig
+from exploration_evaluation.verdict import Fault, Outcome, faults, largest_piece_m2, succeeded, succeeded_alone
+
+CONFIG = EvaluationConfig()
+GOOD = Outcome("explored: all", fell=False, collisions=0, map_saved=True, coverage=0.999, missed_piece_m2=0.1, farthest_m=9.0)
+
+
+def test_good_run_succeeds() -> None:
+    assert (succeeded(GOOD, CONFIG), faults(GOOD, CONFIG)) == (True, ())
+
+
+@pytest.mark.parametrize(
+    ("changed", "fault"),
+    [
+        ({"stop_reason": "time limit: 1800 s simulated"}, Fault.NOT_EXPLORED),
+        ({"fell": True}, Fault.FELL),
+        ({"collisions": 1}, Fault.TOUCHED),
+        ({"map_saved": False}, Fault.NOT_SAVED),
+        ({"coverage": 0.95}, Fault.MISSED),  # five parts in a hundred are missing
+        ({"coverage": 0.98, "missed_piece_m2": 5.1}, Fault.MISSED),  # a storey of a large building
+        ({"coverage": 0.98, "farthest_m": 0.9}, Fault.STAYED),
+        ({"coverage": None, "farthest_m": 0.9}, Fault.STAYED),
+    ],
+)
+def test_each_fault_alone_is_no_success(changed: dict[str, object], fault: Fault) -> None:
+    outcome = replace(GOOD, **changed)  # type: ignore[arg-type]
+    assert (succeeded(outcome, CONFIG), faults(outcome, CONFIG)) == (False, (fault,))
+
+
+@pytest.mark.parametrize(
+    "changed", [{"coverage": 0.951}, {"coverage": 0.98, "missed_piece_m2": 4.9}, {"coverage": 0.996, "farthest_m": 0.0}]
+)
+def test_what_is_just_enough_is_a_success(changed: dict[str, float]) -> None:
+    assert succeeded(replace(GOOD, **changed), CONFIG) is True  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("unknown", ["stop_reason", "fell", "collisions", "coverage", "missed_piece_m2", "farthest_m"])
+def test_what_is_not_known_leaves_the_verdict_open(unknown: str) -> None:
+    assert succeeded(replace(GOOD, **{unknown: None}), CONFIG) is None
+
+
+def test_robot_alone_knows_whether_it_ever_left_its_start() -> None:
+    reason = "explored: no reachable frontier is left in the whole map; 12 set aside"
+    assert not succeeded_alone(reason, driven_m=0.5, set_aside=12)
+    assert succeeded_alone(reason, driven_m=0.5, set_aside=0)
+    assert succeeded_alone(reason, driven_m=5.0, set_aside=12)
+    assert not succeeded_alone("stuck", driven_m=5.0, set_aside=0)
+
+
+def test_largest_piece_is_of_neighbouring_cells_of_one_level() -> None:
+    square = np.stack(np.meshgrid(np.arange(5), np.arange(5), [0]), axis=-1).reshape(-1, 3) * [0.1, 0.1, 1.0]
+    cornerwise = np.array([[0.5, 0.5, 0.0]])
+    apart, above = np.array([[1.0, 0.0, 0.0]]), np.array([[0.2, 0.2, 1.0]])
+    assert largest_piece_m2(np.vstack([square, cornerwise, apart, above]), 0.1) == pytest.approx(0.26)
+    assert largest_piece_m2(np.zeros((0, 3)), 0.1) == 0.0
