@@ -1,7 +1,7 @@
 """A window of columns around the robot, and what the runs of a column tell (thesis 5.5).
 
-Between the octree and the terrain: its first step crops them. Everything is in voxels. A direction 0, 1, 2, 3 is +x, +y, -x, -y, so that (k + 2) % 4 looks back and (k + 1) % 4,
-(k + 3) % 4 aside. Kernels take columns by their number c = ix * ny + iy.
+Between the octree and the terrain, whose first step crops them. Everything is in voxels. A direction 0, 1, 2, 3 is +x, +y, -x, -y, so that
+(k + 2) % 4 looks back and (k + 1) % 4, (k + 3) % 4 aside. Kernels take columns by their number c = ix * ny + iy.
 """
 
 from typing import NamedTuple

@@ -31,8 +31,10 @@ def diagonal(graph: NDArray[np.int32], s: Index, k: Index) -> Index:
 
 @lean_njit
 def _fitted(sums: tuple[float, ...], pull: float) -> tuple[float, float, float]:
-    """Rise along x and y of a plane, and the sigma of its slope, by the sums over its points: n, x, y, z, x x, y y, x y, x z, y z, and of the
-    squares of their sigmas."""
+    """Rise along x and y of a plane, and the sigma of its slope, by sums over its points.
+
+    These are n, x, y, z, x x, y y, x y, x z, y z, and of the squares of their sigmas.
+    """
     n, sx, sy, sz, sxx, syy, sxy, sxz, syz, variance = sums
     a, b, c = sxx - sx * sx / n + pull, syy - sy * sy / n + pull, sxy - sx * sy / n
     p, q = sxz - sx * sz / n, syz - sy * sz / n
@@ -42,8 +44,10 @@ def _fitted(sums: tuple[float, ...], pull: float) -> tuple[float, float, float]:
 
 @lean_njit
 def gradients_at(graph: NDArray[np.int32], surfaces: Surfaces, s: Index) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
-    """Of the planes fitted to the ground around node s that straight lines of the graph reach within two columns, and within one: rise along
-    x and y, and the sigma of the slope."""
+    """Rise along x and y, and the sigma of the slope, of planes fitted to the ground around node s: within two columns, and within one.
+
+    That is what straight lines of the graph reach.
+    """
     dx, dy = (1, 1, 0, -1, -1, -1, 0, 1), (0, 1, 1, 1, 0, -1, -1, -1)
     height, sigma = surfaces.height, surfaces.sigma
     n, sx, sy, sxx, syy, sxy = 1.0, 0.0, 0.0, 0.0, 0.0, 0.0
