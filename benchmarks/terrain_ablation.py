@@ -11,9 +11,11 @@ moves a figure by more than the spread between seeds. Maps are kept in the cache
 import argparse
 import pickle
 import zlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import yaml
@@ -25,13 +27,45 @@ from exploration_evaluation.true_classes import TrueClasses, true_classes
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.octree.map_builder import Beams
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
+from octomap_server_3dnav.terrain import classify as classification_stage
+from octomap_server_3dnav.terrain import scene
 from octomap_server_3dnav.terrain.classify import TerrainConfig, classify
+from octomap_server_3dnav.terrain.config import Limits
+from octomap_server_3dnav.terrain.surfaces import Surfaces
 from rigid_geometry import transform_from_rpy, transform_points
 from robot_body import RobotBody
 
 NOISES = {"as it is": (0.0, 0.0, 0.0), "+1 cm": (0.01, 0.0, 0.0), "+2 cm": (0.02, 0.0, 0.0), "poses": (0.0, 0.01, np.deg2rad(0.1))}
 """Name -> sigma of ranges in m, of a pose's place in m along each axis, of its angles in rad about each."""
-VARIANTS: dict[str, dict[str, object]] = {}
+
+
+@dataclass(frozen=True)
+class Off:
+    """What is to be changed to switch a part off: values of `TerrainConfig`, or names of `terrain.scene` and `terrain.classify`."""
+
+    config: dict[str, object] = field(default_factory=dict)
+    scene: dict[str, Callable[..., object]] = field(default_factory=dict)
+    limits: dict[str, float] = field(default_factory=dict)
+
+
+def raw_steps(near: Array, surfaces: Surfaces, limits: Limits) -> Array:
+    """`near` without the edges between columns that differ by more than the highest step, as each was measured alone."""
+    rise = np.abs(surfaces.height[near] - surfaces.height[:, None])
+    return np.where(rise > limits.max_step, -1, near).astype(np.int32)
+
+
+VARIANTS = {
+    "measured heights": Off({"step_heights": "voxels"}),
+    "filled gaps": Off({"fill_columns": 0}),
+    "sigmas": Off({"confidence": 0.0}),
+    "tolerances": Off({"slope_tolerance_rad": 0.0, "step_tolerance_m": 0.0}),
+    "margin": Off({"margin_m": 0.0}),
+    "look beyond edges": Off({"look_m": 0.1}),
+    "centred heights": Off(scene={"centred_heights": lambda near, surfaces: surfaces.height}),
+    "jumps of planes": Off(scene={"steppable_neighbours": raw_steps}),
+    "planes of the robot": Off(limits={"max_plane_slope": 0.0}),
+    "slopes": Off(limits={"max_slope": 10.0, "max_plane_slope": 10.0}),
+}
 HEAD = "| variant | noise | maps | beyond one voxel m2, most | maps with any | within it m2, mean | wrongly unsafe %, mean | spread |"
 
 
@@ -93,9 +127,15 @@ def cases(run: Path, noises: Sequence[str], cache: Path) -> dict[str, Case]:
     return {noise: pickle.loads(file.read_bytes()) for noise, file in files.items()}
 
 
-def judged(case: Case, config: TerrainConfig) -> Judged:
-    """The whole map classified and held against the truth."""
-    terrain = classify(case.runs, case.T_map_base, config, RobotBody(), None, case.heights)
+def judged(case: Case, off: Off) -> Judged:
+    """The whole map classified, with parts switched off, and held against the truth."""
+    config, limits_of = replace(TerrainConfig(), **off.config), Limits.of
+    with ExitStack() as stack:
+        for name, instead in off.scene.items():
+            stack.enter_context(mock.patch.object(scene, name, instead))
+        limits = mock.Mock(of=lambda *arguments: limits_of(*arguments)._replace(**off.limits))
+        stack.enter_context(mock.patch.object(classification_stage, "Limits", limits))
+        terrain = classify(case.runs, case.T_map_base, config, RobotBody(), None, case.heights)
     centres = transform_points(case.T_world_map, terrain.centers().astype(np.float64))
     found = classification(case.true, centres, terrain.label)
     edge = found.false_safe_by_cause[EDGE]
@@ -120,15 +160,14 @@ def main() -> None:
     parser.add_argument("--each", action="store_true", help="a line of every map, too")
     arguments = parser.parse_args()
     arguments.cache.mkdir(parents=True, exist_ok=True)
-    variants = {"as configured": {}} | {name: VARIANTS[name] for name in (VARIANTS if "all" in arguments.off else arguments.off)}
+    variants = {"as configured": Off()} | {name: VARIANTS[name] for name in (VARIANTS if "all" in arguments.off else arguments.off)}
     if arguments.set:
-        variants["set"] = {name: yaml.safe_load(text) for name, _, text in (item.partition("=") for item in arguments.set)}
-    configs = {name: replace(TerrainConfig(), **values) for name, values in variants.items()}
-    results: dict[tuple[str, str], list[Judged]] = {(noise, name): [] for noise in arguments.noise for name in configs}
+        variants["set"] = Off({name: yaml.safe_load(text) for name, _, text in (item.partition("=") for item in arguments.set)})
+    results: dict[tuple[str, str], list[Judged]] = {(noise, name): [] for noise in arguments.noise for name in variants}
     for run in arguments.runs:
         for noise, case in cases(run, arguments.noise, arguments.cache).items():
-            for name, config in configs.items():
-                results[noise, name].append(judged(case, config))
+            for name, off in variants.items():
+                results[noise, name].append(judged(case, off))
                 if arguments.each:
                     print(row(f"{run.name}, {name}", noise, results[noise, name][-1:]), flush=True)
     print(HEAD + "\n|---|---|---|---|---|---|---|---|")

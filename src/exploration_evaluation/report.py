@@ -58,7 +58,7 @@ def _fault(fault: str, s: Mapping[str, Any]) -> str:
 def _judged_rows(s: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [
         ("coverage", f"{_share(s, 'coverage')} of {_value(s, 'reachable_area_m2', '.1f', ' m2')} of reachable ground"),
-        ("driven straight", f"{_share(s, 'coverage_straight')} of {_value(s, 'reachable_straight_m2', '.1f', ' m2')}, with narrow places"),
+        ("and straight", f"{_share(s, 'coverage_straight')} of {_value(s, 'reachable_straight_m2', '.1f', ' m2')}, with narrow places"),
         ("map error", f"RMS {_cm(s, 'map_rmse_m')}, 95 % under {_cm(s, 'map_p95_m')}, tilted by {_degrees(s, 'map_tilt_rad')}"),
         ("completeness", f"{_share(s, 'seen_surface_share')} of {_value(s, 'visible_surface_m2', '.0f', ' m2')} that can be seen"),
         ("terrain", _terrain(s.get("classification") or {})),
