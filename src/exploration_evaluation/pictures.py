@@ -30,6 +30,7 @@ from exploration_evaluation.picture_content import (
     without_ceiling,
     without_front_walls,
 )
+from exploration_evaluation.run_files import JsonObject
 from exploration_evaluation.voxel_renderer import Canvas, Depth, Image, View, render_cubes
 
 Floats = NDArray[np.float64]
@@ -47,7 +48,7 @@ _DPI = 100
 _MARGIN_M = 0.5
 
 
-def draw_pictures(directory: Path | str, summary: Mapping[str, Any] | None = None) -> tuple[Path, ...]:
+def draw_pictures(directory: Path | str, summary: JsonObject | None = None) -> tuple[Path, ...]:
     """Writes map_top.png and map_angle.png into a run folder and returns their paths.
 
     `summary` (as of `evaluate_run`) gives the titles. A run without terrain classes or without a trajectory is drawn without them;

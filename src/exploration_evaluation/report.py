@@ -5,6 +5,7 @@ import textwrap
 from collections.abc import Mapping
 from typing import Any
 
+from exploration_evaluation.run_files import JsonObject
 from exploration_evaluation.verdict import Fault
 
 _UNKNOWN = "unknown"
@@ -12,7 +13,7 @@ _COLUMNS = 100
 _MISSING_SHOWN = 6
 
 
-def format_summary(summary: Mapping[str, Any]) -> str:
+def format_summary(summary: JsonObject) -> str:
     """At most 24 lines of 100 columns about a summary as `evaluate_run` returns it; absent keys read "unknown".
 
     Of a run that was not judged (no key "coverage"), such as a real robot's, only what the robot itself knows.

@@ -26,6 +26,9 @@ Trajectory = tuple[Floats, Floats]
 _EVENT_COLUMNS = ["stamp_s", "wall_s", "state", "reason", "sweeps"]
 _STAMP_TOLERANCE_S = 1e-3
 
+JsonObject = dict[str, Any]
+"""What a JSON file holds: names, and values of whatever type the file says."""
+
 
 def read_trajectory(path: Path) -> Trajectory:
     """(N,) stamps and (N, 4, 4) poses of a TUM file (stamp x y z qx qy qz qw); ValueError when absent, empty or malformed."""
@@ -93,7 +96,7 @@ def read_occupied(path: Path) -> tuple[Floats, Floats]:
     return centres, sizes
 
 
-def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
+def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray]:
     """All arrays of an .npz file; ValueError when it is absent or damaged, or lacks one of `names`."""
     if not path.is_file():
         raise ValueError(f"{path.name} is not there")
@@ -108,7 +111,7 @@ def read_arrays(path: Path, names: tuple[str, ...]) -> dict[str, NDArray[Any]]:
     return arrays
 
 
-def read_json(path: Path) -> dict[str, Any]:
+def read_json(path: Path) -> JsonObject:
     """A JSON object; ValueError when the file is absent, cut off, or holds something else."""
     if not path.is_file():
         raise ValueError(f"{path.name} is not there")
@@ -121,7 +124,7 @@ def read_json(path: Path) -> dict[str, Any]:
     return value
 
 
-def write_json(path: Path, value: Mapping[str, Any]) -> None:
+def write_json(path: Path, value: JsonObject) -> None:
     """Writes a JSON object so that a reader sees the old file or the whole new one; NaN becomes null."""
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     with beside.open("w", encoding="utf-8") as file:

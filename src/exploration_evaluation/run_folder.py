@@ -20,6 +20,7 @@ from exploration_evaluation.graph_edges import read_edges, wrong_edges
 from exploration_evaluation.mesh import read_cloud
 from exploration_evaluation.relative_error import MatchedPoses, matched_poses, relative_pose_error
 from exploration_evaluation.run_files import (
+    JsonObject,
     Trajectory,
     read_contacts,
     read_events,
@@ -74,7 +75,7 @@ def evaluate_run(
     triangles: ArrayLike,
     robot: RobotShape | None = None,
     config: EvaluationConfig | None = None,
-) -> dict[str, Any]:
+) -> JsonObject:
     """Scores a run folder against the true mesh, (V, 3) and (T, 3) in the world frame, and writes its summary.json.
 
     `robot` is by default that of the folder's robot.yaml.

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from exploration_evaluation.classification import classification
 from exploration_evaluation.config import RobotShape
 from exploration_evaluation.mesh import read_cloud
-from exploration_evaluation.run_files import read_arrays
+from exploration_evaluation.run_files import JsonObject, read_arrays
 from exploration_evaluation.true_classes import true_classes
 from exploration_evaluation.truth import ReachableGround
 from exploration_evaluation.visible_surface import VisibilityConfig, completeness, visible_surface
@@ -29,7 +29,7 @@ NO_SURFACE_SCORES: dict[str, Any] = dict.fromkeys(
 
 def surface_scores(
     folder: Path, mesh: Mesh, ground: ReachableGround, T_world_map: NDArray[np.float64], robot: RobotShape, cell_m: float, attempt: Attempt
-) -> dict[str, Any]:
+) -> JsonObject:
     """The keys of `NO_SURFACE_SCORES`; `attempt` calls what may raise ValueError, and notes why a score is not there."""
 
     def complete() -> dict[str, Any]:

@@ -8,9 +8,9 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
+from octomap_server_3dnav.navigation.class_colours import CLASS_RGB
 from octomap_server_3dnav.navigation.local_grid import project
 from octomap_server_3dnav.octree.octree import OctreeMap
-from octomap_server_3dnav.terrain.class_colours import CLASS_RGB
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
 from ros_adapters.conversions import cloud_message, header, occupancy_grid_message, path_message
 from ros_adapters.node import Node

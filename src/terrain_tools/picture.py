@@ -16,8 +16,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.navigation.class_colours import CLASS_RGB
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
-from octomap_server_3dnav.terrain.class_colours import CLASS_RGB
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
 from terrain_tools.analysis import Analysis
 from terrain_tools.storeys import storeys

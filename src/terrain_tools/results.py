@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from octomap_server_3dnav.exploration.frontiers import Frontier
+from octomap_server_3dnav.navigation.class_colours import CLASS_RGB
 from octomap_server_3dnav.navigation.planner import Path as GroundPath
-from octomap_server_3dnav.terrain.class_colours import CLASS_RGB
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
 from robot_body import robot_mapping
 from stage_config import to_mapping

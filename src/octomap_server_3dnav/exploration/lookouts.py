@@ -142,10 +142,10 @@ def _best_way(g: Any, b: Any, demand: Any, starts: Any, towards: Any, facing: An
             dx, dy = np.cos(np.pi * k / directions), np.sin(np.pi * k / directions)
             if ax * dx + ay * dy < facing * np.hypot(ax, ay):
                 continue
-            line, before, x, y, room = centred_line(g, b, demand, s, dx, dy, False, ahead, behind)
+            line, before, x, y, room = centred_line(g, b, demand, s, (dx, dy), False, (ahead, behind))
             score = score_of(room, np.hypot(towards[0] - x, towards[1] - y))
             is_better = line.size > 0 and room >= 0 and score > best_score
-            if is_better and is_covered(g, demand, x, y, dx, dy, line, -before):
+            if is_better and is_covered(g, demand, (x, y), (dx, dy), line, -before):
                 best, best_at, best_score = line, (x, y, dx, dy), score
     return best, best_at
 

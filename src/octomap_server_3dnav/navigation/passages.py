@@ -85,10 +85,10 @@ def _best_line(g: Any, b: Any, demand: Any, starts: Any, directions: Any, longes
     for s in starts:
         for k in range(directions):
             dx, dy = np.cos(np.pi * k / directions), np.sin(np.pi * k / directions)
-            line, before, x, y, room = centred_line(g, b, demand, s, dx, dy, True, ahead, behind)
+            line, before, x, y, room = centred_line(g, b, demand, s, (dx, dy), True, (ahead, behind))
             score = score_of(room, np.sum(g.piece[line] < 0) / max(abs(dx), abs(dy)))
             is_better = line.size > 0 and room >= 0 and score > best_score
-            if is_better and is_covered(g, demand, x, y, dx, dy, line, -before):
+            if is_better and is_covered(g, demand, (x, y), (dx, dy), line, -before):
                 best, best_before, best_at, best_score = line, before, (x, y, dx, dy), score
     return best, best_before, best_at
 

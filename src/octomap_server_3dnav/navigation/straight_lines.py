@@ -19,6 +19,7 @@ from robot_body import RobotBody
 from stage_config import check_ranges, parameter
 
 Array = NDArray[np.float64]
+Nodes = NDArray[np.int32]
 
 DIRECTIONS = 180  # of lines that are tried, to half a turn
 _AMPLE = 3.0  # voxels of room beyond the radius that are as good as any more
@@ -179,9 +180,12 @@ def _line_through(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: A
 
 
 @njit(cache=True)
-def centred_line(g: Any, b: Any, demand: Any, s: Any, dx: Any, dy: Any, is_through: Any, ahead: Any, behind: Any) -> Any:
-    """The line through node s in direction dx, dy, or up to it if it is not to lead `through`, moved aside to where as much room is on its
+def centred_line(
+    g: Ground, b: KeptOff, demand: Demand, s: int, way: tuple[float, float], is_through: bool, scratch: tuple[Nodes, Nodes]
+) -> tuple[Nodes, int, float, float, float]:
+    """The line through node s in a direction, or up to it if it is not to lead `through`, moved aside to where as much room is on its
     left as on its right: its nodes, how many come before x, y, then x, y, and the lesser room; no nodes where there is none."""
+    (dx, dy), (ahead, behind) = way, scratch
     x, y = g.column[s] // g.ny + 0.5, g.column[s] % g.ny + 0.5
     node: Any = np.int64(s)
     line, before = _line_through(g, demand, node, x, y, dx, dy, is_through, ahead, behind)
@@ -201,8 +205,9 @@ def centred_line(g: Any, b: Any, demand: Any, s: Any, dx: Any, dy: Any, is_throu
 
 
 @lean_njit
-def is_covered(g: Any, demand: Any, x: Any, y: Any, dx: Any, dy: Any, line: Any, first: Any) -> Any:
-    """Whether there is ground everywhere beside a line, as far as the outline reaches."""
+def is_covered(g: Ground, demand: Demand, at: tuple[float, float], way: tuple[float, float], line: Nodes, first: int) -> bool:
+    """Whether there is ground everywhere beside a line through a place in a direction, as far as the outline reaches."""
+    (x, y), (dx, dy) = at, way
     h = 1.0 / max(abs(dx), abs(dy))
     lanes = int(np.ceil(2 * demand.half_width))
     for i in range(line.size):
@@ -217,7 +222,7 @@ def is_covered(g: Any, demand: Any, x: Any, y: Any, dx: Any, dy: Any, line: Any,
 
 
 @lean_njit
-def score_of(room: Any, length: Any) -> Any:
+def score_of(room: float, length: float) -> float:
     """How good a line is with so many voxels of room beside it and so many on a way that had better be short."""
     return min(room, _ENOUGH) - _LENGTH_WEIGHT * length
 

@@ -127,12 +127,6 @@ def is_free_in(columns: Columns, c: Index, low: Index, high: Index) -> bool:
 
 
 @lean_njit
-def is_top_seen(columns: Columns, c: Index, z: Index) -> bool:
-    """Whether the voxel above voxel z of column c was seen free, so that what stands there ends at z, or below."""
-    return is_free_in(columns, c, z + 1, z + 1)
-
-
-@lean_njit
 def blocking_voxel(columns: Columns, c: Index, level: Index, step: Index, clearance: Index) -> Index:
     """Lowest occupied voxel of column c where something stands in the way of a robot at `level`, NO_VOXEL when nothing does.
 

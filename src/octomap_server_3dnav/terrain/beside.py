@@ -12,7 +12,7 @@ from octomap_server_3dnav.octree.columns import (
     NO_VOXEL,
     Columns,
     blocking_voxel,
-    is_top_seen,
+    is_free_in,
     lowest_occupied,
     seen_down_to,
 )
@@ -79,7 +79,8 @@ def beside(columns: Columns, surfaces: Surfaces, links: Links, s: Index, k: Inde
         return _beyond(columns, surfaces, s, c, k, limits)
     if surfaces.height[n] >= surfaces.height[s]:
         return BLOCKED
-    return DROP if is_top_seen(columns, c + DX[k] * columns.ny + DY[k], surfaces.z[n]) else UNKNOWN
+    above = np.int64(surfaces.z[n]) + 1
+    return DROP if is_free_in(columns, c + DX[k] * columns.ny + DY[k], above, above) else UNKNOWN
 
 
 @lean_njit

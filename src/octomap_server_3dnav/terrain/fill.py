@@ -20,14 +20,13 @@ _MOST_RISE = 2  # voxels from one side of a gap to the other
 
 
 class _Floor(NamedTuple):
-    """Floor that is assumed: column, z and gap (M,), and height, sigma (M,) and offset (M, 2) of it."""
+    """Floor that is assumed: column, z, gap, height and sigma (M,)."""
 
     column: NDArray[np.int64]
     z: NDArray[np.int64]
     gap: NDArray[np.int64]
     height: NDArray[np.float32]
     sigma: NDArray[np.float32]
-    offset: NDArray[np.float32]
 
 
 @lean_njit
@@ -95,7 +94,7 @@ def _find_floor(columns: Columns, surfaces: Surfaces, limits: Limits) -> tuple[N
     """The fields of `_Floor`: lines between the sides of every gap along x and along y."""
     nx, ny = columns.nx, columns.ny
     found: list[tuple[Index, Index, Index]] = [(0, 0, 0) for _ in range(0)]
-    places = [(0.0, 0.0, 0.0, 0.0) for _ in range(0)]
+    heights = [(0.0, 0.0) for _ in range(0)]
     for a in range(surfaces.z.size):
         ix, iy = surfaces.column[a] // ny, surfaces.column[a] % ny
         for k in range(2):
@@ -107,20 +106,14 @@ def _find_floor(columns: Columns, surfaces: Surfaces, limits: Limits) -> tuple[N
             for j in range(1, gap):
                 share = j / gap
                 found.append((surfaces.column[a] + j * stride, _level_between(surfaces.z, a, b, j, gap), np.int64(gap)))
-                places.append(
-                    (
-                        surfaces.height[a] + share * (surfaces.height[b] - surfaces.height[a]),
-                        gap * max(surfaces.sigma[a], surfaces.sigma[b]),
-                        surfaces.offset[a, 0] + share * (surfaces.offset[b, 0] - surfaces.offset[a, 0]),
-                        surfaces.offset[a, 1] + share * (surfaces.offset[b, 1] - surfaces.offset[a, 1]),
-                    )
-                )
+                height = surfaces.height[a] + share * (surfaces.height[b] - surfaces.height[a])
+                heights.append((height, gap * max(surfaces.sigma[a], surfaces.sigma[b])))
     column, z, gaps = np.empty(len(found), np.int64), np.empty(len(found), np.int64), np.empty(len(found), np.int64)
-    values = np.empty((len(found), 4), np.float32)
+    values = np.empty((2, len(found)), np.float32)
     for i in range(len(found)):
         column[i], z[i], gaps[i] = found[i]
-        values[i, 0], values[i, 1], values[i, 2], values[i, 3] = places[i]
-    return column, z, gaps, values[:, 0].copy(), values[:, 1].copy(), values[:, 2:].copy()
+        values[0, i], values[1, i] = heights[i]
+    return column, z, gaps, values[0], values[1]
 
 
 @njit(cache=True)
@@ -171,7 +164,7 @@ def fill_gaps(columns: Columns, surfaces: Surfaces, limits: Limits) -> Surfaces:
         np.insert(surfaces.z, at, floor.z),
         np.insert(surfaces.height, at, floor.height),
         np.insert(surfaces.sigma, at, floor.sigma),
-        np.insert(surfaces.offset, at, floor.offset, axis=0),
+        np.insert(surfaces.offset, at, 0.0, axis=0),
         np.insert(surfaces.is_open, at, False),
         np.insert(surfaces.filled, at, True),
     )
