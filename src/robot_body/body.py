@@ -100,6 +100,11 @@ class RobotBody:
         return math.hypot(self.length_m, self.width_m) / 2
 
     @property
+    def standing_tolerance_m(self) -> float:
+        """How far ground under the robot may lie off the plane of its wheels: a slope and a step under half its length (0.331 m)."""
+        return self.half_length_m * math.tan(self.max_slope_rad) + self.max_step_m
+
+    @property
     def passage_radius_m(self) -> float:
         """Free distance of a passage's middle line from obstacles: half the width, and what the middle strays.
 

@@ -1,6 +1,8 @@
 """Names that parameters had, by "section/name" or "name", and where the same is said now: an old file is told, not misread."""
 
 _TURNING = "robot.yaml: length_m and width_m, whose corner it reaches"
+_PRINCIPLE = "docs/terrain.md: a principle decides, there is nothing to set"
+_MARGIN = "octomap_server_3dnav_node: terrain/margin_m, one for all"
 OLD_NAMES = {
     "base_height_m": "robot.yaml: base_height_m",
     "terrain/base_height_m": "robot.yaml: base_height_m",
@@ -12,6 +14,23 @@ OLD_NAMES = {
     "terrain/narrow_radius_m": "robot.yaml: width_m and straying_m; passages/enabled false drives no passage",
     "terrain/narrow_cliff_radius_m": "robot.yaml: track_m, wheel_width_m, straying_m and straying_rad",
     "terrain/narrow_width_m": "robot.yaml: width_m",
+    "terrain/step_margin_m": "octomap_server_3dnav_node: terrain/confidence and terrain/step_tolerance_m",
+    "terrain/slope_margin_rad": "octomap_server_3dnav_node: terrain/confidence and terrain/slope_tolerance_rad",
+    "terrain/slope_radius_m": _PRINCIPLE,
+    "terrain/voxel_slope_radius_m": _PRINCIPLE,
+    "terrain/cliff_area_voxels": _PRINCIPLE,
+    "terrain/hole_bridge_voxels": "octomap_server_3dnav_node: terrain/fill_columns",
+    "terrain/cliff_look_m": "octomap_server_3dnav_node: terrain/look_m",
+    "terrain/hit_margin_m": _MARGIN,
+    "terrain/cliff_margin_m": _MARGIN,
+    "terrain/hit_noise_m": "octomap_server_3dnav_node: terrain/range_noise_m",
+    "terrain/narrow_length_m": "octomap_server_3dnav_node: passages/most_length_m",
+    "terrain/run_up_m": "octomap_server_3dnav_node: passages/run_up_m",
+    "terrain/longest_run_up_m": "octomap_server_3dnav_node: passages/longest_run_up_m",
+    "terrain/start_search_radius_m": "robot.yaml: length_m, under which the start is looked for",
+    "terrain/start_height_tolerance_m": "robot.yaml: length_m, max_slope_rad and max_step_m",
+    "terrain/min_traversable_voxels": "octomap_server_3dnav_node: terrain/min_ground_voxels",
+    "terrain/kerb_margin_m": _TURNING,
     "radius_m": "octomap_server_3dnav_node: exploration/local_radius_m, whose terrain the costmap gets",
     "resolution_m": "octomap_server_3dnav_node: resolution, a cell is a column of voxels",
     "terrain": "octomap_server_3dnav_node: terrain; the local node classifies nothing",

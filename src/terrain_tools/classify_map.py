@@ -44,7 +44,7 @@ def parser() -> argparse.ArgumentParser:
         type=float,
         required=True,
         metavar=point,
-        help=f"on the ground, or off it by up to {_DEFAULTS.terrain.start_tolerance_m:g} m in height (terrain/start_tolerance_m) and "
+        help=f"on the ground, or off it by up to {_DEFAULTS.robot.standing_tolerance_m:.2g} m in height and "
         f"half the robot's length, {_DEFAULTS.robot.half_length_m:.2g} m, aside",
     )
     p.add_argument("--goal", nargs=3, type=float, metavar=point, help="on the ground, as --start is, on any storey; without it, no path")

@@ -74,7 +74,7 @@ def nearest_ground(runs: ColumnRuns, asked: Point, config: TerrainConfig, robot:
         found = nearest_reached(classify(runs, pose_on(here, robot), config, robot, _LOOK_M), asked)
         if found is not None:
             return found
-        tried = (np.hypot(*(left - top)[:, :2].T) <= robot.half_length_m) & (np.abs(left[:, 2] - top[2]) <= config.start_tolerance_m)
+        tried = (np.hypot(*(left - top)[:, :2].T) <= robot.half_length_m) & (np.abs(left[:, 2] - top[2]) <= robot.standing_tolerance_m)
         left = left[~tried]
     return None
 
@@ -103,11 +103,11 @@ def why_no_start(octree: OctreeMap, runs: ColumnRuns, terrain: Terrain, asked: P
         return "all ground around it is too near to obstacles or cliffs"
     tops = tops_with_room(runs, robot.height_m + config.clearance_margin_m) - asked
     near = np.hypot(tops[:, 0], tops[:, 1]) <= robot.half_length_m
-    if (near & (np.abs(tops[:, 2]) <= config.start_tolerance_m)).any():
+    if (near & (np.abs(tops[:, 2]) <= robot.standing_tolerance_m)).any():
         area = config.min_ground_voxels * runs.resolution**2
         return f"what lies there leads to less than {area:.2g} m2 of ground that the robot can drive on"
     state = VoxelState(int(octree.states_at([asked])[0]))
-    reach = f"no ground lies within {robot.half_length_m:g} m beside it and {config.start_tolerance_m:g} m above or below"
+    reach = f"no ground lies within {robot.half_length_m:g} m beside it and {robot.standing_tolerance_m:g} m above or below"
     return f"{_WHAT_IS_THERE[state]}, and {reach}"
 
 

@@ -23,7 +23,6 @@ from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
 
 GROUND, BLOCKED, DROP, UNKNOWN, EDGE = 0, 1, 2, 3, 4
 """What lies beside ground; an EDGE is unknown, and a beam passed where its floor would be."""
-NEAR = 2  # columns from what is BLOCKED within which the unknown may be a side of it
 
 
 @lean_njit
@@ -84,10 +83,11 @@ def beside(columns: Columns, surfaces: Surfaces, links: Links, s: Index, k: Inde
 
 
 @lean_njit
-def stands_near(columns: Columns, c: Index, low: Index, high: Index) -> bool:
-    """Whether something stands in low..high within NEAR columns of column c."""
-    for dx in range(-NEAR, NEAR + 1):
-        for dy in range(-NEAR, NEAR + 1):
+def stands_near(columns: Columns, c: Index, level: Index, limits: Limits) -> bool:
+    """Whether something stands in the way of a robot at `level` near column c: what is unknown there may be a side of it."""
+    low, high = level + limits.step + 1, level + limits.clearance
+    for dx in range(-limits.side, limits.side + 1):
+        for dy in range(-limits.side, limits.side + 1):
             if lowest_occupied(columns, c + dx * columns.ny + dy, low, high) != NO_VOXEL:
                 return True
     return False

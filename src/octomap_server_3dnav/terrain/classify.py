@@ -48,7 +48,7 @@ def classify(
     reach_m = None if radius_m is None else radius_m + (np.ceil(limits.keep_off) + 1) * runs.resolution
     scene = scene_around(runs, heights, T_map_base[:3, 3], reach_m, limits)
     # Lines 2 and 6-15: the start voxel, and the flood from the first candidate with enough ground around it.
-    candidates = start_candidates(scene, T_map_base, config, robot, limits)
+    candidates = start_candidates(scene, T_map_base, robot, limits)
     label, seen, start = first_flood(scene, candidates, scene.within(reach_m), config.min_ground_voxels, limits)
     mark_steps(label, seen, scene.links.near)
     # Line 18, addRobotPadding.

@@ -32,6 +32,9 @@ class TerrainConfig:
     )
     margin_m: float = parameter(0.025, "m", "kept from what is blocked, a drop or too steep, beside the robot's radius", low=0.0, high=0.5)
     fill_columns: int = parameter(3, "voxels", "widest unknown gap in a floor that counts as floor", low=0, high=8)
+    side_columns: int = parameter(
+        2, "voxels", "unknown columns beside what stands that count as a side of it, which beams passed by", low=0, high=5
+    )
     look_m: float = parameter(0.8, "m", "how far beyond an edge a drop is looked for", low=0.08, high=3.0)
     cliff_evidence: str = parameter(
         "seen", "-", "a cliff is a drop that was seen; assumed: any edge that was looked across (thesis 7.3)", choices=("seen", "assumed")
@@ -40,7 +43,6 @@ class TerrainConfig:
         "measured", "-", "heights by where beams ended, where that is known; voxels: by the voxels alone", choices=("measured", "voxels")
     )
     inflation_shape: str = parameter("circle", "-", "exact distance, or the square cuboid of the thesis", choices=("circle", "square"))
-    start_tolerance_m: float = parameter(0.30, "m", "how far the start voxel may lie off the wheels' plane", low=0.05, high=2.0)
     min_ground_voxels: int = parameter(50, "voxels", "a start voxel with less ground around it is discarded", low=1, high=100000)
     soft_clearance_m: float = parameter(0.5, "m", "width of the strip beyond the inflation that costs more", low=0.0, high=3.0)
     soft_clearance_weight: float = parameter(2.0, "-", "extra cost a metre at the inner edge of that strip", low=0.0, high=50.0)
@@ -80,6 +82,7 @@ class Limits(NamedTuple):
     pose_noise: float
     confidence: float
     fill: int
+    side: int
     look: int
     keep_off: float
     assumes_cliffs: bool
@@ -101,6 +104,7 @@ class Limits(NamedTuple):
             pose_noise=config.pose_noise_m / resolution,
             confidence=config.confidence,
             fill=config.fill_columns,
+            side=config.side_columns,
             look=max(1, round(config.look_m / resolution)),
             keep_off=float(math.floor(robot.turning_radius_m / resolution + 1e-9)) if is_square else keep_off,
             assumes_cliffs=config.cliff_evidence == "assumed",

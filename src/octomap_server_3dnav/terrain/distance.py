@@ -81,7 +81,7 @@ def _barriers(
                 at.append((cx - 0.5 * DX[k], cy - 0.5 * DY[k]))
                 continue
             is_unknown = seen[s, k] == UNKNOWN or seen[s, k] == EDGE
-            if is_unknown and stands_near(columns, c + stride, level + limits.step + 1, level + limits.clearance):
+            if is_unknown and stands_near(columns, c + stride, level, limits):
                 seen[s, k] = BLOCKED
                 found.append((s, level, c + stride, level, False, False))
                 at.append((cx, cy))

@@ -14,7 +14,7 @@ from rigid_geometry.transforms import Transform
 from robot_body import RobotBody
 
 
-def start_candidates(scene: Scene, T_map_base: Transform, config: TerrainConfig, robot: RobotBody, limits: Limits) -> NDArray[np.int64]:
+def start_candidates(scene: Scene, T_map_base: Transform, robot: RobotBody, limits: Limits) -> NDArray[np.int64]:
     """Surface nodes beneath the robot, the nearest to the wheels' contact plane first (thesis: getStartingVoxel)."""
     ground = T_map_base[:3, 3] - robot.base_height_m * T_map_base[:3, 2]
     up = T_map_base[:3, 2]
@@ -26,7 +26,7 @@ def start_candidates(scene: Scene, T_map_base: Transform, config: TerrainConfig,
     dy = (column[nodes] % scene.columns.ny + scene.key[1] + 0.5) * limits.resolution - ground[1]
     expected = ground[2] - (up[0] * dx + up[1] * dy) / up[2]
     miss = np.abs((scene.surfaces.z[nodes] + 0.5) * limits.resolution - expected)
-    fits = miss <= config.start_tolerance_m
+    fits = miss <= robot.standing_tolerance_m
     order = np.lexsort((nodes[fits], np.round(np.hypot(dx, dy)[fits] + miss[fits], 6)))
     return np.asarray(nodes[fits][order])
 

@@ -15,7 +15,6 @@ from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
 from octomap_server_3dnav.terrain.config import Limits
 
-_STRIP = 3  # voxels from the end of one strip of a wall to the beginning of the next: the laser's lines leave as many out
 VOXEL_SIGMA = float(np.float32(12.0**-0.5))  # of a place that may be anywhere in a voxel
 
 
@@ -49,12 +48,12 @@ def find_node(start: NDArray[np.int32], z: NDArray[np.int16], c: Index, level: I
 
 
 @njit(cache=True)
-def _tops(columns: Columns, clearance: Index, step: Index) -> tuple[NDArray, ...]:
+def _tops(columns: Columns, clearance: Index, step: Index, gap: Index) -> tuple[NDArray, ...]:
     """(start, column, z, is_open) of the tops of occupied runs with at least `clearance` voxels below the next occupied one.
 
     Not of those with something unknown directly above that are a wall, higher than a step, or an underside, with air below: their tops
     were not seen. Air may begin one voxel below, for the beams that hit an underside flatly leave its layer unknown. Above there is no such
-    tolerance: a thin plate's unknown top would be taken for its underside, a few voxels too low. Of a wall a voxel or two between the
+    tolerance: a thin plate's unknown top would be taken for its underside, a few voxels too low. Of a wall up to `gap` voxels between the
     laser's lines may be unknown.
     """
     runs, z_lo, z_hi, occupied = columns.start, columns.z_lo, columns.z_hi, columns.occupied  # arrays of a tuple are counted at every use
@@ -70,7 +69,7 @@ def _tops(columns: Columns, clearance: Index, step: Index) -> tuple[NDArray, ...
                 continue
             if below >= 0 and z_lo[r] - z_hi[below] <= clearance:
                 n -= 1
-            if not (r > first and occupied[r - 1] and z_lo[r] - z_hi[r - 1] <= _STRIP):
+            if not (r > first and occupied[r - 1] and z_lo[r] - z_hi[r - 1] <= gap):
                 foot = z_lo[r]
             is_dark = r == last or z_lo[r + 1] > z_hi[r] + 1
             hangs = r > first and not occupied[r - 1] and z_hi[r - 1] >= z_lo[r] - 2
@@ -99,7 +98,7 @@ def _estimates(hits: NDArray[np.float32], z: NDArray[np.int16], noise: float, po
 
 def surfaces_of(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | None, limits: Limits) -> Surfaces:
     """Every surface of the window whose first column has index `key`, with room for the robot above."""
-    start, column, z, is_open = _tops(columns, limits.clearance, limits.step)
+    start, column, z, is_open = _tops(columns, limits.clearance, limits.step, limits.fill)
     hits = np.full((z.size, 4), np.nan, dtype=np.float32)
     if heights is not None:
         hits = heights.at(*indices_of(column, columns.ny, key), z)
