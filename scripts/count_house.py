@@ -18,8 +18,8 @@ from house_graph import calls_reached, import_circles
 ROOT = Path(__file__).resolve().parents[1]
 SRC = ROOT / "src"
 TERRAIN = SRC / "octomap_server_3dnav" / "terrain"
-PAGE = ROOT / "docs" / "terrain.md"
-MOST_ARGUMENTS, MOST_LINES = 7, 300
+PAGE, README = ROOT / "docs" / "terrain.md", ROOT / "README.md"
+MOST_ARGUMENTS, MOST_LINES, MOST_CHARACTERS = 7, 300, 160
 _WORD = re.compile(r"[A-Za-z0-9][\w.,'/%-]*")
 
 
@@ -163,6 +163,18 @@ def terrain_counts() -> list[Count]:
     ]
 
 
+def readme_counts() -> list[Count]:
+    """What the README is measured by: who reads it reads it once, in a hurry."""
+    lines = README.read_text(encoding="utf-8").splitlines()
+    wide = [f"line {k}: {len(line)} characters" for k, line in enumerate(lines, start=1) if len(line) > MOST_CHARACTERS]
+    return [
+        Count("lines of README.md", len(lines), 150),
+        Count(f"lines of it over {MOST_CHARACTERS} characters", len(wide), 0, tuple(wide)),
+        Count("words of it", len(words_of("\n".join(lines))), 1200),
+        Count("its median sentence, words", statistics.median(sentence_lengths("\n".join(lines))), 20),
+    ]
+
+
 def house_counts() -> list[Count]:
     """What holds everywhere in src."""
     findings: dict[str, Callable[[], list[str]]] = {
@@ -176,7 +188,7 @@ def house_counts() -> list[Count]:
 
 def main() -> None:
     """Prints the table."""
-    for count in (*house_counts(), *terrain_counts()):
+    for count in (*house_counts(), *terrain_counts(), *readme_counts()):
         print(f"{'' if count.holds else '*':1} {count.name:42} {count.value:6g}   at most {count.bar:g}")
         if "-v" in sys.argv[1:]:
             print("".join(f"      {line}\n" for line in count.found), end="")

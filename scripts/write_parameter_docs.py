@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "src"))
 
-from explore_command.parameters import NODE_CONFIGS, config_class  # noqa: E402
+from explore_command.parameters import NODE_CONFIGS, ROBOT, config_class  # noqa: E402
 from robot_body import RobotBody, SensorMount  # noqa: E402
 from stage_config import documented  # noqa: E402
 
@@ -32,7 +32,9 @@ JUDGE_CONFIGS = (
 HEADER = ("Parameter", "Default", "Unit", "Allowed", "Meaning")
 INTRODUCTION = """# Parameters
 
-Made by `scripts/write_parameter_docs.py` from the dataclasses in `src/`, which are the only home of the defaults; edits here are lost.
+Made by `scripts/write_parameter_docs.py` from the dataclasses in `src/`, which are the only home of the defaults. Edits here are lost.
+"""
+WAYS_TO_SET = """## How to set them
 
 A parameter is private to its node. To change it, in the order in which one overrides the other:
 
@@ -40,12 +42,38 @@ A parameter is private to its node. To change it, in the order in which one over
 - in a YAML file of your own, by node: `roslaunch explore_3dnav explore.launch overrides:=FILE`;
 - for one run: `./explore --set octomap_server_3dnav_node/resolution=0.05`.
 
-The robot is no node's: all of them read it. Its values stand in `config/robot.yaml`, or a file like it: `./explore --robot FILE`. Single
-ones are changed below `robot` in the same ways: `./explore --set robot/max_step_m=0.08`.
+All nodes read the robot. Its values are in `config/robot.yaml`, or in a file like it: `./explore --robot FILE`. Single ones are set below
+`robot` in the same ways: `./explore --set robot/max_step_m=0.08`.
 
-An unknown name, a wrong type or a value out of range ends the run before it starts, and says which name is nearest. What was set is
-in `run.json` and `summary.json`. Angles are in radians, lengths in metres, times in seconds of the robot's clock.
+An unknown name, a wrong type or a value out of range ends the run before it starts. The message names the nearest valid name. `run.json`
+and `summary.json` keep what was set. Angles are in radians, lengths in metres, times in seconds of the robot's clock.
 """
+
+
+class Common(NamedTuple):
+    """A parameter that people change: its name as `--set` takes it, and when to touch it."""
+
+    name: str
+    when: str
+
+
+COMMON = (
+    Common("robot/length_m", "another robot, with all that is mounted on it"),
+    Common("robot/width_m", "another robot, with some room for what sticks out"),
+    Common("robot/max_step_m", "another robot, or kerbs that it should not climb"),
+    Common("robot/max_slope_rad", "another robot, or slippery ground"),
+    Common("robot/max_speed_mps", "another drive; the follower never asks for more"),
+    Common(
+        "octomap_server_3dnav_node/resolution",
+        "finer for small maps and narrow places; give `move_base_node/costmap/resolution_m` the same",
+    ),
+    Common("octomap_server_3dnav_node/max_range_m", "another laser; hits count within `crop_half_m` only, so change both"),
+    Common("octomap_server_3dnav_node/terrain/range_noise_m", "another laser: more noise makes the robot more careful"),
+    Common("octomap_server_3dnav_node/terrain/margin_m", "more where ranges or poses are worse than thought, less where room is scarce"),
+    Common("octomap_server_3dnav_node/exploration/local_radius_m", "higher: it leaves near frontiers less often; lower: it decides sooner"),
+    Common("move_base_node/follower/max_speed_mps", "lower on rough ground, higher on a floor"),
+    Common("stop_scan_and_go_node/max_distance_m", "lower where odometry slips, higher where time is short"),
+)
 # What the nodes read beside the configuration of their stage; the rest comes from the launch arguments of the same name.
 OWN_PARAMETERS = {
     "pybullet_sim_node": (
@@ -147,6 +175,24 @@ def node_chapter(node: Launched, first_shown: dict[str, str]) -> str:
     return "\n".join([head, *sections, *([f"Of the node itself:\n\n{table(own)}"] if own else [])])
 
 
+def common_chapter(nodes: Iterable[Launched]) -> str:
+    """The parameters that people change, a line each; only the last column is written by hand."""
+    files = {node.name: node.config for node in nodes} | {ROBOT: "robot.yaml"}
+    head = (
+        "## Those that people change\n\nThe names are as `./explore --set NAME=VALUE` takes them. The defaults suit the simulated Husky.\n"
+    )
+    head += "\n| Name | Default | Where | What for | When to touch it |\n| --- | --- | --- | --- | --- |\n"
+    return head + "".join(f"| `{c.name}` | {_default_and_file(c.name, files)} | {c.when} |\n" for c in COMMON)
+
+
+def _default_and_file(name: str, files: dict[str, str]) -> str:
+    node, *section, field = name.split("/")
+    cls = RobotBody if node == ROBOT else config_class(NODE_CONFIGS[node]["/".join(section)])
+    default, unit, meaning = next(row[1:] for row in documented(cls) if row[0] == field)
+    value, _, degrees = shown_value(default, unit).partition(" ")
+    return f"{value} {unit}{degrees and ' '}{degrees} | `config/{files[node]}` | {meaning}"
+
+
 def launch_arguments(launch: Path) -> str:
     """The arguments of explore.launch with their defaults."""
     arguments = ElementTree.parse(launch).getroot().findall("arg")
@@ -188,7 +234,16 @@ def reference() -> str:
     first_shown: dict[str, str] = {}
     chapters = [node_chapter(node, first_shown) for node in nodes]
     return "\n".join(
-        [INTRODUCTION, contents, robot_chapter(), launch_arguments(ROOT / "launch" / "explore.launch"), *chapters, judge_chapter()]
+        [
+            INTRODUCTION,
+            common_chapter(nodes),
+            WAYS_TO_SET,
+            contents,
+            robot_chapter(),
+            launch_arguments(ROOT / "launch" / "explore.launch"),
+            *chapters,
+            judge_chapter(),
+        ]
     )
 
 

@@ -32,6 +32,11 @@ def test_terrain_keeps_to_its_bars(count: count_house.Count) -> None:
     assert (len(judging) if count.bar == 0 else count.value) <= count.bar, judging
 
 
+@pytest.mark.parametrize("count", count_house.readme_counts(), ids=lambda count: count.name)
+def test_readme_is_read_in_a_hurry(count: count_house.Count) -> None:
+    assert count.value <= count.bar, count.found
+
+
 def written(folder: Path, files: dict[str, str]) -> Path:
     """A folder with these files."""
     for path, text in files.items():

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from explore_command.parameters import NODE_CONFIGS, config_class, override_problems
+from explore_command.parameters import NODE_CONFIGS, config_class, override_problems, parsed_overrides, robot_of
 from robot_body import DEFAULT_ROBOT_FILE, RobotBody, robot_mapping
 from stage_config import load_config, to_mapping
 
@@ -56,6 +56,22 @@ def test_reference_has_every_value_of_the_robot_and_all_that_is_derived_from_it(
     chapter = REFERENCE.reference().partition("## The robot\n")[2].partition("\n## ")[0]
     names = [*robot_mapping(RobotBody()), *(name for name, member in vars(RobotBody).items() if isinstance(member, property))]
     assert all(f"| `{name}` |" in chapter for name in names)
+
+
+@pytest.mark.parametrize("common", REFERENCE.COMMON, ids=lambda common: common.name)
+def test_parameter_that_people_change_is_taken_by_set_with_the_default_that_is_told(common: Any) -> None:
+    row = next(line for line in REFERENCE.reference().splitlines() if line.startswith(f"| `{common.name}` |"))
+    node, _, name = common.name.partition("/")
+    overrides = parsed_overrides([f"{common.name}={row.split('|')[2].split()[0]}"])
+    assert override_problems(overrides) == []
+    robot = robot_of(None, overrides)  # refuses an unknown name
+    assert node != "robot" or getattr(robot, name) == pytest.approx(getattr(RobotBody(), name), abs=1e-4)
+
+
+def test_reference_begins_with_the_twelve_parameters_that_people_change() -> None:
+    first = REFERENCE.reference().split("\n## ")[1]
+    assert first.startswith("Those that people change\n")
+    assert first.count("\n| `") == len(REFERENCE.COMMON) == 12
 
 
 def test_both_nodes_behind_a_spinning_lidar_know_the_same_one() -> None:
