@@ -16,7 +16,7 @@ HUSKY = RobotBody()
 MODULES = sorted([p for p in (ROOT / "src").rglob("*.py") if p.parent.name != "robot_body"] + [*(ROOT / "nodes").iterdir()])
 FILES = sorted([p for p in (ROOT / "config").rglob("*.yaml") if p.name != "robot.yaml"])
 OF_THE_BODY = {f.name for f in dataclasses.fields(RobotBody)} - {"name", "urdf", "mounts"}
-OLD = {path.rpartition("/")[2] for path in OLD_NAMES}
+OLD = {path.rpartition("/")[2] for path, home in OLD_NAMES.items() if home.startswith("robot.yaml")}
 # A name that also means something else: how fast the follower wants to go, and how far the costmap's costs reach.
 OTHER_KEYS = {"max_speed_mps", "max_turn_rate_radps", "inflation_radius_m"}
 OTHERS = {("path_following/config.py", "max_speed_mps"), ("path_following/config.py", "max_turn_rate_radps")}
