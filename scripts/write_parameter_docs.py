@@ -182,7 +182,10 @@ def common_chapter(nodes: Iterable[Launched]) -> str:
         "## Those that people change\n\nThe names are as `./explore --set NAME=VALUE` takes them. The defaults suit the simulated Husky.\n"
     )
     head += "\n| Name | Default | Where | What for | When to touch it |\n| --- | --- | --- | --- | --- |\n"
-    return head + "".join(f"| `{c.name}` | {_default_and_file(c.name, files)} | {c.when} |\n" for c in COMMON)
+    rows = "".join(f"| `{c.name}` | {_default_and_file(c.name, files)} | {c.when} |\n" for c in COMMON)
+    return (
+        f"{head}{rows}\nHow much ground a success has to cover (`min_coverage`) is the judge's, not a parameter: [The judge](#the-judge).\n"
+    )
 
 
 def _default_and_file(name: str, files: dict[str, str]) -> str:
@@ -230,7 +233,7 @@ def judge_chapter() -> str:
 def reference() -> str:
     """The whole file."""
     nodes = launched_nodes(ROOT / "launch")
-    contents = "- [The robot](#the-robot)\n" + "".join(f"- [{node.name}](#{node.name})\n" for node in nodes)
+    contents = "- [The robot](#the-robot)\n" + "".join(f"- [{node.name}](#{node.name})\n" for node in nodes) + "- [The judge](#the-judge)\n"
     first_shown: dict[str, str] = {}
     chapters = [node_chapter(node, first_shown) for node in nodes]
     return "\n".join(

@@ -39,7 +39,7 @@ def test_map_and_trajectory_are_true(rooms_run: Run) -> None:
 
 
 def test_whole_graph_runs_faster_than_real_time(rooms_run: Run) -> None:
-    # The measured figure is in the README; here a bound that a busy machine keeps, too.
+    # The measured figure is in docs/results; here a bound that a busy machine keeps, too.
     result = summary(rooms_run[0])
     assert result["sim_time_s"] > 1.0 * result["wall_time_s"], result  # type: ignore[operator]
 
