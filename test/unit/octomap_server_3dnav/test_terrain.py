@@ -36,10 +36,10 @@ def ramp(degrees, rise=1.2, start=2.0):
 
 
 def assumed(terrain, states):
-    """(N,) whether a node is floor of which nothing was seen."""
+    """(N,) whether a node is floor in whose voxel nothing was hit."""
     is_surface = np.arange(terrain.label.size) < terrain.surface_count
     at = np.where(is_surface, [terrain.ix, terrain.iy, terrain.z + BELOW], 0)
-    return is_surface & (states[tuple(at)] == UNKNOWN)
+    return is_surface & (states[tuple(at)] != OCCUPIED)
 
 
 def test_flat_floor_is_traversable_and_ends_in_frontiers():
