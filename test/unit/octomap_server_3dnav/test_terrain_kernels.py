@@ -265,24 +265,51 @@ def test_height_at_an_edge_is_that_of_reweighted_least_squares(seed):
 # -- distance
 
 
-def sources(rng: np.random.Generator, n: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Nodes of an n x n plane, and places in the columns beside them."""
-    node = (rng.integers(2, n - 2, count) * n + rng.integers(2, n - 2, count)).astype(np.int64)
-    return node, node // n + 0.5 + rng.uniform(-1, 1, count), node % n + 0.5 + rng.uniform(-1, 1, count)
-
-
-@pytest.mark.parametrize("square", [False, True])
-@pytest.mark.parametrize("seed", range(5))
-def test_distance_over_an_open_plane_is_that_of_brute_force(seed, square):
-    n, within = 50, 14.0
-    node, x, y = sources(np.random.default_rng(seed), n, 40)
+def things_on_a_plane(stands: NDArray[np.bool_], rng: np.random.Generator) -> tuple[Surfaces, NDArray[np.int32], NDArray, NDArray, NDArray]:
+    """A plane with things that stand on columns (n, n) of it: its surfaces, graph, and the nodes beside things and the places of these."""
+    n = len(stands)
     found = sheet(np.full((n, n), 8.5))
-    far = distances(node, x, y, (found.column, linked(found, n, n).near, n), within, square)
+    near, is_thing = linked(found, n, n).near, np.append(stands.ravel(), False)
+    node, k = np.nonzero(is_thing[near] & (near >= 0) & ~is_thing[:-1, None])
+    thing = near[node, k]
+    place = np.stack(np.divmod(thing, n), axis=1) + 0.5 + rng.uniform(-0.4, 0.4, (n * n, 2))[thing]
+    over = np.where(is_thing[near] | is_thing[:-1, None], -1, near).astype(np.int32)
+    return found, over, node, place[:, 0].copy(), place[:, 1].copy()
+
+
+def distances_and_brute_force(
+    stands: NDArray[np.bool_], rng: np.random.Generator, within: float, square: bool
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Those of the ground amid the plane."""
+    n = len(stands)
+    found, over, node, x, y = things_on_a_plane(stands, rng)
+    far = distances(node, x, y, (found.column, over, n), within, square)
     middle = np.stack([found.column // n + 0.5, found.column % n + 0.5], axis=1)
     expected = cKDTree(np.column_stack([x, y])).query(middle, p=np.inf if square else 2)[0]
-    inside = ((middle > 1) & (middle < n - 1)).all(axis=1) & (expected <= within)
-    assert (far[inside] >= expected[inside] - 1e-4).all() and np.abs(far - expected)[inside].max() <= 0.05
+    inside = ((middle > 1) & (middle < n - 1)).all(axis=1) & ~stands.ravel()
     assert np.isinf(far[expected > within]).all()
+    return far[inside & (expected <= within)], expected[inside & (expected <= within)]
+
+
+@pytest.mark.parametrize(("square", "most"), [(False, 0.05), (True, 0.1)])
+@pytest.mark.parametrize("seed", range(5))
+def test_distance_over_an_open_plane_is_that_of_brute_force(seed, square, most):
+    rng, stands = np.random.default_rng(seed), np.zeros((50, 50), dtype=bool)
+    for x, y in itertools.product(range(6, 50, 12), range(6, 50, 12)):
+        stands[x + rng.integers(-3, 4), y + rng.integers(-3, 4)] = True
+    far, expected = distances_and_brute_force(stands, rng, 8.0, square)
+    assert (far >= expected - 1e-4).all() and (far - expected).max() <= most
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_distance_amid_many_things_is_never_too_short_and_rarely_too_long(seed):
+    """A place is passed on from column to column, and may be forgotten where others are nearer all around."""
+    rng, stands = np.random.default_rng(seed), np.zeros((50, 50), dtype=bool)
+    for x, y in rng.integers(3, 44, (25, 2)):
+        stands[x : x + rng.integers(1, 4), y : y + rng.integers(1, 4)] = True
+    far, expected = distances_and_brute_force(stands, rng, 14.0, False)
+    assert (far >= expected - 1e-4).all() and (far - expected).max() <= 0.5
+    assert np.count_nonzero(far - expected > 0.05) <= 0.01 * far.size
 
 
 def test_distance_goes_only_where_ground_goes_on():
