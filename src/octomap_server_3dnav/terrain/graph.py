@@ -143,7 +143,8 @@ def _is_too_high(
         jump = max(jump, apart)
     # Of a column without hits only the voxel is known, which may hide a step of any height below two voxels.
     unsure = limits.confidence * np.sqrt(variance + more) if sigma < VOXEL_SIGMA else 0.0
-    return jump + min(unsure, limits.max_step / 2) > limits.max_step  # half a step is none, however little was seen
+    # Half a step is none, however little was seen. What is no number is too high.
+    return not jump + min(unsure, limits.max_step / 2) <= limits.max_step
 
 
 @njit(cache=True)

@@ -84,11 +84,11 @@ def _tops(columns: Columns, clearance: Index, step: Index, gap: Index) -> tuple[
 
 @njit(cache=True)
 def _estimates(hits: NDArray[np.float32], z: NDArray[np.int16], noise: float, pose: float) -> tuple[NDArray, ...]:
-    """height, sigma (N,) and offset (N, 2) out of `hits` (N, 4) of `SurfaceHeights.at`; a voxel's middle where there are none."""
+    """height, sigma (N,) and offset (N, 2) out of `hits` (N, 4) of `SurfaceHeights.at`; a voxel's middle where one is no number."""
     height, sigma = np.empty(z.size, np.float32), np.empty(z.size, np.float32)
     offset = np.zeros((z.size, 2), np.float32)
     for n in range(z.size):
-        if np.isfinite(hits[n, 0]):
+        if np.isfinite(hits[n].sum()):
             height[n], offset[n, 0], offset[n, 1] = hits[n, 0], hits[n, 1], hits[n, 2]
             sigma[n] = np.sqrt(noise**2 / hits[n, 3] + pose**2)
         else:

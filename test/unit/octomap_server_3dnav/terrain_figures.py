@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 from terrain_worlds import FREE, OCCUPIED, RESOLUTION, UNKNOWN, pose
 
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig, classify
+from robot_body import RobotBody
 
 LETTERS = {"T": TerrainClass.TRAVERSABLE, "O": TerrainClass.OBSTACLE, "C": TerrainClass.CLIFF, "I": TerrainClass.INFLATION}
 LETTER_OF = {of: letter for letter, of in LETTERS.items()} | {TerrainClass.FRONTIER: "F", TerrainClass.POTENTIAL_CLIFF: "P"}
@@ -32,7 +34,7 @@ def states_of(figure: list[str]) -> tuple[NDArray[np.uint8], NDArray[np.float64]
 def classified(figure: list[str], config: TerrainConfig) -> list[str]:
     """The figure with the classes of its middle row as they are now."""
     states, T_map_base = states_of(figure)
-    terrain = classify(ColumnRuns.from_dense(states, (0, 0, 0), RESOLUTION), T_map_base, config, None)
+    terrain = classify(ColumnRuns.from_dense(states, (0, 0, 0), RESOLUTION), T_map_base, config, RobotBody(), None)
     width, height = len(states), len(figure)
     drawn = [[{OCCUPIED: "#", FREE: ".", UNKNOWN: " "}[states[x, 0, z]] for x in range(width)] for z in range(height)]
     for i in np.flatnonzero(terrain.iy == ROWS // 2):
@@ -58,7 +60,7 @@ def classified_plan(figure: list[str], config: TerrainConfig) -> list[str]:
     y = next(k for k, row in enumerate(rows) if "R" in row)
     x = rows[y].index("R")
     here = pose((x + 0.5) * RESOLUTION, (y + 0.5) * RESOLUTION, RESOLUTION)
-    terrain = classify(ColumnRuns.from_dense(states, (0, 0, 0), RESOLUTION), here, config, None)
+    terrain = navigable_terrain(ColumnRuns.from_dense(states, (0, 0, 0), RESOLUTION), here, TerrainSettings(terrain=config), None)
     drawn = [list(row) for row in rows]
     for i in np.flatnonzero((terrain.label == TerrainClass.TRAVERSABLE) | (terrain.label == TerrainClass.INFLATION)):
         drawn[terrain.iy[i]][terrain.ix[i]] = "i" if terrain.narrow[i] else LETTER_OF[TerrainClass(terrain.label[i])]

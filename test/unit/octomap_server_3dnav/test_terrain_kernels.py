@@ -1,39 +1,23 @@
 """The fast ways of the terrain kernels against the plain definitions that they stand for."""
 
 import itertools
-import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from terrain_worlds import grid_of_heights, runs_of
 
 from octomap_server_3dnav.octree.column_runs import VoxelState
-from octomap_server_3dnav.terrain import kernels as terrain_kernels
-from octomap_server_3dnav.terrain import scene as terrain_scene
-from octomap_server_3dnav.terrain.config import StepLimits, TerrainConfig
-from octomap_server_3dnav.terrain.surface_columns import (
-    NO_VOXEL,
-    Columns,
-    Surfaces,
-    crop_columns,
-    find_node,
-    ground_voxel,
-    is_top_seen,
-    lowest_occupied,
-    tops_of,
-)
-from octomap_server_3dnav.terrain.surface_graph import (
-    UNFITTED,
-    nearest_neighbours,
-    slope_at,
-    slopes_of_open_ground,
-    steepness,
-)
-from octomap_server_3dnav.terrain.surface_holes import _one_per_hole, bridge_holes
-from octomap_server_3dnav.terrain.surface_steps import steppable_neighbours
+from octomap_server_3dnav.octree.columns import NO_VOXEL, Columns, crop_columns, is_top_seen, lowest_occupied
+from octomap_server_3dnav.terrain import fill, graph, planes, scene, surfaces
+from octomap_server_3dnav.terrain.config import Limits, TerrainConfig
+from octomap_server_3dnav.terrain.distance import distances
+from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
+from robot_body import RobotBody
 
-MARGIN, STEP, CLEARANCE = 18, 2, 14
+MARGIN = 18
+LIMITS = Limits.of(TerrainConfig(), RobotBody(), 0.08)
 
 
 def bumpy_world(seed: int) -> tuple[Columns, Surfaces]:
@@ -46,44 +30,52 @@ def bumpy_world(seed: int) -> tuple[Columns, Surfaces]:
     runs = runs_of(states)
     spans = np.tile([MARGIN, MARGIN + runs.ny], (runs.nx + 2 * MARGIN, 1))
     spans[:MARGIN] = spans[MARGIN + runs.nx :] = MARGIN
-    columns = crop_columns(runs, (runs.origin_key[0] - MARGIN, runs.origin_key[1] - MARGIN), runs.ny + 2 * MARGIN, spans)
-    return columns, bridge_holes(columns, tops_of(columns, CLEARANCE, STEP), CLEARANCE, 3, STEP, STEP)
+    key = (runs.origin_key[0] - MARGIN, runs.origin_key[1] - MARGIN)
+    columns = crop_columns(runs, key, runs.ny + 2 * MARGIN, spans)
+    return columns, fill.fill_gaps(columns, surfaces.surfaces_of(columns, key, None, LIMITS), LIMITS)
 
 
-def whole(columns: Columns) -> np.ndarray:
+def whole(nx: int, ny: int, margin: int) -> NDArray[np.int64]:
     """Spans of all columns but the margin's."""
-    spans = np.tile([MARGIN, columns.ny - MARGIN], (columns.nx, 1))
-    spans[:MARGIN], spans[columns.nx - MARGIN :] = MARGIN, MARGIN
+    spans = np.tile([margin, ny - margin], (nx, 1))
+    spans[:margin], spans[nx - margin :] = margin, margin
     return spans
+
+
+def sheet(height: NDArray[np.float64], sigma: float = 0.05) -> Surfaces:
+    """One surface a column of an (nx, ny) grid of heights in voxels."""
+    flat = height.ravel().astype(np.float32)
+    no = np.zeros(flat.size, dtype=bool)
+    column = np.arange(flat.size, dtype=np.int32)
+    offset = np.zeros((flat.size, 2), np.float32)
+    return Surfaces(
+        np.arange(flat.size + 1, dtype=np.int32),
+        column,
+        np.floor(flat).astype(np.int16),
+        flat,
+        np.full(flat.size, sigma, np.float32),
+        offset,
+        ~no,
+        no,
+    )
+
+
+def linked(found: Surfaces, nx: int, ny: int, step: int = 30) -> graph.Links:
+    """The links of a sheet, however steep it is."""
+    near = graph.nearest_neighbours(found.start, found.z, ny, whole(nx, ny, 1), step)
+    return graph.Links(near, near)
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_neighbours_are_the_nearest_surfaces_of_the_next_columns(seed):
-    columns, surfaces = bumpy_world(seed)
-    near = nearest_neighbours(surfaces.start, surfaces.z, columns.ny, whole(columns), STEP)
+    columns, found = bumpy_world(seed)
+    near = graph.nearest_neighbours(found.start, found.z, columns.ny, whole(columns.nx, columns.ny, MARGIN), LIMITS.step)
     strides = (columns.ny, 1, -columns.ny, -1)
     expected = [
-        [find_node(surfaces.start, surfaces.z, int(c) + stride, int(z), STEP) for stride in strides]
-        for c, z in zip(surfaces.column, surfaces.z, strict=True)
+        [find_node(found.start, found.z, int(c) + stride, int(z), LIMITS.step) for stride in strides]
+        for c, z in zip(found.column, found.z, strict=True)
     ]
-    assert np.array_equal(near, expected) and (np.diff(surfaces.start) > 1).any()
-
-
-@pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("reach", [2, 4, 7])
-def test_slopes_of_open_ground_are_those_of_the_fit(seed, reach):
-    columns, surfaces = bumpy_world(seed)
-    near = nearest_neighbours(surfaces.start, surfaces.z, columns.ny, whole(columns), STEP)
-    graph = steppable_neighbours(near, surfaces, StepLimits.of(TerrainConfig(), 0.08))
-    fitted = {s: slope_at(graph, surfaces.level, s, reach) for s in range(surfaces.z.size)}
-    for limit in (0.1, 0.3, float(np.median(list(fitted.values())))):
-        slope = slopes_of_open_ground(
-            surfaces.start, surfaces.level, graph, columns.ny, whole(columns), reach, (0.8 * limit, limit, 2 * limit)
-        )
-        judged = np.flatnonzero(slope != UNFITTED)
-        assert [slope[s] for s in judged] == [steepness(fitted[s], (0.8 * limit, limit, 2 * limit)) for s in judged]
-    is_upper = surfaces.start[surfaces.column[judged]] < judged
-    assert judged.size > (100 if reach < 7 else 0) and (is_upper.any() or reach > 2)
+    assert np.array_equal(near, expected) and (np.diff(found.start) > 1).any()
 
 
 def test_spans_are_the_columns_within_the_distance():
@@ -91,63 +83,31 @@ def test_spans_are_the_columns_within_the_distance():
     for radius in (0.5, 5.0, 13.0):
         for x0, y0 in (*rng.uniform(-15, 0, (20, 2)), (-12.0, -12.0), (1.0, 1.0), (0.0, -60.0), (0.0, 60.0), (60.0, 0.0)):
             x, y = x0 + np.arange(24.0), y0 + np.arange(26.0)  # 3, 4, 5 and 5, 12, 13 lie on the rim
-            spans, inside = terrain_scene._spans_within(x, y, radius), np.hypot(x[:, None], y) <= radius
+            spans, inside = scene._spans_within(x, y, radius), np.hypot(x[:, None], y) <= radius
             assert np.array_equal((np.arange(26) >= spans[:, :1]) & (np.arange(26) < spans[:, 1:]), inside)
 
 
-@pytest.mark.parametrize("shape, off", [("circle", 0.0), ("circle", 0.37), ("square", 0.0)])
-def test_inflation_takes_what_is_near_at_the_level_of_the_barrier(shape, off):
-    columns, surfaces = bumpy_world(1)
-    ny, radius, band = columns.ny, 0.42, 3
-    barriers = np.random.default_rng(2).choice(surfaces.z.size, 9)
-    label = np.zeros(surfaces.z.size, dtype=np.uint8)
-    at, level = surfaces.column[barriers].astype(np.int64), surfaces.z[barriers].astype(np.int64)
-    places = np.column_stack([at // ny + 0.5 + off, at % ny + 0.5 - off, level])
-    voxels = math.floor(radius / 0.08) if shape == "square" else radius / 0.08
-    terrain_kernels.inflate(label, surfaces, places, np.empty((0, 3)), voxels, shape == "square", band, columns.nx, ny)
-    dx, dy = surfaces.column[:, None] // ny - at // ny - off, surfaces.column[:, None] % ny - at % ny + off
-    near = np.hypot(dx, dy) * 0.08 <= radius if shape == "circle" else np.maximum(abs(dx), abs(dy)) <= voxels
-    expected = (near & (abs(surfaces.z[:, None] - level) <= band)).any(axis=1)
-    assert np.array_equal(label == terrain_kernels.INFLATION, expected) and expected.any()
+# -- surfaces and what is filled between them
 
 
-def test_inflation_begins_where_a_barrier_ends_on_the_side_of_the_ground():
-    columns, surfaces = bumpy_world(1)
-    ny, radius, band = columns.ny, 5.25, 3
-    rng = np.random.default_rng(3)
-    barriers = rng.choice(surfaces.z.size, 9)
-    label = np.zeros(surfaces.z.size, dtype=np.uint8)
-    at, level = surfaces.column[barriers].astype(np.int64), surfaces.z[barriers].astype(np.int64)
-    places = np.column_stack([at // ny + 0.4, at % ny + 0.7, level])
-    reach = np.column_stack([rng.uniform(-1.0, 1.0, (9, 2)), rng.uniform(0.0, 0.5, 9)])
-    reach[0] = 0.0
-    terrain_kernels.inflate(label, surfaces, places, reach, radius, False, band, columns.nx, ny)
-    middle = np.stack([surfaces.column // ny + 0.5, surfaces.column % ny + 0.5], axis=-1)
-    parts = np.linspace(-1.0, 1.0, 2001)
-    lines = places[:, None, :2] + parts[:, None] * reach[:, None, :2]
-    away = np.array([cKDTree(line).query(middle)[0] - width for line, width in zip(lines, reach[:, 2], strict=True)])
-    expected = ((away <= radius) & (abs(surfaces.z - level[:, None]) <= band)).any(axis=0)
-    assert np.array_equal(label == terrain_kernels.INFLATION, expected) and expected.any()
+def test_floor_that_is_filled_in_is_sorted_into_the_surfaces():
+    columns, found = bumpy_world(3)
+    assert found.filled.any() and np.array_equal(np.repeat(np.arange(found.start.size - 1), np.diff(found.start)), found.column)
+    same_column = np.diff(found.column) == 0
+    assert (np.diff(found.z)[same_column] > 0).all() and (np.diff(found.column) >= 0).all()
+    there = [lowest_occupied(columns, int(c), int(z), int(z)) for c, z in zip(found.column, found.z, strict=True)]
+    assert np.array_equal(found.filled, np.array(there) == NO_VOXEL)
+    assert found.sigma[found.filled].min() >= 2 * found.sigma[~found.filled].max()
 
 
-def test_bridged_holes_are_sorted_into_the_surfaces():
-    columns, surfaces = bumpy_world(3)
-    assert surfaces.bridged.any() and np.array_equal(
-        np.repeat(np.arange(surfaces.start.size - 1), np.diff(surfaces.start)), surfaces.column
-    )
-    same_column = np.diff(surfaces.column) == 0
-    assert (np.diff(surfaces.z)[same_column] > 0).all() and (np.diff(surfaces.column) >= 0).all()
-    there = [lowest_occupied(columns, int(c), int(z), int(z)) for c, z in zip(surfaces.column, surfaces.z, strict=True)]
-    assert np.array_equal(surfaces.bridged, np.array(there) == NO_VOXEL)
-
-
-def test_which_of_two_bridges_over_a_hole_stays_does_not_depend_on_their_order() -> None:
-    narrow, wide, low, steep = (
-        np.array([7.0, z, gap, a, a + 1, 0.5, rise]) for z, gap, a, rise in ((4, 2, 0, 0.1), (5, 3, 2, 0.0), (3, 2, 4, 0.0), (4, 2, 6, 0.6))
-    )
-    elsewhere = np.array([7.0, 40.0, 3.0, 8.0, 9.0, 0.5, 0.0])
-    for bridges in itertools.permutations([narrow, wide, low, steep, elsewhere]):
-        np.testing.assert_array_equal(_one_per_hole(np.array(bridges), step=2), [narrow, elsewhere])
+def test_which_of_two_lines_over_a_hole_stays_does_not_depend_on_their_order() -> None:
+    narrow, wide, low, elsewhere = (4, 2), (5, 3), (3, 2), (40, 3)  # z and gap
+    for lines in itertools.permutations([narrow, wide, low, elsewhere]):
+        z, gap = np.array(lines).T
+        values = np.zeros(z.size, np.float32)
+        floor = fill._Floor(np.full(z.size, 7), z, gap, values, values, np.zeros((z.size, 2), np.float32))
+        kept = fill._one_per_hole(floor, step=2)
+        assert list(zip(kept.z.tolist(), kept.gap.tolist(), strict=True)) == [narrow, elsewhere]
 
 
 @pytest.mark.parametrize(
@@ -158,30 +118,8 @@ def test_which_of_two_bridges_over_a_hole_stays_does_not_depend_on_their_order()
 def test_wall_that_was_hit_in_strips_has_no_top_where_none_was_seen(strips, tops) -> None:
     z_lo, z_hi = np.array([*strips, (11, 40)], dtype=np.int16).T.copy()  # free above, but not right above
     occupied = np.arange(len(z_lo)) < len(strips)
-    found = tops_of(Columns(1, 1, np.array([0, len(z_lo)], dtype=np.int32), z_lo, z_hi, occupied), CLEARANCE, STEP)
-    assert found.z.tolist() == tops
-
-
-@pytest.mark.parametrize(
-    ("beside", "own", "hangs"),
-    [
-        ([(1, 3, False), (4, 5, True)], [(1, 3), (6, 20)], 4),
-        ([(-9, 5, True)], [(1, 3), (6, 20)], NO_VOXEL),
-        ([(1, 6, False), (7, 7, True)], [(1, 3), (6, 20)], NO_VOXEL),
-        ([(1, 3, False), (4, 5, True)], [(1, 20)], NO_VOXEL),
-        ([(1, 3, False), (4, 5, True)], [(1, 3)], NO_VOXEL),
-        ([(1, 3, False), (4, 15, True)], [(1, 3), (16, 20)], NO_VOXEL),
-        ([(0, 0, False), (1, 2, True)], [(0, 0), (3, 20)], NO_VOXEL),
-    ],
-    ids=["end of a bar", "gap beside a wall", "gap at another height", "seen free", "unknown up to the sky", "too high", "below a step"],
-)
-def test_bar_may_hang_over_ground_where_nothing_was_seen_between_free_space(beside, own, hangs):
-    """Beside it, at the robot's height, hangs what was seen; the columns are those in the middle of three by three, and at its side."""
-    runs, start = [*((lo, hi, False) for lo, hi in own), *beside], np.zeros(10, dtype=np.int32)
-    start[5:], start[6:] = len(own), len(runs)
-    z_lo, z_hi, occupied = (np.array(numbers) for numbers in zip(*runs, strict=True))
-    columns = Columns(3, 3, start, z_lo.astype(np.int16), z_hi.astype(np.int16), occupied)
-    assert terrain_kernels._may_hang_over(columns, 4, STEP + 1, CLEARANCE) == hangs
+    columns = Columns(1, 1, np.array([0, len(z_lo)], dtype=np.int32), z_lo, z_hi, occupied)
+    assert surfaces._tops(columns, 14, 2)[2].tolist() == tops
 
 
 @pytest.mark.parametrize(
@@ -201,35 +139,184 @@ def test_top_is_seen_where_the_voxel_above_it_was_free(runs, is_seen):
     assert is_top_seen(columns, 0, 2) == is_seen
 
 
-def test_ground_lies_below_the_voxel_in_which_a_beam_gone_astray_ended():
-    """Floor that was hit in its own voxel, and twice floor below a stray beam; where no height is measured the voxel stands."""
-    level, ground = np.array([4.4, 4.2, 4.5], np.float32), np.array([4.1, 3.1, 3.0], np.float32)
-    none, z = np.zeros(3, bool), np.full(3, 4, np.int16)
-    surfaces = Surfaces(
-        np.arange(4, dtype=np.int32), np.arange(3, dtype=np.int32), z, none, none, level, ground, np.zeros((3, 2), np.float32), ~none
-    )
-    alone = np.full((3, 4), -1)
-    assert [ground_voxel(n, alone, surfaces) for n in range(3)] == [4, 3, 3]
-    assert [ground_voxel(n, alone, surfaces._replace(measured=none)) for n in range(3)] == [4, 4, 4]
+def test_sigma_of_a_height_falls_with_its_hits_to_that_of_the_pose_and_is_a_voxels_without_any():
+    hits = np.array([[4.4, 0.1, -0.2, 1], [4.4, 0.1, -0.2, 100], [np.nan] * 4], np.float32)
+    height, sigma, offset = surfaces._estimates(hits, np.array([4, 4, 4], np.int16), 0.12, 0.05)
+    assert height.tolist() == pytest.approx([4.4, 4.4, 4.5])
+    assert sigma.tolist() == pytest.approx([np.hypot(0.12, 0.05), np.hypot(0.012, 0.05), 12**-0.5])
+    assert offset.tolist()[0] == pytest.approx([0.1, -0.2]) and not offset[2].any()
 
 
-def test_ground_lies_where_it_does_all_around_if_a_beam_alone_ended_higher():
-    level, z, known = np.array([5.1, 3.2, 3.3, 3.1, 3.4], np.float32), np.array([5, 3, 3, 3, 3], np.int16), np.ones(5, bool)
-    near = np.full((5, 4), -1)
-    near[0] = 1, 2, 3, 4
-    surfaces = Surfaces(np.arange(6, dtype=np.int32), np.arange(5, dtype=np.int32), z, ~known, known, level, level, np.zeros((5, 2)), known)
-    assert [ground_voxel(n, near, surfaces) for n in range(5)] == [3, 3, 3, 3, 3]
-    near[0, 3] = -1  # its end, where it may be the edge of what is as high as it
-    assert [ground_voxel(n, near, surfaces) for n in range(5)] == [5, 3, 3, 3, 3]
+# -- planes
 
 
-def test_ground_of_a_thin_deck_does_not_lie_at_its_underside():
-    level, z, known = np.array([2.3, 3.2, 3.3, 3.1, 3.4], np.float32), np.array([2, 3, 3, 3, 3], np.int16), np.ones(5, bool)
-    with_underside, near = np.array([1.4, *level[1:]], np.float32), np.full((5, 4), -1)
-    near[0] = 1, 2, 3, 4
-    surfaces = Surfaces(
-        np.arange(6, dtype=np.int32), np.arange(5, dtype=np.int32), z, ~known, known, level, with_underside, np.zeros((5, 2)), known
-    )
-    assert [ground_voxel(n, near, surfaces) for n in range(5)] == [2, 3, 3, 3, 3]
-    near[0, 3] = -1
-    assert [ground_voxel(n, near, surfaces) for n in range(5)] == [1, 3, 3, 3, 3]
+def plane_of(height: NDArray[np.float64], pull: float) -> NDArray[np.float64]:
+    """Gradient by lstsq of the finite heights of a square window, with a level plane of weight `pull`."""
+    half = len(height) // 2
+    x, y = np.meshgrid(*[np.arange(-half, half + 1)] * 2, indexing="ij")
+    known = np.isfinite(height)
+    a = np.column_stack([x[known], y[known]]).astype(float)
+    h = height[known]
+    rows = np.vstack([a - a.mean(axis=0), np.sqrt(pull) * np.eye(2)])
+    return np.linalg.lstsq(rows, np.append(h - h.mean(), [0.0, 0.0]), rcond=None)[0]
+
+
+@pytest.mark.parametrize("half", [planes.WHEEL, planes.BASE])
+@pytest.mark.parametrize("seed", range(3))
+def test_gradient_is_that_of_least_squares_over_the_star_of_straight_lines(half, seed):
+    rng, n = np.random.default_rng(seed), 21
+    x, y = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    height = 40.0 + 0.3 * x - 0.2 * y + rng.normal(0.0, 0.3, (n, n))
+    found = sheet(height)
+    window = height[10 - half : 11 + half, 10 - half : 11 + half].copy()
+    u, v = np.meshgrid(*[np.arange(-half, half + 1)] * 2, indexing="ij")
+    diagonal = (abs(u) == abs(v)) & (abs(u) <= half - half // 2)
+    window[~((u == 0) | (v == 0) | diagonal)] = np.nan
+    gx, gy, sigma = planes.gradient_at(linked(found, n, n).graph, found, 10 * n + 10, half)
+    assert (gx, gy) == pytest.approx(tuple(plane_of(window, 0.5)), abs=1e-5) and sigma > 0
+
+
+@pytest.mark.parametrize("half", [planes.WHEEL, planes.BASE, planes.ROBOT])
+@pytest.mark.parametrize("shift", [(0, 0), (1, -1)])
+def test_plane_is_that_of_least_squares_wherever_its_window_lies(half, shift):
+    rng, n = np.random.default_rng(half), 31
+    x, y = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    height = 40.0 + 0.3 * x - 0.2 * y + rng.normal(0.0, 0.1, (n, n))
+    found, (cx, cy) = sheet(height), (15 + shift[0] * half, 15 + shift[1] * half)
+    window = height[cx - half : cx + half + 1, cy - half : cy + half + 1]
+    at = (shift[0] * half, shift[1] * half)
+    slope, scatter, _, noise, _ = planes._plane_at(found, n, 15 * n + 15, at, half, (0.29, -0.21))
+    gradient = plane_of(window, 0.0)
+    u, v = np.meshgrid(*[np.arange(-half, half + 1)] * 2, indexing="ij")
+    assert slope == pytest.approx(np.hypot(*gradient), abs=1e-5)
+    assert scatter == pytest.approx(np.var(window - gradient[0] * u - gradient[1] * v), abs=1e-5)
+    assert noise == pytest.approx(0.05**2)
+
+
+def test_plane_over_too_little_ground_is_none():
+    found = sheet(np.full((31, 31), 8.5))
+    few = found._replace(z=np.where(found.column % 31 < 14, -99, found.z).astype(np.int16))  # of 11 rows beside the middle only 6
+    assert np.isnan(planes._plane_at(few, 31, 15 * 31 + 15, (0, 0), planes.ROBOT, (0.0, 0.0))[0])
+
+
+@pytest.mark.parametrize("degrees, expected", [(20.0, 0), (24.9, 0), (25.4, 0), (25.7, 2), (30.0, 2)])
+@pytest.mark.parametrize("way", [0.0, 0.6, 2.0])
+@pytest.mark.parametrize("noise", [0.0, 0.06])
+def test_steepness_of_a_plane_is_known_by_its_limit_whatever_its_direction(degrees, expected, way, noise):
+    n, slope = 41, np.tan(np.radians(degrees))
+    x, y = np.meshgrid(np.arange(n) - 20, np.arange(n) - 20, indexing="ij")
+    random = np.random.default_rng(7).normal(0.0, noise, (n, n))
+    found = sheet(60.0 + slope * (np.cos(way) * x + np.sin(way) * y) + random, sigma=0.07)
+    assert planes.steepness(found, linked(found, n, n), n, 20 * n + 20, LIMITS) == expected
+
+
+# -- steps
+
+
+def jump_is_climbed(jump: float, slope: float = 0.0, sigma: float = 0.0, noise: float = 0.0) -> NDArray[np.bool_]:
+    """Whether the edges in the middle of a plane that jumps between its columns 9 and 10 can be stepped over, there and back."""
+    n = 20
+    x = np.arange(n)[:, None] + 0.0 * np.arange(n)
+    height = 20.0 + slope * x + np.where(x >= 10, jump, 0.0) + np.random.default_rng(1).normal(0.0, noise, (n, n))
+    found = sheet(height, max(sigma, 1e-6))
+    near = graph.nearest_neighbours(found.start, found.z, n, whole(n, n, 1), 30)
+    steps = graph.steppable_neighbours(near, found, LIMITS).reshape(n, n, 4)
+    others = np.delete(steps[6:14, 6:14, 0], 3, axis=0)
+    assert (others >= 0).all(), "an edge beside the step was cut"
+    assert np.array_equal(steps[9, 6:14, 0] >= 0, steps[10, 6:14, 2] >= 0)
+    return steps[9, 6:14, 0] >= 0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("slope", [0.0, 0.25, -0.25])
+def test_step_is_the_jump_between_two_planes_and_not_the_rise_from_column_to_column(slope, sign):
+    limit = LIMITS.max_step
+    assert jump_is_climbed(sign * (limit - 0.02), slope).all()
+    assert not jump_is_climbed(sign * (limit + 0.02), slope).any()
+
+
+def test_step_counts_with_its_sigmas_but_never_with_more_than_half_a_step():
+    limit = LIMITS.max_step
+    assert jump_is_climbed(limit - 0.15, sigma=0.1).all()
+    assert not jump_is_climbed(limit - 0.02, sigma=0.1).any()
+    assert jump_is_climbed(limit / 2 - 0.02, sigma=0.28).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_height_at_an_edge_is_that_of_reweighted_least_squares(seed):
+    rng = np.random.default_rng(seed)
+    points = np.array([(i + 0.5, lane, 0.2 * i - 0.1 * lane) for i in range(graph.ROWS) for lane in (-1, 0, 1)])
+    points[:, 2] += rng.normal(0.0, 0.02, len(points))
+    points[4, 2] += 1.0  # something else
+    far, fit = LIMITS.max_step / 10, np.array([points[1, 2], 0.0, 0.0])
+    rows = np.vstack([np.column_stack([np.ones(len(points)), points[:, :2]]), np.sqrt(graph._PRIOR) * np.eye(3)[1:]])
+    for i in range(graph._ROUNDS):
+        off = points[:, 2] - rows[: len(points)] @ fit
+        weight = np.where(points[:, 0] < 1.0, 0.01, 1.0) if i == 0 else (1.0 + (off / far) ** 2) ** -2
+        root = np.sqrt(np.append(weight, [1.0, 1.0]))
+        fit = np.linalg.lstsq(root[:, None] * rows, root * np.append(points[:, 2], [0.0, 0.0]), rcond=None)[0]
+    at_edge, variance, _ = graph._height_at_edge(points, len(points), points[1, 2], 0.05, LIMITS)
+    assert at_edge == pytest.approx(fit[0], abs=1e-6) and abs(at_edge + 0.1) < 0.1
+    precision = (root[:, None] * rows).T @ (root[:, None] * rows)
+    square = weight @ off**2 / weight.sum()
+    assert variance == pytest.approx(np.linalg.inv(precision)[0, 0] * max(0.05**2, square), rel=1e-6)
+
+
+# -- distance
+
+
+def things_on_a_plane(stands: NDArray[np.bool_], rng: np.random.Generator) -> tuple[Surfaces, NDArray[np.int32], NDArray, NDArray, NDArray]:
+    """A plane with things that stand on columns (n, n) of it: its surfaces, graph, and the nodes beside things and the places of these."""
+    n = len(stands)
+    found = sheet(np.full((n, n), 8.5))
+    near, is_thing = linked(found, n, n).near, np.append(stands.ravel(), False)
+    node, k = np.nonzero(is_thing[near] & (near >= 0) & ~is_thing[:-1, None])
+    thing = near[node, k]
+    place = np.stack(np.divmod(thing, n), axis=1) + 0.5 + rng.uniform(-0.4, 0.4, (n * n, 2))[thing]
+    over = np.where(is_thing[near] | is_thing[:-1, None], -1, near).astype(np.int32)
+    return found, over, node, place[:, 0].copy(), place[:, 1].copy()
+
+
+def distances_and_brute_force(
+    stands: NDArray[np.bool_], rng: np.random.Generator, within: float, square: bool
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Those of the ground amid the plane."""
+    n = len(stands)
+    found, over, node, x, y = things_on_a_plane(stands, rng)
+    far = distances(node, x, y, (found.column, over, n), within, square)
+    middle = np.stack([found.column // n + 0.5, found.column % n + 0.5], axis=1)
+    expected = cKDTree(np.column_stack([x, y])).query(middle, p=np.inf if square else 2)[0]
+    inside = ((middle > 1) & (middle < n - 1)).all(axis=1) & ~stands.ravel()
+    assert np.isinf(far[expected > within]).all()
+    return far[inside & (expected <= within)], expected[inside & (expected <= within)]
+
+
+@pytest.mark.parametrize(("square", "most"), [(False, 0.05), (True, 0.1)])
+@pytest.mark.parametrize("seed", range(5))
+def test_distance_over_an_open_plane_is_that_of_brute_force(seed, square, most):
+    rng, stands = np.random.default_rng(seed), np.zeros((50, 50), dtype=bool)
+    for x, y in itertools.product(range(6, 50, 12), range(6, 50, 12)):
+        stands[x + rng.integers(-3, 4), y + rng.integers(-3, 4)] = True
+    far, expected = distances_and_brute_force(stands, rng, 8.0, square)
+    assert (far >= expected - 1e-4).all() and (far - expected).max() <= most
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_distance_amid_many_things_is_never_too_short_and_rarely_too_long(seed):
+    """A place is passed on from column to column, and may be forgotten where others are nearer all around."""
+    rng, stands = np.random.default_rng(seed), np.zeros((50, 50), dtype=bool)
+    for x, y in rng.integers(3, 44, (25, 2)):
+        stands[x : x + rng.integers(1, 4), y : y + rng.integers(1, 4)] = True
+    far, expected = distances_and_brute_force(stands, rng, 14.0, False)
+    assert (far >= expected - 1e-4).all() and (far - expected).max() <= 0.5
+    assert np.count_nonzero(far - expected > 0.05) <= 0.01 * far.size
+
+
+def test_distance_goes_only_where_ground_goes_on():
+    """A wall without ends between two halves of a plane, and a barrier in one of them."""
+    n = 30
+    found = sheet(np.full((n, n), 8.5))
+    over = linked(found, n, n).near.copy()
+    over[14 * n : 15 * n, 0] = over[15 * n : 16 * n, 2] = -1
+    far = distances(np.array([13 * n + 15]), np.array([13.5]), np.array([15.5]), (found.column, over, n), 9.0, False).reshape(n, n)
+    assert far[14, 15] == pytest.approx(1.0) and far[13, 15] == 0.0 and np.isinf(far[15:]).all()

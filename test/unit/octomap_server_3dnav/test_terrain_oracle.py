@@ -1,16 +1,23 @@
 """The classification of random small maps is that of the oracle, which is slow and in plain Python."""
 
+from functools import partial
+
 import numpy as np
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from terrain_oracle import Node, Oracle
 from terrain_worlds import FREE, OCCUPIED, RESOLUTION, UNKNOWN, label_set, pose
 
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
-from octomap_server_3dnav.terrain.classify import TerrainConfig, classify
+from octomap_server_3dnav.terrain.classify import TerrainClass, TerrainConfig, classify
+from octomap_server_3dnav.terrain.config import Limits
+from octomap_server_3dnav.terrain.flood import _is_too_steep
+from octomap_server_3dnav.terrain.scene import Scene, scene_around
+from robot_body import RobotBody
 
 SIDE, LAYERS, GROUND = 22, 16, 4
-SMALL = {"robot_height_m": 0.3, "clearance_margin_m": 0.02, "min_traversable_voxels": 1, "cliff_look_m": 0.4}
+ROBOT = RobotBody(length_m=0.25, width_m=0.2, height_m=0.3, wheel_radius_m=0.11, wheel_width_m=0.02, track_m=0.1, wheelbase_m=0.02)
 
 
 def rough_map(rng: np.random.Generator) -> np.ndarray:
@@ -54,36 +61,46 @@ def _hide_strip_before_edge(states: np.ndarray, rng: np.random.Generator) -> Non
     states[x + 2 + width :] = FREE
 
 
-@settings(max_examples=150, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+def nodes_of(scene: Scene) -> list[Node]:
+    """Its surfaces in their order."""
+    found = scene.surfaces
+    x, y = np.divmod(found.column, scene.columns.ny)
+    return [Node(*voxel) for voxel in zip((x + scene.key[0]).tolist(), (y + scene.key[1]).tolist(), found.z.tolist(), strict=True)]
+
+
+@settings(max_examples=100, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     seed=st.integers(0, 2**32 - 1),
-    inflation_m=st.sampled_from([0.0, 0.16, 0.25]),
-    narrow_m=st.sampled_from([0.08, 0.16, 0.25]),
-    hole=st.integers(0, 3),
-    area=st.integers(0, 2),
+    fill=st.integers(0, 3),
+    margin_m=st.sampled_from([0.0, 0.1]),
     evidence=st.sampled_from(["seen", "seen", "assumed"]),
-    shape=st.sampled_from(["circle", "square"]),
 )
-def test_classes_are_those_of_the_oracle(seed, inflation_m, narrow_m, hole, area, evidence, shape):
+def test_classes_are_those_of_the_oracle(seed, fill, margin_m, evidence):
     states = rough_map(np.random.default_rng(seed))
     config = TerrainConfig(
-        **SMALL,
-        inflation_radius_m=inflation_m,
-        cliff_inflation_radius_m=inflation_m,
-        narrow_radius_m=narrow_m,
-        narrow_cliff_radius_m=narrow_m,
-        hole_bridge_voxels=hole,
-        cliff_area_voxels=area,
-        cliff_evidence=evidence,
-        inflation_shape=shape,
+        clearance_margin_m=0.02, min_ground_voxels=1, look_m=0.4, fill_columns=fill, margin_m=margin_m, cliff_evidence=evidence
     )
     middle = SIDE / 2 * RESOLUTION
-    terrain = classify(ColumnRuns.from_dense(states, (0, 0, 0), RESOLUTION), pose(middle, middle, GROUND * RESOLUTION), config, None)
+    runs, here = ColumnRuns.from_dense(states, (0, 0, 0), RESOLUTION), pose(middle, middle, GROUND * RESOLUTION)
+    limits = Limits.of(config, ROBOT, RESOLUTION)
+    scene = scene_around(runs, None, here[:3, 3], None, limits)
+    nodes = nodes_of(scene)
+    number = {node: i for i, node in enumerate(nodes)}
+    oracle = Oracle({(int(x), int(y), int(z)): int(states[x, y, z]) for x, y, z in np.argwhere(states != UNKNOWN)}, limits)
+
+    assert set(nodes) == set(oracle.height)
+    assert {n for n, is_filled in zip(nodes, scene.surfaces.filled, strict=True) if is_filled} == oracle.filled
+    assert scene.surfaces.height.tolist() == pytest.approx([oracle.height[n] for n in nodes], abs=1e-5)
+    assert scene.links.graph.tolist() == [[number.get(oracle.edge(n, k), -1) for k in range(4)] for n in nodes]
+
+    terrain = classify(runs, here, config, ROBOT, None)
     if terrain.start is None:
         return
     start = Node(int(terrain.ix[terrain.start]), int(terrain.iy[terrain.start]), int(terrain.z[terrain.start]))
-    voxels = {(int(x), int(y), int(z)): int(states[x, y, z]) for x, y, z in np.argwhere(states != UNKNOWN)}
-    oracle = Oracle(voxels, config, RESOLUTION)
-    assert label_set(terrain) == oracle.classes(start)
-    at = np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[terrain.narrow]
-    assert {Node(*map(int, voxel)) for voxel in at} == oracle.narrow
+    found = {(x, y, z, TerrainClass.TRAVERSABLE if c == TerrainClass.INFLATION else c) for x, y, z, c in label_set(terrain)}
+    is_too_steep = partial(_is_too_steep, scene.surfaces, scene.links, scene.columns.ny)
+    assert found == oracle.classes(start, lambda node: bool(is_too_steep(number[node], limits)))
+
+    ground = np.isin(terrain.label[: terrain.surface_count], (TerrainClass.TRAVERSABLE, TerrainClass.INFLATION))
+    kept_off = terrain.distance_m[: terrain.surface_count] <= (limits.keep_off + 1e-6) * RESOLUTION
+    assert np.array_equal(terrain.label[: terrain.surface_count][ground] == TerrainClass.INFLATION, kept_off[ground])

@@ -9,19 +9,12 @@ from terrain_worlds import FREE, OCCUPIED, UNKNOWN, label_set, pose
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
+from robot_body import RobotBody
 
 SIDE, LAYERS, GROUND, RESOLUTION = 40, 40, 14, 1 / 16  # a power of two: nothing is rounded when the world turns or moves
 PARTS = np.array([1, 5, 11, 15]) / 16  # of a voxel, where its beams ended; the same from both sides
-SMALL = TerrainConfig(
-    robot_height_m=0.5,
-    base_height_m=0.132,
-    min_traversable_voxels=1,
-    inflation_radius_m=0.25,
-    cliff_inflation_radius_m=0.25,
-    narrow_radius_m=0.25,
-    narrow_cliff_radius_m=0.25,
-    narrow_width_m=0.1,
-)
+ROBOT = RobotBody(length_m=0.3, width_m=0.3, height_m=0.5, wheel_radius_m=0.11, wheel_width_m=0.05, track_m=0.2, wheelbase_m=0.05)
+SMALL = TerrainConfig(min_ground_voxels=1)
 seeds = st.integers(0, 2**32 - 1)
 checked = settings(max_examples=40, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 Labels = set[tuple[int, int, int, int]]
@@ -55,7 +48,7 @@ def classified(height: NDArray[np.float64], robot: tuple[int, int], moved: tuple
     states[ix, iy, iz] = OCCUPIED
     under = height[4 * robot[0] + 1, 4 * robot[1] + 1]
     x, y, z = ((n + shift) * RESOLUTION for n, shift in zip((robot[0] + 0.5, robot[1] + 0.5, under), moved, strict=True))
-    return classify(ColumnRuns.from_dense(states, moved, RESOLUTION), pose(x, y, z), SMALL, None, heights)
+    return classify(ColumnRuns.from_dense(states, moved, RESOLUTION), pose(x, y, z), SMALL, ROBOT, None, heights)
 
 
 MIDDLE = (SIDE // 2, SIDE // 2)
