@@ -73,8 +73,8 @@ def _barriers(
                     found.append((s, level, np.int64(-1), np.int64(-1), False, label[n] == CLIFF))
                     if label[n] == CLIFF:
                         at.append((cx + surfaces.offset[n, 0], cy + surfaces.offset[n, 1]))
-                    else:  # too steep from where both columns meet
-                        at.append((cx - 0.5 * DX[k], cy - 0.5 * DY[k]))
+                    else:  # planes tell too steep ground one column late
+                        at.append((cx - DX[k], cy - DY[k]))
                 continue
             if n >= 0 and seen[s, k] == BLOCKED:  # a step is where both columns meet
                 found.append((s, level, np.int64(-1), np.int64(-1), False, False))
