@@ -246,8 +246,7 @@ class Oracle:
 
     def classes(self, start: Node, is_too_steep: Callable[[Node], bool]) -> set[tuple[int, int, int, int]]:
         """(x, y, z, label) of the ground reached from a start, obstacles beside it, and frontiers."""
-        self.label, waiting = {}, [start]
-        self.seen: dict[tuple[Node, int], str] = {}
+        self.label, self.seen, waiting = {}, {}, [start]
         while waiting:
             s = waiting.pop()
             if s in self.label:
