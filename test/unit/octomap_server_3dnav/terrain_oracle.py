@@ -116,7 +116,7 @@ class Oracle:
             top_unseen = i + 1 == len(runs) or runs[i + 1].low > run.high + 1
             air_below = i > 0 and not runs[i - 1].occupied and runs[i - 1].high >= run.low - 2
             strips = i
-            while strips and runs[strips - 1].occupied and runs[strips].low - runs[strips - 1].high <= 3:
+            while strips and runs[strips - 1].occupied and runs[strips].low - runs[strips - 1].high <= self.limits.fill:
                 strips -= 1
             if not (top_unseen and (air_below or run.high - runs[strips].low >= self.step)):
                 found.append(run.high)
@@ -185,6 +185,11 @@ class Oracle:
         apart = abs(self.height[n] - self.height[s])
         if apart < self.limits.max_step / 5:
             return True
+        rise, back, onward = self.height[n] - self.height[s], self.near(s, k + 2), self.near(n, k)
+        if back and onward:
+            bends = rise - self.height[s] + self.height[back], rise - self.height[onward] + self.height[n]
+            if max(map(abs, bends)) < self.limits.max_step / 5:
+                return True
         (behind, off), (beyond, more) = self._at_edge(s, k + 2), self._at_edge(n, k)
         jump = abs(beyond - behind)
         return (max(jump, apart) if max(off, more) > self.limits.max_step / 2 else jump) <= self.limits.max_step

@@ -105,7 +105,7 @@ def test_which_of_two_lines_over_a_hole_stays_does_not_depend_on_their_order() -
     for lines in itertools.permutations([narrow, wide, low, elsewhere]):
         z, gap = np.array(lines).T
         values = np.zeros(z.size, np.float32)
-        floor = fill._Floor(np.full(z.size, 7), z, gap, values, values, np.zeros((z.size, 2), np.float32))
+        floor = fill._Floor(np.full(z.size, 7), z, gap, values, values)
         kept = fill._one_per_hole(floor, step=2)
         assert list(zip(kept.z.tolist(), kept.gap.tolist(), strict=True)) == [narrow, elsewhere]
 
@@ -119,7 +119,7 @@ def test_wall_that_was_hit_in_strips_has_no_top_where_none_was_seen(strips, tops
     z_lo, z_hi = np.array([*strips, (11, 40)], dtype=np.int16).T.copy()  # free above, but not right above
     occupied = np.arange(len(z_lo)) < len(strips)
     columns = Columns(1, 1, np.array([0, len(z_lo)], dtype=np.int32), z_lo, z_hi, occupied)
-    assert surfaces._tops(columns, 14, 2)[2].tolist() == tops
+    assert surfaces._tops(columns, 14, 2, 3)[2].tolist() == tops
 
 
 @pytest.mark.parametrize(
@@ -172,7 +172,8 @@ def test_gradient_is_that_of_least_squares_over_the_star_of_straight_lines(half,
     u, v = np.meshgrid(*[np.arange(-half, half + 1)] * 2, indexing="ij")
     diagonal = (abs(u) == abs(v)) & (abs(u) <= half - half // 2)
     window[~((u == 0) | (v == 0) | diagonal)] = np.nan
-    gx, gy, sigma = planes.gradient_at(linked(found, n, n).graph, found, 10 * n + 10, half)
+    of_base, of_wheel = planes.gradients_at(linked(found, n, n).graph, found, 10 * n + 10)
+    gx, gy, sigma = of_base if half == planes.BASE else of_wheel
     assert (gx, gy) == pytest.approx(tuple(plane_of(window, 0.5)), abs=1e-5) and sigma > 0
 
 

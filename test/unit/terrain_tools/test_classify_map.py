@@ -362,7 +362,7 @@ def test_memory_that_ends_is_said(tmp_path, room, capsys, monkeypatch):
 def test_help_says_how_far_a_start_may_be_off(capsys):
     with pytest.raises(SystemExit) as ended:
         main(["--help"])
-    assert ended.value.code == 0 and "off it by up to 0.3 m" in " ".join(capsys.readouterr().out.split())
+    assert ended.value.code == 0 and "off it by up to 0.33 m" in " ".join(capsys.readouterr().out.split())
 
 
 # -- a real map
