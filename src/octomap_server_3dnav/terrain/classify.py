@@ -38,7 +38,7 @@ def classify(
     that is none, a configuration out of its ranges, or a radius that is not positive.
     """
     T_map_base = as_transform(T_map_base)
-    if problems := config.validate() + robot.validate():
+    if problems := config.validate():
         raise ValueError("; ".join(problems))
     if radius_m is not None and not radius_m > 0:
         raise ValueError(f"radius_m must be positive metres or None, not {radius_m!r}")

@@ -139,7 +139,7 @@ def _is_too_high(
     count = _points_beside(near, height, n, k, points)
     beyond, more, beside = _height_at_edge(points, count, height[n], surfaces.sigma[n], limits)
     jump = abs(beyond - behind)
-    if max(off, beside) > limits.max_step / 2:  # one of both is no part of its plane
+    if sigma < VOXEL_SIGMA and max(off, beside) > limits.max_step / 2:  # one of both is no part of its plane
         jump = max(jump, apart)
     # Of a column without hits only the voxel is known, which may hide a step of any height below two voxels.
     unsure = limits.confidence * np.sqrt(variance + more) if sigma < VOXEL_SIGMA else 0.0

@@ -21,7 +21,7 @@ def start_candidates(scene: Scene, T_map_base: Transform, robot: RobotBody, limi
     if up[2] < 0.5:
         return np.empty(0, dtype=np.int64)  # on its side: there is no ground beneath the wheels
     column = scene.surfaces.column
-    nodes = scene.nodes_within(robot.half_length_m)
+    nodes = scene.nodes_within(max(robot.half_length_m, limits.resolution))
     dx = (column[nodes] // scene.columns.ny + scene.key[0] + 0.5) * limits.resolution - ground[0]
     dy = (column[nodes] % scene.columns.ny + scene.key[1] + 0.5) * limits.resolution - ground[1]
     expected = ground[2] - (up[0] * dx + up[1] * dy) / up[2]
