@@ -20,19 +20,20 @@ _MOST_RISE = 2  # voxels from one side of a gap to the other
 
 
 class _Floor(NamedTuple):
-    """Floor that is assumed: column, z, gap, height and sigma (M,)."""
+    """Floor that is assumed: column, z, gap, height and sigma (M,), and offset (M, 2) of where the height holds."""
 
     column: NDArray[np.int64]
     z: NDArray[np.int64]
     gap: NDArray[np.int64]
     height: NDArray[np.float32]
     sigma: NDArray[np.float32]
+    offset: NDArray[np.float32]
 
 
 @lean_njit
-def slope_behind(surfaces: Surfaces, a: Index, back: Index, step: Index) -> float:
+def slope_behind(surfaces: Surfaces, a: Index, back: Index, limits: Limits) -> float:
     """Rise per column from the node of column `back`, _BEHIND columns behind node a, to a; 0 where there is none."""
-    n = find_node(surfaces.start, surfaces.z, back, np.int64(surfaces.z[a]), step + 1)
+    n = find_node(surfaces.start, surfaces.z, back, np.int64(surfaces.z[a]), limits.step + 1)
     return 0.0 if n < 0 else (surfaces.height[a] - surfaces.height[n]) / _BEHIND
 
 
@@ -40,8 +41,8 @@ def slope_behind(surfaces: Surfaces, a: Index, back: Index, step: Index) -> floa
 def _is_one_floor(surfaces: Surfaces, a: Index, b: Index, gap: Index, stride: Index, limits: Limits) -> bool:
     """Whether nodes a and b, `gap` columns of `stride` apart, are level, or on a slope that goes on behind a or beyond b, within a step."""
     rise = np.float64(surfaces.height[b]) - surfaces.height[a]
-    behind = slope_behind(surfaces, a, surfaces.column[a] - _BEHIND * stride, limits.step)
-    beyond = -slope_behind(surfaces, b, surfaces.column[b] + _BEHIND * stride, limits.step)
+    behind = slope_behind(surfaces, a, surfaces.column[a] - _BEHIND * stride, limits)
+    beyond = -slope_behind(surfaces, b, surfaces.column[b] + _BEHIND * stride, limits)
     return bool(min(abs(rise), abs(rise - gap * behind), abs(rise - gap * beyond)) <= limits.max_step)
 
 
@@ -94,7 +95,7 @@ def _find_floor(columns: Columns, surfaces: Surfaces, limits: Limits) -> tuple[N
     """The fields of `_Floor`: lines between the sides of every gap along x and along y."""
     nx, ny = columns.nx, columns.ny
     found: list[tuple[Index, Index, Index]] = [(0, 0, 0) for _ in range(0)]
-    heights = [(0.0, 0.0) for _ in range(0)]
+    estimates = [(0.0, 0.0, 0.0, 0.0) for _ in range(0)]
     for a in range(surfaces.z.size):
         ix, iy = surfaces.column[a] // ny, surfaces.column[a] % ny
         for k in range(2):
@@ -107,13 +108,14 @@ def _find_floor(columns: Columns, surfaces: Surfaces, limits: Limits) -> tuple[N
                 share = j / gap
                 found.append((surfaces.column[a] + j * stride, _level_between(surfaces.z, a, b, j, gap), np.int64(gap)))
                 height = surfaces.height[a] + share * (surfaces.height[b] - surfaces.height[a])
-                heights.append((height, gap * max(surfaces.sigma[a], surfaces.sigma[b])))
+                x, y = (1 - share) * surfaces.offset[a] + share * surfaces.offset[b]
+                estimates.append((height, gap * max(surfaces.sigma[a], surfaces.sigma[b]), x, y))
     column, z, gaps = np.empty(len(found), np.int64), np.empty(len(found), np.int64), np.empty(len(found), np.int64)
-    values = np.empty((2, len(found)), np.float32)
+    values = np.empty((len(found), 4), np.float32)
     for i in range(len(found)):
         column[i], z[i], gaps[i] = found[i]
-        values[0, i], values[1, i] = heights[i]
-    return column, z, gaps, values[0], values[1]
+        values[i, 0], values[i, 1], values[i, 2], values[i, 3] = estimates[i]
+    return column, z, gaps, values[:, 0].copy(), values[:, 1].copy(), values[:, 2:].copy()
 
 
 @njit(cache=True)
@@ -164,7 +166,7 @@ def fill_gaps(columns: Columns, surfaces: Surfaces, limits: Limits) -> Surfaces:
         np.insert(surfaces.z, at, floor.z),
         np.insert(surfaces.height, at, floor.height),
         np.insert(surfaces.sigma, at, floor.sigma),
-        np.insert(surfaces.offset, at, 0.0, axis=0),
+        np.insert(surfaces.offset, at, floor.offset, axis=0),
         np.insert(surfaces.is_open, at, False),
         np.insert(surfaces.filled, at, True),
     )

@@ -132,16 +132,16 @@ def _is_too_high(
 ) -> bool:
     """Whether the ground may jump by more than the highest step between node s and node n in direction k of it."""
     height = surfaces.height
-    sigma = max(surfaces.sigma[s], surfaces.sigma[n])
+    sigma = min(surfaces.sigma[s], surfaces.sigma[n])
     apart = abs(np.float64(height[n]) - height[s])
     count = _points_beside(near, height, s, (k + 2) % 4, points)
     behind, variance, off = _height_at_edge(points, count, height[s], surfaces.sigma[s], limits)
     count = _points_beside(near, height, n, k, points)
     beyond, more, beside = _height_at_edge(points, count, height[n], surfaces.sigma[n], limits)
     jump = abs(beyond - behind)
-    if sigma < VOXEL_SIGMA and max(off, beside) > limits.max_step / 2:  # one of both is no part of its plane
+    if max(off, beside) > limits.max_step / 2:  # one of both is no part of its plane
         jump = max(jump, apart)
-    # Of a column without hits only the voxel is known, which may hide a step of any height below two voxels.
+    # Between columns without hits only voxels are known, which may hide a step of any height below two.
     unsure = limits.confidence * np.sqrt(variance + more) if sigma < VOXEL_SIGMA else 0.0
     # Half a step is none, however little was seen. What is no number is too high.
     return not jump + min(unsure, limits.max_step / 2) <= limits.max_step

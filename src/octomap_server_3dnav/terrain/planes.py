@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.graph import Links
-from octomap_server_3dnav.terrain.surfaces import VOXEL_SIGMA, Surfaces, find_node
+from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
 
 ROBOT, BASE, WHEEL = 5, 2, 1  # half widths of the windows
 _COVERED = 0.8  # of a window's columns have ground
@@ -157,9 +157,6 @@ def steepness(surfaces: Surfaces, links: Links, ny: Index, s: Index, limits: Lim
     slope, wheel = np.hypot(x, y), np.hypot(wx, wy)
     if max(slope + limits.confidence * sigma, wheel + limits.confidence * wheel_sigma) <= limits.max_slope:
         return 0
-    if surfaces.sigma[s] >= VOXEL_SIGMA:  # of voxels alone a slope is a staircase, and only a long plane tells
-        robot = _plane_at(surfaces, ny, s, (0, 0), ROBOT, (x, y))[0]
-        return 2 if (slope if np.isnan(robot) else robot) > limits.max_slope else 0
     robot, _ = _best_plane(surfaces, ny, s, ROBOT, (x, y), limits)
     if not np.isnan(robot):
         return 2 if robot > limits.max_plane_slope else 0

@@ -190,11 +190,12 @@ class Oracle:
             bends = rise - self.height[s] + self.height[back], rise - self.height[onward] + self.height[n]
             if max(map(abs, bends)) < self.limits.max_step / 5:
                 return True
-        jump = abs(self._at_edge(n, k) - self._at_edge(s, k + 2))
-        return jump <= self.limits.max_step
+        (behind, off), (beyond, more) = self._at_edge(s, k + 2), self._at_edge(n, k)
+        jump = abs(beyond - behind)
+        return (max(jump, apart) if max(off, more) > self.limits.max_step / 2 else jump) <= self.limits.max_step
 
-    def _at_edge(self, s: Node, k: int) -> float:
-        """Height of the plane through the ground from s on, at the edge before it."""
+    def _at_edge(self, s: Node, k: int) -> tuple[float, float]:
+        """Height of the plane through the ground from s on, at the edge before it, and how far that lies off s."""
         points: list[tuple[float, float, float]] = []
         row: Node | None = s
         for i in range(5):
@@ -212,9 +213,9 @@ class Oracle:
             weighted = rows.T * np.append(weight, [1.0, 1.0])
             plane = np.linalg.solve(weighted @ rows, weighted[:, :-2] @ h)
         if 2 * weight.sum() < h.size:
-            return first
+            return first, 0.0
         lowest, highest = h.min() - self.limits.max_slope / 2, h.max() + self.limits.max_slope / 2
-        return float(np.clip(plane[0], lowest, highest))
+        return float(np.clip(plane[0], lowest, highest)), abs(first - plane[0] - 0.5 * plane[1])
 
     def beside(self, s: Node, k: int) -> str:
         if self.edge(s, k):
@@ -268,10 +269,9 @@ class Oracle:
         return found | self._frontiers(ground)
 
     def _obstacles(self, s: Node, k: int) -> Iterator[tuple[Column, int]]:
-        """Voxels of what blocks; the unknown two columns before what stands is a side of it from now on."""
+        """Voxels of what blocks; the unknown within two columns of what stands is a side of it from now on."""
         c, low, high = moved(s[:2], SIDES[k]), s.z + self.step + 1, s.z + self.clearance
-        beyond = moved(s[:2], SIDES[k], self.limits.side)
-        around = [beyond, *(moved(beyond, side) for side in SIDES)]
+        around = [(c[0] + dx, c[1] + dy) for dx in range(-2, 3) for dy in range(-2, 3)]
         if self.seen[s, k] in (UNKNOWN, EDGE) and any(self.occupied(a, low, high) is not None for a in around):
             self.seen[s, k] = BLOCKED
             yield c, s.z

@@ -105,7 +105,7 @@ def test_which_of_two_lines_over_a_hole_stays_does_not_depend_on_their_order() -
     for lines in itertools.permutations([narrow, wide, low, elsewhere]):
         z, gap = np.array(lines).T
         values = np.zeros(z.size, np.float32)
-        floor = fill._Floor(np.full(z.size, 7), z, gap, values, values)
+        floor = fill._Floor(np.full(z.size, 7), z, gap, values, values, np.zeros((z.size, 2), np.float32))
         kept = fill._one_per_hole(floor, step=2)
         assert list(zip(kept.z.tolist(), kept.gap.tolist(), strict=True)) == [narrow, elsewhere]
 
