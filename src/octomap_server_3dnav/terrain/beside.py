@@ -83,11 +83,13 @@ def beside(columns: Columns, surfaces: Surfaces, links: Links, s: Index, k: Inde
 
 
 @lean_njit
-def stands_near(columns: Columns, c: Index, level: Index, limits: Limits) -> bool:
-    """Whether something stands in the way of a robot at `level` near column c: what is unknown there may be a side of it."""
-    low, high = level + limits.step + 1, level + limits.clearance
-    for dx in range(-limits.side, limits.side + 1):
-        for dy in range(-limits.side, limits.side + 1):
-            if lowest_occupied(columns, c + dx * columns.ny + dy, low, high) != NO_VOXEL:
-                return True
-    return False
+def stands_beyond(columns: Columns, c: Index, stride: Index, level: Index, limits: Limits) -> bool:
+    """Whether something stands in the way of a robot at `level`, `limits.side` strides on from column c or beside that place.
+
+    What is unknown before it may be a side of it.
+    """
+    low, high, beyond = level + limits.step + 1, level + limits.clearance, c + limits.side * stride
+    is_there = lowest_occupied(columns, beyond, low, high) != NO_VOXEL
+    for k in range(4):
+        is_there |= lowest_occupied(columns, beyond + DX[k] * columns.ny + DY[k], low, high) != NO_VOXEL
+    return is_there

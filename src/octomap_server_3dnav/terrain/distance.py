@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.octree.columns import DX, DY, NO_VOXEL, Columns, blocking_voxel, lowest_occupied, top_near
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
-from octomap_server_3dnav.terrain.beside import BLOCKED, EDGE, UNKNOWN, stands_near
+from octomap_server_3dnav.terrain.beside import BLOCKED, EDGE, UNKNOWN, stands_beyond
 from octomap_server_3dnav.terrain.classified_terrain import CLIFF, OBSTACLE, TRAVERSABLE, UNREACHED, Barriers
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.graph import Links
@@ -81,7 +81,7 @@ def _barriers(
                 at.append((cx - 0.5 * DX[k], cy - 0.5 * DY[k]))
                 continue
             is_unknown = seen[s, k] == UNKNOWN or seen[s, k] == EDGE
-            if is_unknown and stands_near(columns, c + stride, level, limits):
+            if is_unknown and stands_beyond(columns, c, stride, level, limits):
                 seen[s, k] = BLOCKED
                 found.append((s, level, c + stride, level, False, False))
                 at.append((cx, cy))

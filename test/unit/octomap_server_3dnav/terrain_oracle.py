@@ -269,9 +269,10 @@ class Oracle:
         return found | self._frontiers(ground)
 
     def _obstacles(self, s: Node, k: int) -> Iterator[tuple[Column, int]]:
-        """Voxels of what blocks; the unknown within two columns of what stands is a side of it from now on."""
+        """Voxels of what blocks; the unknown two columns before what stands is a side of it from now on."""
         c, low, high = moved(s[:2], SIDES[k]), s.z + self.step + 1, s.z + self.clearance
-        around = [(c[0] + dx, c[1] + dy) for dx in range(-2, 3) for dy in range(-2, 3)]
+        beyond = moved(s[:2], SIDES[k], self.limits.side)
+        around = [beyond, *(moved(beyond, side) for side in SIDES)]
         if self.seen[s, k] in (UNKNOWN, EDGE) and any(self.occupied(a, low, high) is not None for a in around):
             self.seen[s, k] = BLOCKED
             yield c, s.z
