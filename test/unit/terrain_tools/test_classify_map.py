@@ -128,8 +128,8 @@ def test_cloud_without_origins_has_no_seen_drops(tmp_path):
     path = cloud_file(tmp_path / "cloud.ply", floor_points(states))
     code, found = run(tmp_path, path, *START, "--resolution", RESOLUTION)
     assert code == 0 and found["resolution_m"] == RESOLUTION
-    classes, beside_walls = found["terrain"]["classes"], 2 * 2  # unknown within two columns of a wall is a side of it
-    assert classes["cliff"]["voxels"] == 0 and classes["frontier"]["voxels"] == 38 - beside_walls and found["frontiers"]
+    classes = found["terrain"]["classes"]
+    assert classes["cliff"]["voxels"] == 0 and classes["frontier"]["voxels"] == 38 and found["frontiers"]
 
 
 def test_origins_of_a_cloud_free_the_space_that_its_beams_crossed(tmp_path):
