@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.octree.columns import DX, DY, NO_VOXEL, Columns, blocking_voxel, lowest_occupied, top_near
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.octree.surface_heights import SurfaceHeights
-from octomap_server_3dnav.terrain.beside import BLOCKED, EDGE, UNKNOWN, stands_beyond
+from octomap_server_3dnav.terrain.beside import BLOCKED, DROP, EDGE, UNKNOWN, stands_beyond
 from octomap_server_3dnav.terrain.classified_terrain import CLIFF, OBSTACLE, TRAVERSABLE, UNREACHED, Barriers
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.graph import Links
@@ -70,8 +70,9 @@ def _barriers(
             if links.graph[s, k] >= 0:
                 n = np.int64(links.graph[s, k])
                 if label[n] == OBSTACLE or label[n] == CLIFF:
-                    found.append((s, level, np.int64(-1), np.int64(-1), False, label[n] == CLIFF))
-                    if label[n] == CLIFF:
+                    falls = bool((seen[n] == DROP).any())  # also where from its foot it is a step
+                    found.append((s, level, np.int64(-1), np.int64(-1), False, falls))
+                    if falls:
                         at.append((cx + surfaces.offset[n, 0], cy + surfaces.offset[n, 1]))
                     else:  # planes tell too steep ground one column late
                         at.append((cx - DX[k], cy - DY[k]))
@@ -94,11 +95,11 @@ def _barriers(
                     found.append((s, level, across, np.int64(voxel), way != NO_VOXEL, False))
                     at.append((across // ny + 0.5, across % ny + 0.5))
     out, places = np.empty((4, len(found)), np.int64), np.empty((2, len(found)))
-    is_hit, falls = np.empty(len(found), np.bool_), np.empty(len(found), np.bool_)
+    is_hit, is_drop = np.empty(len(found), np.bool_), np.empty(len(found), np.bool_)
     for i in range(len(found)):
-        out[0, i], out[1, i], out[2, i], out[3, i], is_hit[i], falls[i] = found[i]
+        out[0, i], out[1, i], out[2, i], out[3, i], is_hit[i], is_drop[i] = found[i]
         places[0, i], places[1, i] = at[i]
-    return out[0], places[0], places[1], out[1], out[2], out[3], is_hit, falls
+    return out[0], places[0], places[1], out[1], out[2], out[3], is_hit, is_drop
 
 
 def barriers_of(
