@@ -23,6 +23,9 @@ class FollowerConfig:
     turn_in_place_until_rad: float = parameter(0.15, "rad", "a turn in place towards the path ends below this error", low=0.01, high=0.8)
     slow_below_radius_m: float = parameter(0.9, "m", "curves tighter than this are driven slower in proportion", low=0.0, high=5.0)
     slowest_share_near_obstacles: float = parameter(0.4, "-", "share of the speed left where the cost is 252", low=0.05, high=1.0)
+    max_input_age_s: float = parameter(
+        0.3, "s", "the robot stands when its scan or map->odom is older than this; a lidar of 5 Hz needs more", low=0.05, high=5.0
+    )
     goal_tolerance_m: float = parameter(0.15, "m", "the goal is reached within this distance", low=0.02, high=1.0)
     goal_yaw_tolerance_rad: float = parameter(0.2, "rad", "and this heading, when one is asked for", low=0.02, high=3.2)
     max_off_path_m: float = parameter(1.0, "m", "farther than this from the path the follower gives up", low=0.2, high=10.0)

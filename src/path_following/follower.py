@@ -105,6 +105,8 @@ class PathFollower:
         return 0.0
 
     def _missing(self, observation: FollowerObservation) -> str:
+        if observation.silent:
+            return observation.silent
         if observation.T_map_base is None:
             return "no pose"
         if not np.isfinite(observation.T_map_base).all():

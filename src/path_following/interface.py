@@ -47,7 +47,8 @@ class FollowerState(enum.Enum):
 class FollowerObservation:
     """One moment: `stamp_s`, pose (4, 4) of base_link in map, costmap, measured `twist` (v m/s, w rad/s); None is "not known".
 
-    `held`: somebody keeps the commands from the wheels, as during a sweep; that time is no lack of progress.
+    `held`: somebody keeps the commands from the wheels, as during a sweep; that time is no lack of progress. `silent`: which sensor
+    does not speak, so that the robot must stand; empty when all do.
     """
 
     stamp_s: float
@@ -55,6 +56,7 @@ class FollowerObservation:
     costmap: CostGrid | None
     twist: tuple[float, float] | None
     held: bool = False
+    silent: str = ""
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,12 @@ class PoseHistory:
         """True when a pose at or after `stamp_s` is there."""
         return bool(self._stamps) and self._stamps[-1] >= stamp_s - 1e-6
 
+    def nearest(self, stamp_s: float) -> Transform:
+        """The (4, 4) pose at `stamp_s`, or at the end of what is known that is nearest to it; ValueError when nothing is."""
+        if not self._stamps:
+            raise ValueError(f"no pose is known at {stamp_s:.3f} s")
+        return self.at(min(max(stamp_s, self._stamps[0]), self._stamps[-1]))
+
     def at(self, stamp_s: float) -> Transform:
         """The (4, 4) pose at `stamp_s`, between the poses around it; ValueError when it lies outside."""
         if not self._stamps:

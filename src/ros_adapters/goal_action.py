@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import actionlib
 import rospy
+from actionlib_msgs.msg import GoalID
 from explore_3dnav.srv import PlanPath
 from geometry_msgs.msg import PointStamped, PoseStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseResult
@@ -33,10 +34,17 @@ class GoalAction:
     """
 
     def __init__(
-        self, lock: threading.RLock, store: Callable[[Path, Sequence[bool]], None], pose: "Callable[[], Transform | None]"
+        self,
+        lock: threading.RLock,
+        store: Callable[[Path, Sequence[bool]], None],
+        pose: "Callable[[], Transform | None]",
+        in_map: Callable[[PoseStamped], PoseStamped],
     ) -> None:
-        """`store` takes a plan and where it is driven straight; `pose` tells where the robot is in map, None when that is not known."""
-        self._lock, self._store, self._pose = lock, store, pose
+        """`store` takes a plan and where it is driven straight; `pose` tells where the robot is in map, None when that is not known.
+
+        `in_map` turns a goal of any frame into one in map; ValueError when it cannot.
+        """
+        self._lock, self._store, self._pose, self._in_map = lock, store, pose, in_map
         self._active: actionlib.ServerGoalHandle | None = None
         self._goal: PoseStamped | None = None
         self._is_whole = False
@@ -49,6 +57,7 @@ class GoalAction:
 
         ValueError when no path leads there.
         """
+        goal = self._in_map(goal)
         try:
             self._take(goal, None)
         except ValueError:
@@ -57,10 +66,18 @@ class GoalAction:
 
     def on_clicked_point(self, point: PointStamped) -> None:
         """A point on the ground from rviz's tool, height and all; the robot is to look on the way it came. ValueError without a path."""
-        here = self._known_pose()
-        yaw = math.atan2(point.point.y - here[1, 3], point.point.x - here[0, 3])
-        T = transform_from_rpy((point.point.x, point.point.y, point.point.z), (0.0, 0.0, yaw))
-        self._take(PoseStamped(point.header, pose_message(T)), None)
+        here, goal = self._known_pose(), PoseStamped(header=point.header)
+        goal.pose.position, goal.pose.orientation.w = point.point, 1.0
+        goal = self._in_map(goal)
+        at = goal.pose.position
+        goal.pose = pose_message(transform_from_rpy((at.x, at.y, at.z), (0.0, 0.0, math.atan2(at.y - here[1, 3], at.x - here[0, 3]))))
+        self._take(goal, None)
+
+    def on_cancel_topic(self, cancelled: GoalID) -> None:
+        """/move_base/cancel also ends a simple goal, which is no goal of the action's; one that names another goal does not."""
+        if not cancelled.id and self._active is None and self._goal is not None:
+            self._store(Path(), [])
+            self._goal = None
 
     def goes_on(self) -> bool:
         """Stores a path to the goal that the robot has, from where it is now; False when it has none, or no path leads there any more."""
@@ -121,7 +138,7 @@ class GoalAction:
     def _on_goal(self, handle: "actionlib.ServerGoalHandle") -> None:
         with self._lock:
             try:
-                self._take(handle.get_goal().target_pose, handle)
+                self._take(self._in_map(handle.get_goal().target_pose), handle)
             except ValueError as error:
                 handle.set_rejected(MoveBaseResult(), str(error))
                 return

@@ -1,20 +1,24 @@
-"""What every node does the same way: parameters, subscriptions under one lock, diagnostics, and the word that it is ready."""
+"""What every node does the same way: parameters, subscriptions under one lock, the barrier, diagnostics, and the word that it is ready."""
 
 import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import rospy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from explore_3dnav.msg import SimulationTick
 from rospy.numpy_msg import numpy_msg
 from std_msgs.msg import String
 
 from robot_body import RobotBody
-from ros_adapters.conversions import ros_time
+from ros_adapters.barrier import Barrier, Tick
+from ros_adapters.conversions import header
+from ros_adapters.diagnostics import Diagnostics
+from ros_adapters.inputs import InputWatch
 from ros_adapters.urdf_mount import robot_of_parameters
 from stage_config import ConfigError, load_config
 
@@ -23,8 +27,10 @@ M = TypeVar("M")
 R = TypeVar("R")
 
 READY_TOPIC = "/simulation/ready"
-_DIAGNOSTICS_PERIOD_S = 1.0
-_NEWS_PERIOD_S = 0.5  # wall time, as rospy.spin looks for the shutdown
+TICK_TOPIC = "/simulation/tick"
+SILENT_AFTER_S = 0.3  # a sensor that pauses longer is silent
+SIMULATOR = ""  # among those whose ticks a node acts after
+_WATCH_PERIOD_S = 0.05  # on the steady clock
 
 
 def heard_publishers(subscriber: rospy.Subscriber) -> set[str]:
@@ -35,47 +41,19 @@ def heard_publishers(subscriber: rospy.Subscriber) -> set[str]:
     return {c.callerid_pub for c in subscriber.impl.connections} - {"unknown"}
 
 
-class Diagnostics:
-    """Counts what was dropped and why; publishes the counters on /diagnostics once a second of stamped time; later news too."""
+def _is_heard(subscriber: rospy.Subscriber) -> bool:
+    return bool(heard_publishers(subscriber))
 
-    def __init__(self, name: str) -> None:
-        self._name = name
-        self._counts: Counter[str] = Counter()
-        self._last_text: dict[str, str] = {}
-        self._published_at: float | None = None
-        self._published: list[tuple[str, str]] = []
-        self._publisher = rospy.Publisher("/diagnostics", DiagnosticArray, queue_size=10)
-        self.values: dict[str, Any] = {}
 
-    def dropped(self, what: str, text: str) -> None:
-        """Counts a dropped input under `what` and warns of it, at most once a second."""
-        self._counts[what] += 1
-        self._last_text[what] = text
-        rospy.logwarn_throttle(1.0, f"{self._name}: {what}: {text} ({self._counts[what]} so far)")
+class CountingPublisher(rospy.Publisher):
+    """A publisher that knows how many messages it was given."""
 
-    def report(self, stamp_s: float) -> None:
-        """Publishes when a second has passed since the last time, or time jumped back."""
-        last = self._published_at
-        if last is None or not 0.0 <= stamp_s - last < _DIAGNOSTICS_PERIOD_S:
-            self._publish(stamp_s)
+    sent = 0
 
-    def report_news(self) -> None:
-        """Publishes, with the last stamp, when something has changed since: also a node whose input has ceased tells why."""
-        if self._items() != self._published:
-            self._publish(self._published_at or 0.0)
-
-    def _items(self) -> list[tuple[str, str]]:
-        dropped = [(f"dropped: {what}", f"{n}, last: {self._last_text[what]}") for what, n in self._counts.items()]
-        return [(str(k), str(v)) for k, v in self.values.items()] + dropped
-
-    def _publish(self, stamp_s: float) -> None:
-        self._published_at, self._published = stamp_s, self._items()
-        level = DiagnosticStatus.WARN if self._counts else DiagnosticStatus.OK
-        message = "; ".join(f"{n} x {what}" for what, n in self._counts.items()) or "ok"
-        values = [KeyValue(k, v) for k, v in self._published]
-        array = DiagnosticArray(status=[DiagnosticStatus(level, self._name, message, "explore_3dnav", values)])
-        array.header.stamp = ros_time(stamp_s)
-        self._publisher.publish(array)
+    def publish(self, *args: object, **fields: object) -> None:
+        """Publishes, as rospy's."""
+        super().publish(*args, **fields)
+        self.sent += 1
 
 
 class Node:
@@ -83,6 +61,7 @@ class Node:
 
     Small topics are received without a queue and with tcp_nodelay: in lock-step every hop counts. One re-entrant lock guards all
     callbacks of a node; no callback waits for ROS time, nor reads it: stamps come with the messages, and /clock is not listened to.
+    Callbacks take in; `acts` names what the node does then. Running free it does so after every message, in lock-step at every tick.
     """
 
     def __init__(self, name: str) -> None:
@@ -92,6 +71,12 @@ class Node:
         self.lockstep = bool(rospy.get_param("/lockstep", False))
         self.diagnostics = Diagnostics(name)
         self._required: list[Callable[[], bool]] = []
+        self._barrier: Barrier | None = None
+        self._acts: Sequence[Callable[[Tick | None], None]] = ()
+        self._sent: dict[str, CountingPublisher] = {}
+        self._tick_topic: rospy.Publisher | None = None
+        self._watchdog: Callable[[float], None] = lambda _: None
+        self.sent_otherwise: Counter[str] = Counter()
 
     def parameters(self, cls: type[C], *, section: str = "", own: tuple[str, ...] = ("out",)) -> C:
         """The stage's configuration from the private parameters, or those below `section`; `own` are the node's, not the stage's.
@@ -118,49 +103,146 @@ class Node:
         Path(out).mkdir(parents=True, exist_ok=True)
         return Path(out)
 
+    def acts(
+        self,
+        act: Callable[[Tick | None], None],
+        *,
+        after: Sequence[str],
+        on: Sequence[str],
+        then: Callable[[Tick | None], None] = lambda _: None,
+    ) -> None:
+        """What the node does with what its callbacks took in: `act`, and then what nobody after it in the chain waits for.
+
+        In lock-step (a tick is given) at the end of every tick, when those `after` whom it stands have told of it and all that was sent
+        on the topics `on` is here; the next ones hear of the tick between `act` and `then`. Running free (None) after every message.
+        """
+        self._acts = (act, then)
+        if not self.lockstep:
+            return
+        self._barrier = Barrier(after, on)
+        self._tick_topic = rospy.Publisher(f"{TICK_TOPIC}/{self.name}", SimulationTick, queue_size=None, tcp_nodelay=True)
+        for upstream in after:
+            topic = f"{TICK_TOPIC}/{upstream}".rstrip("/")
+            told = partial(self._on_tick, upstream)
+            subscriber = rospy.Subscriber(topic, SimulationTick, told, queue_size=None, tcp_nodelay=True)
+            self.require(partial(_is_heard, subscriber))
+
+    def _on_tick(self, upstream: str, message: SimulationTick) -> None:
+        with self.lock:
+            assert self._barrier is not None
+            counts = dict(zip(message.topics, message.counts, strict=True))
+            self._barrier.told(upstream, Tick(message.header.stamp.to_sec(), counts))
+            self._proceed(message)
+
+    def received(self, topic: str, *, now_s: float | None = None) -> None:
+        """Counts a message that came otherwise than by a subscription to its topic."""
+        for watch in self.diagnostics.inputs:
+            if watch.topic == topic:
+                watch.arrived(time.monotonic() if now_s is None else now_s)
+        if self._barrier is not None:
+            self._barrier.received(topic)
+
+    def _proceed(self, cause: object) -> None:
+        """Acts on what is complete by now."""
+        if not self._acts:
+            return
+        act, then = (self._guard(step, cause) for step in self._acts)
+        if self._barrier is None:
+            act(None)
+            then(None)
+            return
+        while (tick := self._barrier.next()) is not None:
+            act(tick)
+            self._pass_on(tick)
+            then(tick)
+
+    def _pass_on(self, tick: Tick) -> None:
+        counts = {**tick.counts, **{topic: p.sent for topic, p in self._sent.items()}, **self.sent_otherwise}
+        assert self._tick_topic is not None
+        self._tick_topic.publish(SimulationTick(header(tick.stamp_s, ""), list(counts), list(counts.values())))
+
+    def _guard(self, callback: Callable[[M], R], cause: object = None) -> Callable[[M], R | None]:
+        """`callback`, which drops what it cannot use: a ValueError is counted under the type of its message, as is a service that fails."""
+
+        def run(message: M) -> R | None:
+            try:
+                return callback(message)
+            except ValueError as error:
+                name = getattr(cause if cause is not None else message, "_type", "").rpartition("/")[2]
+                self.diagnostics.dropped(f"bad {name}", str(error))
+            except rospy.ServiceException as error:
+                self.diagnostics.dropped("service that failed", str(error))
+            except rospy.ROSException:
+                if not rospy.core.is_shutdown_requested():  # then topics are closed while messages still come
+                    raise
+            return None
+
+        return run
+
     def guarded(self, callback: Callable[[M], R]) -> Callable[[M], R | None]:
-        """`callback` under the node's lock; a ValueError drops the message and is counted, as does a service that fails."""
+        """`callback` under the node's lock; what it cannot use is dropped and counted."""
+        guard = self._guard(callback)
 
         def run(message: M) -> R | None:
             with self.lock:
-                try:
-                    return callback(message)
-                except ValueError as error:
-                    self.diagnostics.dropped(f"bad {getattr(message, '_type', '').rpartition('/')[2]}", str(error))
-                except rospy.ServiceException as error:
-                    self.diagnostics.dropped("service that failed", str(error))
-                except rospy.ROSException:
-                    if not rospy.core.is_shutdown_requested():  # then topics are closed while messages still come
-                        raise
-                return None
+                return guard(message)
 
         return run
 
     def subscribe(
-        self, topic: str, message_type: type[M], callback: Callable[[M], object], *, large: bool = False, required: bool = True
+        self,
+        topic: str,
+        message_type: type[M],
+        callback: Callable[[M], object],
+        *,
+        large: bool = False,
+        required: bool = True,
+        silent_after_s: float | None = None,
     ) -> rospy.Subscriber:
         """Subscribes; `large` messages get a short queue, and what is not `required` need not be there when the clock starts.
 
-        Arrays of numbers arrive as numpy arrays.
+        A pause longer than `silent_after_s` is told on /diagnostics. Arrays of numbers arrive as numpy arrays.
         """
+        guard = self._guard(callback)
+
+        def take_in(message: M) -> None:
+            arrived_s = time.monotonic()
+            with self.lock:
+                guard(message)
+                self.received(topic, now_s=arrived_s)
+                self._proceed(message)
+
+        self.watch(topic, silent_after_s)
         subscriber = rospy.Subscriber(
             topic,
             numpy_msg(message_type),
-            self.guarded(callback),
+            take_in,
             queue_size=5 if large else None,
             buff_size=2**25 if large else 65536,
             tcp_nodelay=True,
         )
         if required:
-            self.require(lambda: bool(heard_publishers(subscriber)))
+            self.require(partial(_is_heard, subscriber))
         return subscriber
+
+    def watch(self, topic: str, silent_after_s: float | None) -> None:
+        """Tells on /diagnostics how often a topic speaks, and since when not. In lock-step the clock stands while nodes think."""
+        silent_after_s = None if self.lockstep else silent_after_s
+        self.diagnostics.inputs.append(InputWatch(topic, silent_after_s, time.monotonic()))
+
+    def watchdog(self, look: Callable[[float], None]) -> None:
+        """`look` is called twenty times a second with the steady clock, in lock-step not at all."""
+        self._watchdog = look
 
     def require(self, condition: Callable[[], bool]) -> None:
         """The node is not ready before `condition` holds."""
         self._required.append(condition)
 
     def publisher(self, topic: str, message_type: type, *, large: bool = False, latch: bool = False) -> rospy.Publisher:
-        return rospy.Publisher(topic, message_type, queue_size=5 if large else None, tcp_nodelay=True, latch=latch)
+        """A publisher whose messages the barrier counts."""
+        publisher = CountingPublisher(topic, message_type, queue_size=5 if large else None, tcp_nodelay=True, latch=latch)
+        self._sent[topic] = publisher
+        return publisher
 
     def run(self) -> None:
         """Waits for what it listens to, says that it is ready, and serves until shutdown."""
@@ -170,5 +252,7 @@ class Node:
                 time.sleep(0.02)
         ready.publish(String(self.name))
         while not rospy.core.is_shutdown_requested():
-            time.sleep(_NEWS_PERIOD_S)
-            self.guarded(lambda _: self.diagnostics.report_news())(None)
+            time.sleep(_WATCH_PERIOD_S)
+            if not self.lockstep:
+                self.guarded(self._watchdog)(time.monotonic())
+            self._guard(lambda _: self.diagnostics.report_news())(None)

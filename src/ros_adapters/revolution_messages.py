@@ -72,10 +72,10 @@ def revolution_of(message: PointCloud2, frame: str) -> Revolution:
 
 
 def level_scan_message(end_stamp_s: float, frame: str, ranges: NDArray[np.float32], lidar: LidarConfig, range_max: float) -> LaserScan:
-    """(450,) ranges around the laser's `frame` as it stood at `end_stamp_s`; as with a laser that is the stamp plus the scan time."""
+    """(450,) ranges around the laser's `frame` as it stood at `end_stamp_s`, its stamp: no beam is later."""
     step = 2.0 * math.pi / LEVEL_BEAMS
     return LaserScan(
-        header=header(end_stamp_s - lidar.duration_s, frame),
+        header=header(end_stamp_s, frame),
         angle_min=-math.pi + step / 2,
         angle_max=math.pi - step / 2,
         angle_increment=step,

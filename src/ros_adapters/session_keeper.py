@@ -19,7 +19,7 @@ from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import DamagedSweepError, NotOnDiskError, SessionStore
 from ros_adapters.conversions import Singles, cloud_message, free_arrays, header, pose_message
-from ros_adapters.node import Diagnostics
+from ros_adapters.diagnostics import Diagnostics
 
 _SERVICE, _WAIT_S = "octomap_server_3dnav_node/restore_sweep", 30.0
 

@@ -1,38 +1,66 @@
-"""Transforms at a stamp: never the latest, never the identity."""
-
-import time
+"""Transforms as inputs: map->odom by time, and other frames for goals; never the identity in place of what is not known."""
 
 import numpy as np
 import rospy
 import tf2_ros
+from geometry_msgs.msg import PoseStamped, TransformStamped
 from numpy.typing import NDArray
+from tf2_msgs.msg import TFMessage
 
-from ros_adapters.conversions import ros_time, transform_from_message
-from ros_adapters.node import heard_publishers
+from ros_adapters.conversions import pose_message, transform_from_message, transform_from_pose
+from ros_adapters.inputs import TimedInput
+from ros_adapters.node import Node, heard_publishers
 
-_POLL_S = 0.0003
+MAP_ODOM = "/tf map->odom"  # as the barrier and the diagnostics call it
 
 
-class TransformLookup:
-    """tf2 asked for exact stamps. It polls in wall time: a tf2 timeout would wait for a clock that waits for this node."""
+class TransformInput:
+    """Hears /tf and /tf_static for a node, and keeps map->odom apart: it moves the robot."""
 
-    def __init__(self, wall_timeout_s: float = 2.0) -> None:
-        self._buffer = tf2_ros.Buffer(rospy.Duration(30), debug=False)
-        self._listener = tf2_ros.TransformListener(self._buffer, queue_size=None, tcp_nodelay=True)
-        self._wall_timeout_s = wall_timeout_s
+    def __init__(self, node: Node, max_age_s: float) -> None:
+        """`max_age_s`: an older map->odom is not known any more."""
+        self._node = node
+        self._map_odom: TimedInput[NDArray[np.float64]] = TimedInput(max_age_s)
+        self._buffer = tf2_ros.BufferCore(rospy.Duration(30))
+        node.watch(MAP_ODOM, max_age_s)
+        self._subscriber = node.subscribe("/tf", TFMessage, self._on_transforms, required=False)
+        node.subscribe("/tf_static", TFMessage, self._on_static, required=False)
 
     def hears(self, publisher: str) -> bool:
         """True when the node `publisher` is connected: a transform that it sends from now on will arrive."""
-        return publisher in heard_publishers(self._listener.tf_sub)
+        return publisher in heard_publishers(self._subscriber)
 
-    def at(self, target: str, source: str, stamp_s: float) -> NDArray[np.float64]:
-        """T_target_source at `stamp_s`; ValueError when it has not come within the wall time limit."""
-        stamp = ros_time(stamp_s)
-        deadline = time.monotonic() + self._wall_timeout_s
-        while True:
-            try:
-                return transform_from_message(self._buffer.lookup_transform_core(target, source, stamp).transform)
-            except tf2_ros.TransformException as error:
-                if time.monotonic() > deadline or rospy.is_shutdown():
-                    raise ValueError(f"no transform {target} <- {source} at {stamp_s:.3f} s: {error}") from error
-            time.sleep(_POLL_S)
+    def T_map_odom(self, stamp_s: float) -> NDArray[np.float64] | None:
+        """The (4, 4) correction that holds at a time; None when it is not known or too old."""
+        return self._map_odom.at(stamp_s)
+
+    def in_map(self, pose: PoseStamped) -> PoseStamped:
+        """The pose in map, by the newest transforms, its stamp left; ValueError when its frame is not known."""
+        frame = pose.header.frame_id.lstrip("/")
+        if frame == "map":
+            pose.header.frame_id = frame
+            return pose
+        if not frame:
+            raise ValueError("a goal without a frame: its header's frame_id is empty; map, odom or base_link is meant")
+        try:
+            found = self._buffer.lookup_transform_core("map", frame, rospy.Time())
+        except tf2_ros.TransformException as error:
+            raise ValueError(f"a goal in frame {frame!r}, which tf cannot tell in map: {error}") from error
+        moved = PoseStamped(pose.header, pose_message(transform_from_message(found.transform) @ transform_from_pose(pose.pose)))
+        moved.header.frame_id = "map"
+        return moved
+
+    def _on_transforms(self, message: TFMessage) -> None:
+        for transform in message.transforms:
+            self._keep(transform, static=False)
+            if (transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")) == ("map", "odom"):
+                self._map_odom.add(transform.header.stamp.to_sec(), transform_from_message(transform.transform))
+                self._node.received(MAP_ODOM)
+
+    def _on_static(self, message: TFMessage) -> None:
+        for transform in message.transforms:
+            self._keep(transform, static=True)
+
+    def _keep(self, transform: TransformStamped, *, static: bool) -> None:
+        add = self._buffer.set_transform_static if static else self._buffer.set_transform
+        add(transform, "tf")

@@ -9,6 +9,9 @@ from stage_config import check_ranges, parameter
 class StopScanAndGoConfig:
     """When to sweep, what standing still means, and how long to wait for what."""
 
+    max_input_age_s: float = parameter(
+        0.3, "s", "the robot stands when odometry, joint states or the follower's command are older than this", low=0.05, high=5.0
+    )
     start_delay_s: float = parameter(1.0, "s", "odometry must have been there for so long before the first sweep", low=0.0, high=60.0)
     max_distance_m: float = parameter(2.5, "m", "distance since the last sweep that asks for the next", low=0.2, high=100.0)
     max_yaw_rad: float = parameter(3.5, "rad", "sum of turns since the last sweep that asks for the next", low=0.3, high=100.0)

@@ -213,6 +213,8 @@ class StopScanAndGo:
             return self._prepare_sweep(*ended)
         if _finite_pose(tick) is None:
             return self._answer(reason="no odometry")
+        if tick.tilt_rad is None:
+            return self._answer(reason="no joint state of the tilting mount")
         if tick.command is None or not all(math.isfinite(c) for c in tick.command):
             return self._answer(reason="no command from the follower")
         return self._answer(*tick.command)

@@ -115,6 +115,11 @@ class DiagnosticsOf:
                     newest = {v.key: v.value for v in status.values}
         return newest
 
+    def message(self) -> str:
+        """Its newest message."""
+        said = [status.message for array in list(self._inbox.messages) for status in array.status if status.name == self._name]
+        return said[-1] if said else ""
+
     def wait_for_count(self, what: str, at_least: int = 1) -> None:
         """Until a counter of the node's own stage is so high."""
         wait_until(lambda: int(self.counts().get(what, 0)) >= at_least, f"{what} counted {at_least} times: {self.counts()}")

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""stop_scan_and_go_node with a made-up laser and follower: when it sweeps, what it forwards, which ticks it answers."""
+"""stop_scan_and_go_node running free with a made-up laser and follower: when it sweeps, what it forwards, when it stands."""
 
 import sys
 import time
@@ -9,9 +9,8 @@ import rospy
 from explore_3dnav.msg import ExplorationDecision, FollowerCommand, RunEvent
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
-from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, joints, odometry, one_line_of, run_misconfigured, wait_for_node, wait_until
+from node_testing import DiagnosticsOf, Inbox, feed, joints, odometry, one_line_of, run_misconfigured, wait_for_node, wait_until
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 import rostest
@@ -33,7 +32,6 @@ class StopScanAndGoTest(unittest.TestCase):
         cls.services = [rospy.Service("start_sweep", Trigger, cls.start_sweep), rospy.Service("move_base_node/hold", SetBool, cls.hold)]
         wait_for_node(NODE)
         cls.velocities = Inbox("/cmd_vel", Twist).wait_until_connected()
-        cls.done = Inbox("/simulation/tick_done", Header).wait_until_connected()
         cls.events = Inbox("/exploration/event", RunEvent).wait_until_connected()
         cls.diagnostics = DiagnosticsOf(NODE).wait_until_connected()
         cls.odometry = feed("/odom", Odometry)
@@ -51,20 +49,21 @@ class StopScanAndGoTest(unittest.TestCase):
         cls.held.append(request.data)
         return SetBoolResponse(True, "")
 
-    def tick(self, tilt_rad: float = 0.0, v: float = 0.0, state: str = "following", moving: float = 0.0, answered: bool = True) -> None:
-        """All inputs of the next tick; waits for its answer."""
+    def tick(self, tilt_rad: float = 0.0, v: float = 0.0, state: str = "following", moving: float = 0.0, without: str = "") -> None:
+        """All inputs of the next moment, each on its own phase, but for the one `without` which it is; waits for its answer."""
         cls = StopScanAndGoTest
         cls.clock_s = round(cls.clock_s + TICK_S, 3)
         cls.x += moving * TICK_S
         answers = len(self.velocities.messages)
-        self.joints.publish(joints(self.clock_s, tilt_rad))
-        self.odometry.publish(odometry(self.clock_s, x=self.x, v=moving))
+        if without != "/joint_states":
+            self.joints.publish(joints(self.clock_s - 0.0113, tilt_rad))
+        if without != "/odom":
+            self.odometry.publish(odometry(self.clock_s - 0.0042, x=self.x, v=moving))
+        time.sleep(0.002)
         command = FollowerCommand(header=header(self.clock_s, "base_link"), state=state, terrain_stamp=ros_time(self.terrain_s))
         command.twist.linear.x = v
         self.commands.publish(command)
-        if answered:
-            self.done.wait_for(lambda m: abs(m.stamp.to_sec() - self.clock_s) < 1e-6)
-            wait_until(lambda: len(self.velocities.messages) > answers, "the velocity of the tick")
+        wait_until(lambda: len(self.velocities.messages) > answers, "the velocity of the tick")
 
     def state(self) -> str:
         return self.events.messages[-1].state if self.events.messages else ""
@@ -77,17 +76,14 @@ class StopScanAndGoTest(unittest.TestCase):
         self.fail(f"not {wanted} after {limit} ticks but {self.state()}: {self.events.messages[-1].reason}")
 
     def play_sweep(self) -> float:
-        """The laser tilts and comes back; the stamp of the tick that is held while the sweep is mapped."""
+        """The laser tilts and comes back; the stamp at which the sweep was seen to be over."""
         for _ in range(4):
             self.tick(tilt_rad=0.5)
         sweeps = self.events.messages[-1].sweeps
         for _ in range(10):
-            self.tick(answered=False)
-            deadline = time.monotonic() + QUIET_S
-            while time.monotonic() < deadline:
-                if self.events.messages[-1].sweeps > sweeps:
-                    return self.clock_s
-                time.sleep(0.002)
+            self.tick()
+            if self.events.messages[-1].sweeps > sweeps:
+                return self.clock_s
         self.fail("the sweep did not end")
 
     def decide(self, kind: str, terrain_s: float | None = None) -> None:
@@ -103,9 +99,9 @@ class StopScanAndGoTest(unittest.TestCase):
         if self.state() == "driving":
             return
         self.tick_until("sweeping")
-        held_s = self.play_sweep()
+        self.play_sweep()
         self.decide("goal")
-        self.done.wait_for(lambda m: abs(m.stamp.to_sec() - held_s) < 1e-6)
+        wait_until(lambda: self.state() == "driving", "the decision to be taken")
         self.tick()
         self.assertEqual(self.state(), "driving")
 
@@ -115,16 +111,13 @@ class StopScanAndGoTest(unittest.TestCase):
         self.assertTrue(self.held[-1])
         self.assertEqual(self.velocities.messages[-1].linear.x, 0.0)
 
-    def test_2_tick_is_held_until_decision_and_terrain_are_there(self) -> None:
-        held_s = self.play_sweep()
+    def test_2_robot_stands_until_the_decision_is_there(self) -> None:
+        self.play_sweep()
         self.assertEqual(self.state(), "mapping")
-        time.sleep(QUIET_S)
-        self.assertNotIn(held_s, [round(m.stamp.to_sec(), 6) for m in self.done.messages])
-        self.decide("goal", terrain_s=held_s - 1.0)
-        time.sleep(QUIET_S)
-        self.assertNotIn(held_s, [round(m.stamp.to_sec(), 6) for m in self.done.messages])
+        self.tick(v=0.3)
+        self.assertEqual(self.velocities.messages[-1].linear.x, 0.0)
         self.decide("goal")
-        self.done.wait_for(lambda m: abs(m.stamp.to_sec() - held_s) < 1e-6)
+        wait_until(lambda: self.state() == "driving", "the decision to be taken")
 
     def test_3_follower_drives_after_the_decision(self) -> None:
         self.drive()
@@ -146,17 +139,33 @@ class StopScanAndGoTest(unittest.TestCase):
         self.tick_until("settling", state="stuck", limit=40)
         self.assertIn("stuck", self.events.messages[-1].failure)
 
-    def test_6_odometry_that_is_no_pose_is_counted_and_its_tick_not_answered(self) -> None:
+    def test_6_odometry_that_is_no_pose_is_counted(self) -> None:
         self.drive()
-        StopScanAndGoTest.clock_s = bad_s = round(self.clock_s + TICK_S, 3)
-        self.odometry.publish(odometry(bad_s, x=float("nan")))
-        self.joints.publish(joints(bad_s))
-        self.commands.publish(FollowerCommand(header=header(bad_s, "base_link"), state="following", terrain_stamp=ros_time(self.terrain_s)))
-        time.sleep(QUIET_S)
-        for _ in range(30):
-            self.tick()
+        self.odometry.publish(odometry(self.clock_s + 0.01, x=float("nan")))
         self.diagnostics.wait_for_dropped("bad Odometry")
-        self.assertNotIn(bad_s, [round(m.stamp.to_sec(), 6) for m in self.done.messages])
+
+    def test_6_robot_stands_while_odometry_or_joint_states_are_silent_and_goes_on_afterwards(self) -> None:
+        for silent in ("/odom", "/joint_states"):
+            self.drive()
+            self.tick(v=0.2)
+            self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.2)
+            for _ in range(7):
+                self.tick(v=0.2, without=silent)
+            self.assertEqual(self.velocities.messages[-1].linear.x, 0.0)
+            self.tick(v=0.2)
+            self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.2)
+
+    def test_6_zero_is_sent_when_commands_cease_and_the_silence_is_named(self) -> None:
+        self.drive()
+        self.tick(v=0.2)
+        answers = len(self.velocities.messages)
+        time.sleep(0.5)
+        self.assertGreater(len(self.velocities.messages), answers)
+        self.assertEqual(self.velocities.messages[-1].linear.x, 0.0)
+        time.sleep(0.5)
+        self.assertIn("no /cmd_vel/move_base", self.diagnostics.message())
+        self.tick(v=0.2)
+        self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.2)
 
     def test_7_decision_of_an_unknown_kind_is_counted_and_dropped(self) -> None:
         self.drive()

@@ -75,7 +75,7 @@ def test_clouds_that_are_none_of_a_lidar_are_refused() -> None:
 
 def test_level_scan_belongs_to_the_time_at_which_the_revolution_ended() -> None:
     message = level_scan_message(7.1, "laser", np.full(LEVEL_BEAMS, 2.0, np.float32), LidarConfig(), 2.5)
-    assert message.header.stamp.to_sec() + message.scan_time == pytest.approx(7.1)
+    assert message.header.stamp.to_sec() + message.time_increment * LEVEL_BEAMS == pytest.approx(7.1)
     assert message.angle_min + (LEVEL_BEAMS - 1) * message.angle_increment == pytest.approx(message.angle_max)
 
 

@@ -1,0 +1,49 @@
+"""The barrier of lock-step: a node acts on a tick when it has received all that was sent by its end.
+
+The simulator says at the end of every tick how many messages it has sent on each topic, and each node of the chain says the same when it
+has acted: with what it heard, and what it sent itself. So the end of the chain knows of everything before it. The barrier decides when a
+node acts, never what it acts on.
+"""
+
+from collections import Counter, deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Tick:
+    """The end of a tick: its stamp, and how many messages were sent on each topic since the start, as far as the node heard."""
+
+    stamp_s: float
+    counts: Mapping[str, int] = field(default_factory=dict)
+
+
+class Barrier:
+    """Counts what came, and tells which tick is complete."""
+
+    def __init__(self, after: Sequence[str], topics: Sequence[str]) -> None:
+        """`after`: who tells of ticks, each of them of every tick; `topics`: whose messages must be here."""
+        self._told: dict[str, deque[Tick]] = {name: deque() for name in after}
+        self._topics = tuple(topics)
+        self._received: Counter[str] = Counter()
+
+    def received(self, topic: str) -> None:
+        """A message of a topic is here."""
+        self._received[topic] += 1
+
+    def told(self, by: str, tick: Tick) -> None:
+        """Somebody tells of a tick."""
+        self._told[by].append(tick)
+
+    def next(self) -> Tick | None:
+        """The oldest tick that all told of and whose messages are here, once, with the counts of all; None while there is none."""
+        if not all(self._told.values()):
+            return None
+        counts: dict[str, int] = {}
+        for ticks in self._told.values():
+            for topic, count in ticks[0].counts.items():
+                counts[topic] = max(count, counts.get(topic, 0))
+        if any(self._received[topic] < counts.get(topic, 0) for topic in self._topics):
+            return None
+        stamp_s = max(ticks.popleft().stamp_s for ticks in self._told.values())
+        return Tick(stamp_s, counts)

@@ -1,0 +1,100 @@
+"""Inputs by time, the topic that drives, silence, and the barrier of lock-step."""
+
+import itertools
+
+import pytest
+
+from ros_adapters.barrier import Barrier, Tick
+from ros_adapters.inputs import Driver, InputWatch, TimedInput
+
+
+def filled(*stamps_s: float, max_age_s: float = 0.3) -> TimedInput[float]:
+    values: TimedInput[float] = TimedInput(max_age_s)
+    for stamp_s in stamps_s:
+        values.add(stamp_s, stamp_s)
+    return values
+
+
+@pytest.mark.parametrize("phase_s", [0.0, 1e-9, 0.007, 0.0499])
+def test_newest_value_that_is_not_later_is_taken_whatever_its_phase(phase_s: float) -> None:
+    values = filled(*(0.05 * k + phase_s for k in range(20)))
+    assert values.at(0.5) == pytest.approx(0.5 if phase_s == 0.0 else 0.45 + phase_s)
+
+
+def test_value_that_is_too_old_is_not_known() -> None:
+    values = filled(1.0)
+    assert values.at(1.29) == 1.0
+    assert values.at(1.31) is None
+    assert values.at(0.999) is None
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations((1.0, 1.02, 1.04))))
+def test_late_and_doubled_values_find_their_place(order: tuple[float, ...]) -> None:
+    values = filled(*order, *order)
+    assert [values.at(s) for s in (1.01, 1.03, 1.05)] == [1.0, 1.02, 1.04]
+
+
+def test_clock_that_was_set_back_begins_anew() -> None:
+    values = filled(100.0, 100.1, 50.0)
+    assert values.at(50.1) == 50.0
+    assert values.at(100.1) is None
+    driver: Driver[float] = Driver()
+    driver.add(100.0, 1.0)
+    driver.add(50.0, 2.0)
+    assert list(driver.take()) == [(50.0, 2.0)]
+
+
+def test_driver_gives_every_value_once_in_order_and_counts_what_is_late_or_doubled() -> None:
+    driver: Driver[str] = Driver()
+    for stamp_s in (1.0, 1.05, 1.05, 1.02, 1.1):
+        driver.add(stamp_s, f"{stamp_s}")
+    assert [s for s, _ in driver.take(1.07)] == [1.0, 1.05]
+    assert [s for s, _ in driver.take()] == [1.1]
+    assert list(driver.take()) == []
+    assert driver.late == 2
+
+
+def test_silence_is_told_with_its_topic_and_how_long() -> None:
+    watch = InputWatch("/scan", 0.3, since_s=10.0)
+    assert watch.silence(10.2) == ""
+    assert watch.silence(12.0) == "nothing ever came on /scan for 2.0 s"
+    for k in range(20):
+        watch.arrived(12.0 + 0.025 * k)
+    assert watch.silence(12.5) == ""
+    assert watch.silence(13.475) == "no /scan for 1.0 s"
+    assert watch.described(12.5).startswith("40.0 Hz, 0.03 s old, 20")
+
+
+def test_topic_that_speaks_only_at_times_is_never_silent() -> None:
+    assert InputWatch("/exploration/decision", None, since_s=0.0).silence(1e6) == ""
+
+
+def test_tick_is_complete_when_all_that_was_sent_is_here_in_whatever_order() -> None:
+    events = ("scan", "scan", "joints", "tick")
+    for order in set(itertools.permutations(events)):
+        barrier = Barrier(("",), ("/scan", "/joints"))
+        for k, event in enumerate(order):
+            assert barrier.next() is None or k == len(order)
+            if event == "tick":
+                barrier.told("", Tick(1.05, {"/scan": 2, "/joints": 1, "/imu": 7}))
+            else:
+                barrier.received(f"/{event}")
+        assert barrier.next() == Tick(1.05, {"/scan": 2, "/joints": 1, "/imu": 7})
+        assert barrier.next() is None
+
+
+def test_tick_waits_for_all_who_tell_of_it_and_takes_the_larger_count() -> None:
+    barrier = Barrier(("fusion", "filter"), ("/odom",))
+    barrier.told("fusion", Tick(1.05, {"/odom": 1}))
+    assert barrier.next() is None
+    barrier.told("filter", Tick(1.05, {"/odom": 0, "/scan": 2}))
+    assert barrier.next() is None
+    barrier.received("/odom")
+    assert barrier.next() == Tick(1.05, {"/odom": 1, "/scan": 2})
+
+
+def test_tick_in_which_nothing_was_sent_is_complete_at_once() -> None:
+    barrier = Barrier(("",), ("/scan",))
+    barrier.told("", Tick(1.0, {}))
+    barrier.told("", Tick(1.05, {"/scan": 0}))
+    assert [barrier.next(), barrier.next()] == [Tick(1.0, {}), Tick(1.05, {"/scan": 0})]
