@@ -184,10 +184,24 @@ def _grid_info(shape: tuple[int, ...], origin_xy: tuple[float, float], resolutio
     return info
 
 
-def terrain_grid_message(stamp_s: float, frame: str, grid: TerrainGrid) -> TerrainGridMessage:
-    info = _grid_info(grid.cost.shape, grid.origin_xy, grid.resolution)
-    cost, height, distance = (values.ravel().tolist() for values in (grid.cost, grid.height, grid.distance))
-    return TerrainGridMessage(header(stamp_s, frame), info, cost, height, distance)
+def terrain_grid_message(
+    stamp_s: float,
+    frame: str,
+    cost: NDArray[np.int8],
+    height: Singles,
+    origin_xy: tuple[float, float],
+    resolution: float,
+    distance: Singles | None = None,
+) -> TerrainGridMessage:
+    """(ny, nx) costs, heights and distances to what is not traversable, where those are known; cell (0, 0) starts at `origin_xy`."""
+    distance = np.full(cost.shape, np.nan, np.float32) if distance is None else distance
+    layers = (values.ravel().tolist() for values in (cost, height, distance))
+    return TerrainGridMessage(header(stamp_s, frame), _grid_info(cost.shape, origin_xy, resolution), *layers)
+
+
+def message_of_grid(stamp_s: float, frame: str, grid: TerrainGrid) -> TerrainGridMessage:
+    """The same of a grid."""
+    return terrain_grid_message(stamp_s, frame, grid.cost, grid.height, grid.origin_xy, grid.resolution, grid.distance)
 
 
 def terrain_grid(message: TerrainGridMessage) -> TerrainGrid:

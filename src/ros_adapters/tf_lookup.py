@@ -1,5 +1,7 @@
 """Transforms as inputs: map->odom by time, and other frames for goals; never the identity in place of what is not known."""
 
+import time
+
 import numpy as np
 import rospy
 import tf2_ros
@@ -7,11 +9,55 @@ from geometry_msgs.msg import PoseStamped, TransformStamped
 from numpy.typing import NDArray
 from tf2_msgs.msg import TFMessage
 
-from ros_adapters.conversions import pose_message, transform_from_message, transform_from_pose
+from ros_adapters.conversions import pose_message, transform_from_message, transform_from_pose, transform_stamped
 from ros_adapters.inputs import TimedInput
 from ros_adapters.node import Node, heard_publishers
 
+_PATIENCE_S = 0.5
 MAP_ODOM = "/tf map->odom"  # as the barrier and the diagnostics call it
+
+
+def pose_in_map(buffer: tf2_ros.BufferCore, pose: PoseStamped) -> PoseStamped:
+    """The pose in map by the newest transforms, its stamp left; ValueError when its frame is not known."""
+    frame = pose.header.frame_id.lstrip("/")
+    if frame == "map":
+        pose.header.frame_id = frame
+        return pose
+    if not frame:
+        raise ValueError("a goal without a frame: its header's frame_id is empty; map, odom or base_link is meant")
+    try:
+        found = buffer.lookup_transform_core("map", frame, rospy.Time())
+    except tf2_ros.TransformException as error:
+        raise ValueError(f"a goal in frame {frame!r}, which tf cannot tell in map: {error}") from error
+    moved = PoseStamped(pose.header, pose_message(transform_from_message(found.transform) @ transform_from_pose(pose.pose)))
+    moved.header.frame_id = "map"
+    return moved
+
+
+class TransformsWhenAsked:
+    """tf for a node that needs it rarely: in lock-step, where every message costs, listened to from the first question on."""
+
+    def __init__(self, *, lockstep: bool) -> None:
+        self._buffer: tf2_ros.Buffer | None = None
+        if not lockstep:
+            self._listening()
+
+    def in_map(self, pose: PoseStamped) -> PoseStamped:
+        """The pose in map; ValueError when its frame is not known, also after half a second of listening."""
+        deadline = time.monotonic() + _PATIENCE_S
+        while True:
+            try:
+                return pose_in_map(self._listening(), pose)
+            except ValueError:
+                if time.monotonic() > deadline or not pose.header.frame_id:
+                    raise
+            time.sleep(0.02)
+
+    def _listening(self) -> tf2_ros.BufferCore:
+        if self._buffer is None:
+            self._buffer = tf2_ros.Buffer(rospy.Duration(30), debug=False)
+            self._listener = tf2_ros.TransformListener(self._buffer)
+        return self._buffer
 
 
 class TransformInput:
@@ -34,21 +80,13 @@ class TransformInput:
         """The (4, 4) correction that holds at a time; None when it is not known or too old."""
         return self._map_odom.at(stamp_s)
 
+    def add_odometry(self, stamp: rospy.Time, T_odom_base: NDArray[np.float64]) -> None:
+        """Where the robot is in odom, as its odometry says: goals in base_link need not wait for tf."""
+        self._keep(transform_stamped(stamp.to_sec(), "odom", "base_link", T_odom_base), static=False)
+
     def in_map(self, pose: PoseStamped) -> PoseStamped:
-        """The pose in map, by the newest transforms, its stamp left; ValueError when its frame is not known."""
-        frame = pose.header.frame_id.lstrip("/")
-        if frame == "map":
-            pose.header.frame_id = frame
-            return pose
-        if not frame:
-            raise ValueError("a goal without a frame: its header's frame_id is empty; map, odom or base_link is meant")
-        try:
-            found = self._buffer.lookup_transform_core("map", frame, rospy.Time())
-        except tf2_ros.TransformException as error:
-            raise ValueError(f"a goal in frame {frame!r}, which tf cannot tell in map: {error}") from error
-        moved = PoseStamped(pose.header, pose_message(transform_from_message(found.transform) @ transform_from_pose(pose.pose)))
-        moved.header.frame_id = "map"
-        return moved
+        """The pose in map by the newest transforms; ValueError when its frame is not known."""
+        return pose_in_map(self._buffer, pose)
 
     def _on_transforms(self, message: TFMessage) -> None:
         for transform in message.transforms:

@@ -15,11 +15,17 @@ Transform = NDArray[np.float64]
 
 
 def robot_of_parameters(node: str) -> RobotBody:
-    """The robot of the parameter /robot, which explore.launch loads from robot.yaml; exit code 2 when it is none."""
-    values = rospy.get_param("/robot", None)
-    if not isinstance(values, dict):
-        _refuse(node, "/robot is not set: load config/robot.yaml there, as launch/robot.launch does")
+    """The robot of the parameter /robot, which explore.launch loads from robot.yaml; exit code 2 when it is none.
+
+    Where it is not set, as for a node that is started alone, it is the Husky, with a warning.
+    """
+    if not rospy.has_param("/robot"):
+        rospy.logwarn("%s: /robot is not set: taken for a Husky; load your robot.yaml there, as launch/robot.launch does", node)
+        return RobotBody()
+    values = rospy.get_param("/robot")
     try:
+        if not isinstance(values, dict):
+            raise ConfigError(f"/robot is {values!r}, not a robot.yaml: load it there, as launch/robot.launch does")
         return robot_from_mapping(values, "/robot")
     except ConfigError as error:
         _refuse(node, "; ".join(str(error).splitlines()))
@@ -30,7 +36,7 @@ def robot_mount(node: str, robot: RobotBody) -> tuple[str, Transform, Transform]
     urdf = str(rospy.get_param("/robot_description", ""))
     if not urdf:
         _refuse(node, "/robot_description is not set")
-    if found := contradictions(robot, urdf):
+    if rospy.has_param("/robot") and (found := contradictions(robot, urdf)):
         _refuse(node, f"robot.yaml contradicts robot_description: {'; '.join(found)}")
     return mount_from_urdf(urdf, robot.mount("laser"))
 

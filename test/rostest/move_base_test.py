@@ -21,7 +21,7 @@ from tf2_msgs.msg import TFMessage
 import rostest
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid
 from rigid_geometry import transform_from_rpy
-from ros_adapters.conversions import header, path_message, pose_message, terrain_grid_message, transform_stamped
+from ros_adapters.conversions import header, message_of_grid, path_message, pose_message, transform_stamped
 
 NODE = "move_base_node"
 TICK_S = 0.05
@@ -75,7 +75,7 @@ class MoveBaseTest(unittest.TestCase):
 
     def publish_terrain(self, cost: np.ndarray) -> None:
         """Terrain whose middle is the map's origin; the next command is that of a robot that knows it."""
-        self.terrain.publish(terrain_grid_message(self.clock_s, "map", grid_of(cost)))
+        self.terrain.publish(message_of_grid(self.clock_s, "map", grid_of(cost)))
         deadline = time.monotonic() + 5.0
         while abs(self.tick().terrain_stamp.to_sec() - self.clock_s) > 60.0 and time.monotonic() < deadline:
             continue
@@ -230,7 +230,7 @@ class MoveBaseTest(unittest.TestCase):
         self.assertEqual(self.tick().state, "idle")
 
     def test_terrain_whose_sizes_do_not_agree_is_counted_and_dropped(self) -> None:
-        bad = terrain_grid_message(self.clock_s, "map", grid_of(np.zeros((4, 4), np.int8)))
+        bad = message_of_grid(self.clock_s, "map", grid_of(np.zeros((4, 4), np.int8)))
         bad.cost = bad.cost[:5]
         self.terrain.publish(bad)
         time.sleep(QUIET_S)
@@ -240,7 +240,7 @@ class MoveBaseTest(unittest.TestCase):
 
     def test_terrain_in_another_frame_is_counted_and_dropped(self) -> None:
         before = self.diagnostics.dropped("bad TerrainGrid")
-        self.terrain.publish(terrain_grid_message(self.clock_s, "odom", grid_of(np.zeros((4, 4), np.int8))))
+        self.terrain.publish(message_of_grid(self.clock_s, "odom", grid_of(np.zeros((4, 4), np.int8))))
         time.sleep(QUIET_S)
         MoveBaseTest.clock_s += 2.0
         self.tick()

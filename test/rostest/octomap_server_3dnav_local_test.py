@@ -12,7 +12,7 @@ from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, one_line_of, run_m
 
 import rostest
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid
-from ros_adapters.conversions import terrain_grid, terrain_grid_message
+from ros_adapters.conversions import message_of_grid, terrain_grid
 
 NODE = "octomap_server_3dnav_local_node"
 RESOLUTION_M, SIZE_M, KEPT_M = 0.08, 12.0, 8.0
@@ -41,7 +41,7 @@ class OctomapServer3dnavLocalTest(unittest.TestCase):
     def terrain(self, frame: str = "map") -> TerrainGridMessage:
         """The room, later than all before."""
         OctomapServer3dnavLocalTest.clock_s += 2.0
-        return terrain_grid_message(self.clock_s, frame, room())
+        return message_of_grid(self.clock_s, frame, room())
 
     def grid(self) -> TerrainGridMessage:
         """What comes of good surroundings."""

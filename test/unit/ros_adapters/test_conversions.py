@@ -147,7 +147,7 @@ def grid_of(cost: list[list[int]]) -> TerrainGrid:
 
 def test_terrain_grid_comes_back_row_by_row() -> None:
     grid = grid_of([[0, 100, -1], [0, 0, 100]])
-    got = c.terrain_grid(c.terrain_grid_message(1.0, "map", grid))
+    got = c.terrain_grid(c.message_of_grid(1.0, "map", grid))
     for name in ("cost", "height", "distance"):
         np.testing.assert_array_equal(getattr(got, name), getattr(grid, name))
     assert (got.origin_xy, got.resolution) == ((-1.0, 2.0), 0.5)
@@ -155,7 +155,7 @@ def test_terrain_grid_comes_back_row_by_row() -> None:
 
 @pytest.mark.parametrize("what", ["cost", "height", "distance", "resolution", "frame"])
 def test_terrain_grid_whose_sizes_do_not_agree_or_whose_frame_is_another_is_refused(what: str) -> None:
-    message = c.terrain_grid_message(1.0, "odom" if what == "frame" else "map", grid_of([[0, 100, -1]]))
+    message = c.message_of_grid(1.0, "odom" if what == "frame" else "map", grid_of([[0, 100, -1]]))
     if what == "resolution":
         message.info.resolution = 0.0
     elif what != "frame":
