@@ -113,7 +113,13 @@ def parser() -> argparse.ArgumentParser:
     view = p.add_mutually_exclusive_group()
     view.add_argument("--headless", action="store_true", help="no rviz, also where there is a display")
     view.add_argument("--rviz", action="store_true", help="rviz, also where DISPLAY is not set")
-    p.add_argument("--rate", type=float, default=0.0, metavar="R", help="at most R times real time; default 0: as fast as the machine can")
+    p.add_argument(
+        "--rate",
+        type=float,
+        default=0.0,
+        metavar="R",
+        help="at most R times real time; default: as fast as the machine can, or 1 with --free",
+    )
     p.add_argument("--free", action="store_true", help="no lock-step: for a teleop or node of your own beside it")
     p.add_argument("--record", action="store_true", help="write run.bag: what the mapping and terrain nodes heard")
     p.add_argument("--port", type=int, metavar="N", help="port of the ROS master; default 11311, or one near it when that is taken")
@@ -166,7 +172,7 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         map=a.map.absolute() if a.map else None,
         force=a.force or a.out is None,
         headless=a.headless or not (a.rviz or os.environ.get("DISPLAY")),
-        rate=a.rate,
+        rate=a.rate or float(a.free),
         lockstep=not a.free,
         record=a.record,
         port=a.port,
