@@ -16,8 +16,12 @@ class SimulationConfig:
     settle_time_s: float = parameter(
         1.0, "s", "time the robot gets to come to rest on its wheels before the first tick", low=0.0, high=10.0
     )
-    friction: float = parameter(1.0, "-", "friction coefficient of wheels and ground, combined", low=0.1, high=2.0)
-    lateral_friction_ratio: float = parameter(0.5, "-", "sideways friction of a tyre as a share of the one along it", low=0.05, high=1.0)
+    friction: float = parameter(
+        0.85, "-", "friction coefficient of wheels and ground, combined: dry concrete in Wong, Theory of Ground Vehicles", low=0.1, high=2.0
+    )
+    lateral_friction_ratio: float = parameter(
+        0.5, "-", "sideways friction of a tyre as a share of the one along it, on average over the ground", low=0.05, high=1.0
+    )
     wheel_torque_nm: float = parameter(60.0, "N m", "most torque of a wheel's motor", low=1.0, high=500.0)
     max_acceleration_mps2: float = parameter(
         3.0, "m/s^2", "how fast the drive changes its forward speed; husky_control's controller has 3", low=0.1, high=20.0

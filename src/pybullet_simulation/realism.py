@@ -13,6 +13,7 @@ HARDWARE_OR_IDEAL = ("hardware", "ideal")
 
 _IDEAL: dict[type, dict[str, object]] = {
     SimulationConfig: {
+        "friction": 1.0,
         "max_acceleration_mps2": 2.0,
         "max_turn_acceleration_rps2": 5.0,
         "wheel_radius_sigma": 0.0,
