@@ -15,7 +15,7 @@ from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer, as_transfo
 from robot_body import RobotBody
 from sweep_assembly.assembler import along_nodes
 from sweep_assembly.geometry import FloatArray, TiltGeometry
-from sweep_assembly.revolution import LidarConfig, Revolution, free_directions
+from sweep_assembly.revolution import LidarConfig, Revolution, counted_from_below, free_directions
 from sweep_assembly.revolution_filter import RevolutionFilter
 from sweep_assembly.scan_filter import ScanFilterConfig
 from sweep_assembly.tilt_history import TiltHistory
@@ -75,16 +75,23 @@ class RevolutionChain:
             self._ticks = [*self._ticks[-MOST_TICKS:], stamp_s]
 
     def add_revolution(self, stamp_s: float, revolution: Revolution) -> None:
-        """Takes a revolution with the stamp of its first beam; ValueError when its beams' times are not of the turn after it.
+        """Takes a revolution as its driver stamps it, with its first beam or its last; ValueError when it is not one turn around the stamp.
 
         What is late is dropped and counted.
         """
-        times_s, longest_s = revolution.times_s, LONGEST_TURNS * self._lidar.duration_s
-        if times_s.size and not (times_s.min() > -TURN_SLACK_S and times_s.max() < longest_s):
-            said = f"{times_s.min():.4f} to {times_s.max():.4f} s"
-            raise ValueError(f"beams of a revolution are 0 to {self._lidar.duration_s:.3f} s after its stamp, not {said}")
+        stamp_s, turn = self._from_first_beam(stamp_s, counted_from_below(revolution, self._lidar))
         if self._arrives(self._waiting, stamp_s):
-            self._waiting.append(stamp_s, revolution)
+            self._waiting.append(stamp_s, turn)
+
+    def _from_first_beam(self, stamp_s: float, revolution: Revolution) -> tuple[float, Revolution]:
+        times_s, longest_s = revolution.times_s, LONGEST_TURNS * self._lidar.duration_s
+        if not times_s.size or (times_s.min() > -TURN_SLACK_S and times_s.max() < longest_s):
+            return stamp_s, revolution
+        if np.ptp(times_s) < longest_s and abs(times_s.min()) < longest_s:
+            first_s = float(times_s.min())
+            return stamp_s + first_s, Revolution(revolution.points, revolution.rings, times_s - first_s)
+        said = f"{times_s.min():.4f} to {times_s.max():.4f} s"
+        raise ValueError(f"beams of a revolution are within one turn, {self._lidar.duration_s:.3f} s, of its stamp, not {said} after it")
 
     def _arrives(self, buffer: StampedBuffer[FloatArray] | StampedBuffer[Revolution], stamp_s: float) -> bool:
         arrival = buffer.judge(stamp_s)

@@ -81,10 +81,8 @@ def broken(what: str) -> PointCloud2:
         message.data = message.data[:-1]
     elif what == "no origins":
         message.fields = message.fields[:3]
-    elif what == "doubles":
-        message.fields[0].datatype = PointField.FLOAT64
-    elif what == "big endian":
-        message.is_bigendian = True
+    elif what == "whole numbers":
+        message.fields[0].datatype = PointField.INT32
     elif what == "step":
         message.point_step = 8
     elif what == "frame":
@@ -92,7 +90,7 @@ def broken(what: str) -> PointCloud2:
     return message
 
 
-@pytest.mark.parametrize("what", ["empty", "nan", "cut", "no origins", "doubles", "big endian", "step", "frame"])
+@pytest.mark.parametrize("what", ["empty", "nan", "cut", "no origins", "whole numbers", "step", "frame"])
 def test_cloud_that_cannot_be_read_is_refused(what: str) -> None:
     with pytest.raises(ValueError, match="cloud"):
         c.cloud_arrays(broken(what), "base_link")
