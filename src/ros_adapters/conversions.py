@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid
 from point_cloud2 import PointTable, read_points
 from rigid_geometry import quat_xyzw_from_transform, transform_from_quat, transform_from_rpy
-from sweep_assembly import ScanGeometry
+from sweep_assembly import Scan, ScanGeometry
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -105,27 +105,25 @@ def _singles(vectors: NDArray[np.floating]) -> Singles:
     return np.ascontiguousarray(vectors, np.float32)
 
 
-def scan_ranges(message: LaserScan) -> Singles:
-    return np.asarray(message.ranges, dtype=np.float32)
+def scan_of(message: LaserScan) -> Scan:
+    """The scan with its layout and limits; ValueError when they are none."""
+    geometry = ScanGeometry(message.angle_min, message.angle_increment, message.time_increment, len(message.ranges))
+    return Scan(geometry, np.asarray(message.ranges, np.float32), message.range_min, message.range_max, message.scan_time)
 
 
-def scan_geometry(message: LaserScan) -> ScanGeometry:
-    """The beams' layout; ValueError when it is none."""
-    return ScanGeometry(message.angle_min, message.angle_increment, message.time_increment, len(message.ranges))
-
-
-def scan_like(message: LaserScan, ranges: Singles, *, range_max: float | None = None) -> LaserScan:
-    """A scan with the same beams and stamp and other ranges."""
+def scan_message(stamp_s: float, frame: str, scan: Scan) -> LaserScan:
+    """The message of a scan: `scan_of` gives it back."""
+    geometry = scan.geometry
     return LaserScan(
-        header=message.header,
-        angle_min=message.angle_min,
-        angle_max=message.angle_max,
-        angle_increment=message.angle_increment,
-        time_increment=message.time_increment,
-        scan_time=message.scan_time,
-        range_min=message.range_min,
-        range_max=message.range_max if range_max is None else range_max,
-        ranges=ranges.tolist(),
+        header=header(stamp_s, frame),
+        angle_min=geometry.angle_min,
+        angle_max=geometry.angle_min + (geometry.count - 1) * geometry.angle_increment,
+        angle_increment=geometry.angle_increment,
+        time_increment=geometry.time_increment,
+        scan_time=scan.period_s,
+        range_min=scan.range_min_m,
+        range_max=scan.range_max_m,
+        ranges=scan.ranges.tolist(),
     )
 
 
