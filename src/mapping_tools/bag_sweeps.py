@@ -86,11 +86,13 @@ class BagSweeps:
         try:
             message = cast(OdometryMessage, record.message())
             T_odom_base = odometry_pose(message)
-            self._odometry.add(stamp_s_of(message), T_odom_base)
+            taken = self._odometry.add(stamp_s_of(message), T_odom_base)
         except ValueError:
             return
         self._child_frame = message.child_frame_id.lstrip("/")
-        if self._gravities and stamp_s_of(message) <= self._gravities[-1][0]:
+        if not taken:
+            return
+        if self._gravities and stamp_s_of(message) < self._gravities[-1][0]:
             self._gravities.clear()
         self._gravities.append((stamp_s_of(message), gravity_of(T_odom_base, message.pose.covariance)))
 

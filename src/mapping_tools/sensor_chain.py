@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -10,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from odometry_fusion import OdometryConfig, OdometryFilter
-from rigid_geometry import PoseHistory
+from rigid_geometry import JUMP_BACK_S, PoseHistory
 from robot_body import RobotBody
 from sweep_assembly import (
     LaserScans,
@@ -67,12 +68,16 @@ class FusedOdometry:
         """ValueError when the configuration is wrong."""
         self.filter = OdometryFilter(config, robot)
         self._due: deque[float] = deque(maxlen=100)
+        self._last_s = -math.inf
 
     def add_wheels(self, stamp_s: float, forward_mps: float, yaw_rate: float) -> None:
         """Takes a message of the wheels."""
-        if self._due and stamp_s <= self._due[-1]:
-            self._due.clear()
         self.filter.add_wheels(stamp_s, forward_mps, yaw_rate)
+        if stamp_s <= self._last_s:
+            if stamp_s > self._last_s - JUMP_BACK_S:
+                return
+            self._due.clear()
+        self._last_s = stamp_s
         self._due.append(stamp_s)
 
     def poll(self) -> Iterator[Pose]:
@@ -126,9 +131,10 @@ class SensorChain:
 
     def add_pose(self, pose: Pose) -> None:
         """Takes odometry of the robot's own, in place of IMU and wheels."""
-        if self._poses and pose.stamp_s <= self._poses[-1].stamp_s:
+        if not self._history.add(pose.stamp_s, pose.T_odom_base):
+            return
+        if self._poses and pose.stamp_s < self._poses[-1].stamp_s:
             self._poses.clear()
-        self._history.add(pose.stamp_s, pose.T_odom_base)
         self._poses.append(pose)
         self._assembler.add_odometry(pose.stamp_s, pose.T_odom_base)
         if self._spinning:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer, as_transform, interpolate_transforms, inverse
+from rigid_geometry import JUMP_BACK_S, STAMP_TOLERANCE_S, Arrival, StampedBuffer, as_transform, interpolate_transforms, inverse
 from robot_body import RobotBody
 from sweep_assembly.assembler import along_nodes
 from sweep_assembly.geometry import FloatArray, TiltGeometry
@@ -20,10 +20,8 @@ from sweep_assembly.revolution_filter import RevolutionFilter
 from sweep_assembly.scan_filter import ScanFilterConfig
 from sweep_assembly.tilt_history import TiltHistory
 
-JUMP_BACK_S = 0.5
 BUFFER_S = 5.0
 MOST_TICKS = 100
-KEPT_TILTS = 1000  # a mount whose joint is sampled a thousand times a second takes a hundred in a revolution
 TURN_SLACK_S = 0.002  # by which a turn may begin before its stamp
 LONGEST_TURNS = 1.05  # a motor's speed is not exact
 POSES = 21  # of the laser in a revolution, and linear between: 1 rad/s bends a 2.5 m beam by 0.01 mm
@@ -57,7 +55,7 @@ class RevolutionChain:
         self._reset()
 
     def _reset(self) -> None:
-        self._tilts = TiltHistory(KEPT_TILTS)
+        self._tilts = TiltHistory()
         self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", JUMP_BACK_S, BUFFER_S, self.dropped)
         self._waiting: StampedBuffer[Revolution] = StampedBuffer("revolution", JUMP_BACK_S, BUFFER_S, self.dropped)
         self._ticks: list[float] = []

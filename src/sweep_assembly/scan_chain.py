@@ -7,10 +7,10 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from rigid_geometry import Arrival, StampedBuffer
+from rigid_geometry import JUMP_BACK_S, Arrival, StampedBuffer
 from robot_body import RobotBody
 from sweep_assembly.geometry import TiltGeometry
-from sweep_assembly.revolution_chain import BUFFER_S, JUMP_BACK_S, KEPT_TILTS
+from sweep_assembly.revolution_chain import BUFFER_S
 from sweep_assembly.scan import Scan
 from sweep_assembly.scan_filter import ScanFilter, ScanFilterConfig
 from sweep_assembly.tilt_history import TiltHistory
@@ -31,7 +31,7 @@ class ScanChain:
     def __init__(self, config: ScanFilterConfig, mount: TiltGeometry, robot: RobotBody) -> None:
         """ValueError when the configuration is wrong."""
         self._filter = ScanFilter(config, mount, robot)
-        self._tilts = TiltHistory(KEPT_TILTS)
+        self._tilts = TiltHistory()
         self.dropped: Counter[str] = Counter()
         self._waiting: StampedBuffer[Scan] = StampedBuffer("scan", JUMP_BACK_S, BUFFER_S, self.dropped)
 

@@ -98,6 +98,15 @@ def test_scan_waits_for_the_joint_sample_after_its_last_beam():
     assert one.stamp_s == 1.0 and np.isnan(one.level.ranges).all() and (one.scan.ranges[:300] == 2.0).all()
 
 
+def test_joint_sample_that_is_late_or_doubled_changes_nothing():
+    chain = ScanChain(ScanFilterConfig(), TILT, HUSKY)
+    for stamp_s, tilt in ((0.95, 0.0), (0.99, 0.0), (0.97, 1.0), (0.99, 1.0), (1.05, 0.0)):
+        chain.add_joint(stamp_s, tilt)
+    chain.add_scan(0.96, Scan(GEOMETRY, scan(2.0)))
+    (one,) = chain.poll()
+    assert (one.level.ranges == 2.0).all()
+
+
 def test_scan_that_comes_late_is_counted_and_time_that_jumps_back_starts_afresh():
     chain = ScanChain(ScanFilterConfig(), TILT, HUSKY)
     for stamp_s in (10.0, 9.9, 1.0):
