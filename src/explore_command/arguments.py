@@ -37,6 +37,7 @@ _RUN_FILES += (
     "world.ply",
     "config.yaml",
     "robot.yaml",
+    "robot.urdf",
     "run.bag",
     "overrides.yaml",
     "roslaunch.log",

@@ -38,6 +38,7 @@ class FolderSweeps:
     """See `SweepSource`. Without poses.txt the stamp of a sweep is its place in the order, in seconds."""
 
     problem: str | None = None
+    notes: tuple[str, ...] = ()
 
     def __init__(self, folder: Path, T_base_cloud: Array, sensor: Array | None) -> None:
         """sensor (3,): where beams start that files do not tell of, in the clouds' frame; None: where each file says it was seen from.
