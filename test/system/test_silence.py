@@ -1,0 +1,65 @@
+"""What the robot is told falls silent while it drives: the wheels stand, /diagnostics names it, and when it is back the run goes on."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from exploring import PACKAGE, ExploreRun
+
+# what falls silent: the process that is stopped, the node that must name it, and how it calls it
+SILENCES = {
+    "laser": ("relay_scan", "scan_filter_node", "/scan"),
+    "joint states": ("relay_joint_states", "stop_scan_and_go_node", "/joint_states"),
+    "IMU": ("relay_imu", "odometry_fusion_node", "/imu/data"),
+    "wheels": ("relay_wheel_odom", "odometry_fusion_node", "/wheel_odom"),
+    "odometry": ("odometry_fusion_node", "move_base_node", "/odom"),
+    "map->odom": ("pose_graph_mapping_node", "move_base_node", "/tf map->odom"),
+    "commands": ("move_base_node", "stop_scan_and_go_node", "/cmd_vel/move_base"),
+    "wheel commands": ("stop_scan_and_go_node", "", ""),
+}
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture(scope="module")
+def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ExploreRun, ExploreRun, int]]:
+    """The nodes, the robot and the port of their master, once the robot has its first sweep."""
+    port = free_port()
+    out = tmp_path_factory.mktemp("silence")
+
+    def roslaunch(arguments: str) -> ExploreRun:
+        command = f"source {PACKAGE}/.ws/devel/setup.bash && exec roslaunch -p {port} {arguments}"
+        return ExploreRun("-c", command, command="/bin/bash", environment={"ROS_MASTER_URI": f"http://localhost:{port}"})
+
+    with (
+        roslaunch(f"explore_3dnav explore.launch sim:=false out:={out} max_sim_time:=600") as nodes,
+        roslaunch(f"--wait {PACKAGE}/test/system/relayed_robot.launch world:=ramp seed:=901 clock_start:={int(time.time())}") as hardware,
+    ):
+        nodes.wait_for_first_sweep(150.0)
+        yield nodes, hardware, port
+
+
+@pytest.mark.parametrize("what", list(SILENCES))
+def test_wheels_stand_while_it_is_silent_and_go_on_afterwards(robot: tuple[ExploreRun, ExploreRun, int], what: str) -> None:
+    nodes, hardware, port = robot
+    stopped, names_it, called = SILENCES[what]
+    pid = (hardware if stopped.startswith("relay") else nodes).pid_of(stopped)
+    watcher = [sys.executable, str(Path(__file__).with_name("wheels_watcher.py")), str(pid), names_it, called]
+    try:
+        done = subprocess.run(
+            watcher, env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}"}, capture_output=True, text=True, timeout=200.0
+        )
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    assert done.returncode == 0, f"{what}: {done.stdout}{done.stderr}"
+    print(f"{what}: {done.stdout.strip()}")

@@ -1,0 +1,81 @@
+"""wheels_watcher.py PID NODE INPUT: stops a process while the robot drives, and sees that the wheels stand and go on.
+
+Exit code 0 when they stood within 0.5 s of stopped time, NODE named INPUT on /diagnostics within a second more, and the robot drove
+again after the process went on; a line says how long what took.
+"""
+
+import math
+import os
+import signal
+import sys
+import threading
+import time
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticArray
+from nav_msgs.msg import Odometry
+
+DRIVES_MPS, STANDS_MPS = 0.15, 0.03
+SILENT_S = 3.0
+STANDS_WITHIN_S, NAMED_WITHIN_S, GOES_ON_WITHIN_S = 0.5, 1.5, 120.0
+
+
+class Watcher:
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self.speeds: list[tuple[float, float]] = []  # steady time, m/s
+        self.said: list[tuple[float, str, str]] = []  # steady time, node, message
+        rospy.Subscriber("/ground_truth/odom", Odometry, self._on_truth, queue_size=None, tcp_nodelay=True)
+        rospy.Subscriber("/diagnostics", DiagnosticArray, self._on_diagnostics, queue_size=None)
+
+    def _on_truth(self, message: Odometry) -> None:
+        v = message.twist.twist.linear
+        self.speeds.append((time.monotonic(), math.sqrt(v.x**2 + v.y**2 + v.z**2)))
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.said.extend((time.monotonic(), status.name, status.message) for status in message.status)
+
+    def drives(self, seconds: float = 0.6) -> bool:
+        newest = [speed for at, speed in list(self.speeds) if at > time.monotonic() - seconds]
+        return len(newest) > 5 and min(newest) > DRIVES_MPS
+
+    def wait_until_it_drives(self) -> None:
+        deadline = time.monotonic() + GOES_ON_WITHIN_S
+        while not self.drives():
+            if time.monotonic() > deadline:
+                sys.exit(f"it did not drive within {GOES_ON_WITHIN_S:.0f} s")
+            time.sleep(0.01)
+
+    def stood_after(self, since_s: float) -> float:
+        """Seconds after which the wheels stood, for the rest of the silence."""
+        moving = [at for at, speed in list(self.speeds) if at > since_s and speed > STANDS_MPS]
+        return max(moving, default=since_s) - since_s
+
+    def named_after(self, since_s: float, node: str, topic: str) -> float:
+        """Seconds after which the node named the input; infinite when it did not."""
+        return min(
+            (at - since_s for at, name, text in list(self.said) if at > since_s and name == node and topic in text), default=math.inf
+        )
+
+
+def main() -> None:
+    pid, node, topic = int(sys.argv[1]), sys.argv[2], sys.argv[3]
+    rospy.init_node("wheels_watcher", anonymous=True, disable_rostime=True)
+    watcher = Watcher()
+    watcher.wait_until_it_drives()
+    stopped_s = time.monotonic()
+    os.kill(pid, signal.SIGSTOP)
+    time.sleep(SILENT_S)
+    stood_s, named_s = watcher.stood_after(stopped_s), watcher.named_after(stopped_s, node, topic) if node else 0.0
+    os.kill(pid, signal.SIGCONT)
+    # Promised for a machine that does little else: one with more to do than processors takes as much longer.
+    slack = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+    if stood_s > slack * STANDS_WITHIN_S or named_s > slack * NAMED_WITHIN_S:
+        sys.exit(f"the wheels stood after {stood_s:.2f} s ({STANDS_WITHIN_S} allowed), {topic} was named after {named_s:.2f} s")
+    begun_s = time.monotonic()
+    watcher.wait_until_it_drives()
+    print(f"stood after {stood_s:.2f} s, named after {named_s:.2f} s, drove again after {time.monotonic() - begun_s:.1f} s")
+
+
+if __name__ == "__main__":
+    main()
