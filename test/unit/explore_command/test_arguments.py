@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from explore_command.arguments import ArgumentProblem, parse, prepare_out
+from explore_command.arguments import REALISMS, ArgumentProblem, parse, prepare_out
+from pybullet_simulation import HARDWARE_OR_IDEAL
 
 
 def test_defaults_are_the_ramp_seed_1_in_lock_step(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -111,3 +112,12 @@ def test_folder_below_a_file_is_refused(tmp_path: Path) -> None:
 def test_folder_that_cannot_be_made_is_refused() -> None:
     with pytest.raises(ArgumentProblem, match="cannot be written"):
         prepare_out(Path("/proc/run"), force=True)
+
+
+def test_run_is_of_hardware_and_free_running_in_real_time_unless_told_otherwise() -> None:
+    asked = (["--free"], ["--free", "--rate", "0"], [], ["--rate", "2", "--realism", "ideal"])
+    assert [(a.rate, a.realism) for a in map(parse, asked)] == [(1.0, "hardware"), (0.0, "hardware"), (0.0, "hardware"), (2.0, "ideal")]
+
+
+def test_realisms_are_the_simulator_s() -> None:
+    assert REALISMS == HARDWARE_OR_IDEAL

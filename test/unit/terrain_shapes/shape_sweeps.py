@@ -13,7 +13,7 @@ from shape import Scene, Shape, Stand
 
 from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder, MapConfig
 from octomap_server_3dnav.octree.octree import SensorModel
-from pybullet_simulation.config import SimulationConfig
+from pybullet_simulation import IDEAL
 from pybullet_simulation.laser import Laser, Motion
 from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.solids import Solid
@@ -36,7 +36,7 @@ class StandingLaser:
     """Sweeps of a robot that stands still among solids; `mute` ones swallow the beams that meet them first."""
 
     def __init__(self, scene: Scene, rng: np.random.Generator) -> None:
-        config, robot, self._rng = SimulationConfig(), read_robot_model(RobotBody()), rng
+        config, robot, self._rng = IDEAL, read_robot_model(RobotBody()), rng
         self._sigma_rad, self._profile = config.tilt_encoder_sigma_rad, sweep_profile(config)
         self._laser = Laser(config, robot, world_of(scene.solids), rng)
         self._swallow = Laser(config, robot, world_of(scene.mute), np.random.default_rng(0)) if scene.mute else None
