@@ -146,8 +146,12 @@ class RawSweeps:
             raise ValueError(f"frame {frame!r}, the robot's laser is {self._frame!r}: mounts/laser/frame of robot.yaml")
 
     def _take_joints(self, message: JointMessage) -> None:
-        if self._joint in message.name:
-            self._chain.add_joint(stamp_s_of(message), float(message.position[list(message.name).index(self._joint)]))
+        names = list(message.name)
+        if self._joint not in names:
+            return
+        if names.index(self._joint) >= len(message.position):
+            raise ValueError(f"it names {self._joint} and has no position of it")
+        self._chain.add_joint(stamp_s_of(message), float(message.position[names.index(self._joint)]))
 
     def _take_imu(self, message: ImuMessage) -> None:
         gyro, accel = message.angular_velocity, message.linear_acceleration

@@ -70,7 +70,7 @@ def _bytes(message: CloudMessage) -> NDArray[np.uint8]:
             f"cloud of {rows} x {message.width} points of {message.point_step} bytes, row_step {message.row_step}, "
             f"cannot be read of {len(data)} bytes"
         )
-    padded = len(data) > row * rows and message.row_step > row and len(data) >= message.row_step * (rows - 1) + row
+    padded = message.row_step > row and len(data) >= message.row_step * (rows - 1) + row
     if not padded:
         return data[: row * rows]
     starts = message.row_step * np.arange(rows)

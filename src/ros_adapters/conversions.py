@@ -9,7 +9,7 @@ from explore_3dnav.msg import TerrainGrid as TerrainGridMessage
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry, Path
 from numpy.typing import NDArray
-from sensor_msgs.msg import LaserScan, PointCloud2, PointField
+from sensor_msgs.msg import JointState, LaserScan, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid
@@ -125,6 +125,16 @@ def scan_message(stamp_s: float, frame: str, scan: Scan) -> LaserScan:
         range_max=scan.range_max_m,
         ranges=scan.ranges.tolist(),
     )
+
+
+def joint_position(message: JointState, joint: str) -> float | None:
+    """A joint's position; None where the message is of other joints. ValueError when it names the joint and has no position of it."""
+    if joint not in message.name:
+        return None
+    index = message.name.index(joint)
+    if index >= len(message.position):
+        raise ValueError(f"joint states of {len(message.name)} joints with {len(message.position)} positions: none of {joint}")
+    return float(message.position[index])
 
 
 def transform_from_pose(pose: Pose) -> Floats:

@@ -161,6 +161,7 @@ def _suspect_steps(ranges: Ranges, limits: NeighbourLimits) -> NDArray[np.int8]:
     finite = np.minimum(ranges, np.float32(NOTHING_IN_RANGE_M))
     first, second = finite[:-1], finite[1:]
     near, far = np.minimum(first, second), np.maximum(first, second)
-    along_beam = near * limits.sine < limits.steepness * (far - near * limits.cosine)
-    suspect = along_beam & (far - near > limits.jump_m)
+    with np.errstate(invalid="ignore"):  # a NaN of whatever bits is near nothing
+        along_beam = near * limits.sine < limits.steepness * (far - near * limits.cosine)
+        suspect = along_beam & (far - near > limits.jump_m)
     return np.where(suspect, np.where(second > first, np.int8(1), np.int8(-1)), np.int8(0))

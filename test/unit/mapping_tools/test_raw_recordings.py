@@ -148,6 +148,12 @@ def test_messages_that_cannot_be_used_are_counted_with_the_reason(
     assert "no sweep came out" in text and "frame 'hokuyo', the robot's laser is 'laser': mounts/laser/frame of robot.yaml" in text
 
 
+def test_joint_states_without_positions_are_counted(tmp_path: Path, drive: raw.Messages, capsys: pytest.CaptureFixture[str]) -> None:
+    messages = [(topic, kind, replace(m, position=np.zeros(0)) if topic == "/joint_states" else m) for topic, kind, m in drive]
+    text = refusal(capsys, raw.write_ros1(robot_beside(tmp_path) / "run.bag", messages), "--out", tmp_path / "out")
+    assert "messages of /joint_states left out" in text and f"names {raw.TILT_JOINT} and has no position of it" in text
+
+
 def test_bag_that_was_cut_gives_the_sweep_that_it_holds(tmp_path: Path, one_bag: Path) -> None:
     cut = robot_beside(tmp_path) / "cut.bag"
     cut.write_bytes(one_bag.read_bytes()[: int(0.7 * one_bag.stat().st_size)])

@@ -8,7 +8,7 @@ import pytest
 import rospy
 from geometry_msgs.msg import Point, Pose, Quaternion, Transform
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import LaserScan, PointCloud2, PointField
+from sensor_msgs.msg import JointState, LaserScan, PointCloud2, PointField
 
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid
 from rigid_geometry import transform_from_rpy, yaw_of
@@ -102,6 +102,14 @@ def test_cloud_that_cannot_be_read_is_refused(what: str) -> None:
 
 def test_no_free_beams_are_empty_arrays() -> None:
     assert [a.shape for a in c.free_arrays(PointCloud2())] == [(0, 3), (0, 3)]
+
+
+def test_joint_without_a_position_is_refused_and_others_are_passed_by() -> None:
+    message = JointState(name=["wheel", "tilt_joint"], position=[1.0, 0.5])
+    assert c.joint_position(message, "tilt_joint") == 0.5 and c.joint_position(message, "arm") is None
+    message.position = [1.0]
+    with pytest.raises(ValueError, match="2 joints with 1 positions: none of tilt_joint"):
+        c.joint_position(message, "tilt_joint")
 
 
 def test_pose_and_transform_come_back() -> None:
