@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import rospy
 from numpy.typing import NDArray
 from tf2_msgs.msg import TFMessage
 
@@ -17,13 +16,13 @@ Floats = NDArray[np.float64]
 class SensorFrames:
     """Poses in base_link of frames that do not move. What robot_description has comes before what /tf_static says."""
 
-    def __init__(self, robot: RobotBody) -> None:
-        """Reads robot_description; ValueError when it is there and cannot be read."""
-        urdf = str(rospy.get_param("/robot_description", ""))
+    def __init__(self, robot: RobotBody, urdf: str) -> None:
+        """`urdf` is the text of robot_description, or empty; ValueError when it cannot be read."""
         description = read_description(urdf) if urdf else Description({}, {}, {})
         for mount in robot.mounts:
             description = with_mount(description, mount)
         self._description = description
+        self.contradicting: set[str] = set()
 
     def add_static(self, message: TFMessage) -> None:
         """Takes the frames of /tf_static that are not known yet; ValueError for a transform that is none, and the others are taken."""
@@ -35,9 +34,18 @@ class SensorFrames:
             except ValueError as error:
                 wrong.append(f"{parent} -> {child}: {error}")
                 continue
+            if self._contradicts(joint):
+                self.contradicting.add(child)
             self._description = replace(self._description, joints={child: joint, **self._description.joints})
         if wrong:
             raise ValueError("; ".join(wrong))
+
+    def _contradicts(self, joint: Joint) -> bool:
+        """Whether a fixed joint of the description stands elsewhere, by more than a millimetre or a thousandth."""
+        known = self._description.joints.get(joint.child)
+        if known is None or known.kind != "fixed" or known.name == joint.name:
+            return False
+        return known.parent != joint.parent or not np.allclose(known.T_parent_child, joint.T_parent_child, atol=1e-3)
 
     def T_base(self, frame: str) -> Floats:
         """(4, 4) pose of a frame in base_link. ValueError with advice when nothing says where it is, or when it moves."""

@@ -4,5 +4,23 @@ Stands before every stage: `odometry_fusion` asks it whether an IMU can be belie
 """
 
 from sensor_checks.imu_units import ImuLimits, gravity_fault, turning_fault
+from sensor_checks.limits import NEEDS, CheckLimits, Needs
+from sensor_checks.rows import Level, Row, judged, table, worst
+from sensor_checks.timing import Heard, clock_rows, timing_rows
 
-__all__ = ["ImuLimits", "gravity_fault", "turning_fault"]
+__all__ = [
+    "NEEDS",
+    "CheckLimits",
+    "Heard",
+    "ImuLimits",
+    "Level",
+    "Needs",
+    "Row",
+    "clock_rows",
+    "gravity_fault",
+    "judged",
+    "table",
+    "timing_rows",
+    "turning_fault",
+    "worst",
+]
