@@ -10,7 +10,7 @@ from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2
 
 from robot_body import RobotBody, contradictions
 from ros_adapters.conversions import odometry_twist
-from ros_adapters.input_watch import InputWatch
+from ros_adapters.heard_topic import HeardTopic
 from ros_adapters.revolution_messages import revolution_of
 from ros_adapters.robot_graph import RobotGraph, TransformWatch
 from ros_adapters.sensor_frames import SensorFrames
@@ -37,16 +37,16 @@ class RobotCheck:
         except ValueError as error:
             self._joint, self._joint_fault = "", str(error)
         self._spinning = spinning
-        self._scan = InputWatch("/scan", LaserScan, _scan_content) if not spinning else None
-        self._points = InputWatch("/points", PointCloud2, self._revolution, _CLOUDS) if spinning else None
-        self._tilt = InputWatch("/joint_states", JointState, self._tilt_of)
-        self._imu = InputWatch("/imu/data", Imu, _imu_content)
-        self._wheels = InputWatch("/wheel_odom", Odometry, odometry_twist)
+        self._scan = HeardTopic("/scan", LaserScan, _scan_content) if not spinning else None
+        self._points = HeardTopic("/points", PointCloud2, self._revolution, _CLOUDS) if spinning else None
+        self._tilt = HeardTopic("/joint_states", JointState, self._tilt_of)
+        self._imu = HeardTopic("/imu/data", Imu, _imu_content)
+        self._wheels = HeardTopic("/wheel_odom", Odometry, odometry_twist)
         self._tf = TransformWatch(self._frames)
         self._looked_s = 0.0
 
     @property
-    def _watches(self) -> list[InputWatch]:
+    def _watches(self) -> list[HeardTopic]:
         return [watch for watch in (self._scan, self._points, self._tilt, self._imu, self._wheels) if watch]
 
     def _tilt_of(self, message: JointState) -> float | None:
@@ -94,7 +94,7 @@ class RobotCheck:
         return rows + self._description()
 
     @staticmethod
-    def _stamped(watch: InputWatch) -> bool:
+    def _stamped(watch: HeardTopic) -> bool:
         return bool(watch.heard) and all(h.stamp_s > 0.0 for h in watch.heard)
 
     def _clock(self) -> list[Row]:
@@ -104,7 +104,7 @@ class RobotCheck:
             return [Row(Level.OK, "/clock", "time", "simulated")]
         return [Row(Level.ERROR, "/clock", "time", "/use_sim_time is true, and no /clock comes", "rosparam set /use_sim_time false")]
 
-    def _timing(self, watch: InputWatch, needed: str, graph: RobotGraph) -> list[Row]:
+    def _timing(self, watch: HeardTopic, needed: str, graph: RobotGraph) -> list[Row]:
         if not watch.heard:
             return graph.silence_rows(watch.topic, watch.type_name, watch.other_messages)
         rows = timing_rows(watch.topic, watch.heard, NEEDS[needed], self._looked_s, self._limits)

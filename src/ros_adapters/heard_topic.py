@@ -14,7 +14,7 @@ M = TypeVar("M")
 R = TypeVar("R")
 
 
-class InputWatch(Generic[R]):
+class HeardTopic(Generic[R]):
     """Subscribes from its start on; keeps times of all messages, and of at most `kept` of them what `read` makes of each."""
 
     def __init__(self, topic: str, message_type: type, read: Callable[[M], R | None], kept: int = 100_000) -> None:
