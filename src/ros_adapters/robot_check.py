@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2
 
 from robot_body import RobotBody, contradictions
-from ros_adapters.conversions import odometry_twist
+from ros_adapters.conversions import joint_position, odometry_twist
 from ros_adapters.heard_topic import HeardTopic
 from ros_adapters.revolution_messages import revolution_of
 from ros_adapters.robot_graph import RobotGraph, TransformWatch
@@ -53,10 +53,7 @@ class RobotCheck:
         """The tilt; None in a message about other joints. ValueError when it has no position."""
         if self._joint not in message.name:
             return None
-        index = list(message.name).index(self._joint)
-        if index >= len(message.position):
-            raise ValueError(f"{self._joint} has no position")
-        return float(message.position[index])
+        return joint_position(message, self._joint)
 
     def _revolution(self, message: PointCloud2) -> Revolution:
         return revolution_of(message, message.header.frame_id)

@@ -166,7 +166,7 @@ def test_node_s_docstring_names_every_topic_and_service(path: Path) -> None:
 
 def topics_and_services(tree: ast.Module) -> set[str]:
     """First arguments of everything that makes a topic or service."""
-    makers = {"subscribe", "publisher", "Subscriber", "Publisher", "Service", "ServiceProxy"}
+    makers = {"subscribe", "publisher", "Subscriber", "Publisher", "Service", "ServiceProxy", "serve"}
     found = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in makers and node.args:

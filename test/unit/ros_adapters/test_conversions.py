@@ -8,7 +8,7 @@ import pytest
 import rospy
 from geometry_msgs.msg import Point, Pose, Quaternion, Transform
 from nav_msgs.msg import Odometry
-from sensor_msgs.msg import LaserScan, PointCloud2, PointField
+from sensor_msgs.msg import JointState, LaserScan, PointCloud2, PointField
 
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid
 from rigid_geometry import transform_from_rpy, yaw_of
@@ -219,3 +219,24 @@ def test_odometry_without_a_covariance_knows_no_gravity() -> None:
     message.pose.pose.orientation.w = 1.0
     with pytest.raises(ValueError, match="covariance"):
         c.odometry_gravity(message)
+
+
+@pytest.mark.parametrize("stamp_s", [-0.1, 2.0**32, float("nan"), float("inf")])
+def test_time_that_no_message_can_hold_is_told(stamp_s):
+    with pytest.raises(ValueError, match="no ROS time"):
+        c.ros_time(stamp_s)
+
+
+def test_message_from_the_end_of_time_is_refused():
+    message = LaserScan()
+    message.header.stamp = rospy.Time(4294967295, 0)
+    with pytest.raises(ValueError, match="end of time"):
+        c.stamp_of(message)
+
+
+def test_joint_without_a_position_is_told():
+    message = JointState(name=["wheel", "tilt"], position=[1.0, 2.0])
+    assert c.joint_position(message, "tilt") == 2.0
+    message.position = [1.0]
+    with pytest.raises(ValueError, match="2 names and 1 positions"):
+        c.joint_position(message, "tilt")
