@@ -200,6 +200,7 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
     import rospy
     from roslib.message import get_message_class
 
+    begun = time.monotonic()
     counts, make, rng = Counts(), makers(), random.Random(38)
     ready = "/simulation/ready"
     names: set[str] = set()
@@ -208,6 +209,7 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
     listener = rospy.Subscriber(ready, String, lambda m: names.add(m.data))
     until(lambda: names >= set(NODES), 60.0, f"all nodes to be ready: {sorted(names)}")
     listener.unregister()
+    print(f"ready after {time.monotonic() - begun:.0f} s")
     topics = subscribed()
     unknown = {kind for _, kind in topics} - make.keys()
     assert not unknown, f"no right message to begin with: {unknown}"
@@ -224,6 +226,7 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
             if rng.random() < 0.3:
                 publishers[topic].publish(right)
         time.sleep(0.01)
+    print(f"sent after {time.monotonic() - begun:.0f} s: {sorted(topics)}")
     silent = []
     for (topic, kind), listeners in topics.items():
         before = {name: counts.of(name) for name in listeners}
@@ -233,6 +236,7 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
             publishers[topic].publish(of_no_numbers(make[kind](stamp_s)))
             time.sleep(0.1)
         silent += [(topic, name) for name in listeners if counts.of(name) <= before[name] and topic not in SILENT_ABOUT]
+        print(f"{topic}: {time.monotonic() - begun:.0f} s")
     dead = [name for name, process in nodes.running.items() if process.poll() is not None]
     printed = {name: nodes.log_of(name) for name in NODES}
     assert not dead, "\n".join(f"{name}: {printed[name][-3000:]}" for name in dead)
