@@ -98,7 +98,7 @@ def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nodes]:
     rospy.init_node("fuzzer", disable_signals=True, disable_rostime=True)
     rospy.set_param("/robot", yaml.safe_load((PACKAGE / "config/robot.yaml").read_text()))
     rospy.set_param("/robot_description", (PACKAGE / "urdf/husky.urdf").read_text())
-    rospy.set_param("/exploration_monitor_node", {"sim": False, "max_sim_time": 1e9})
+    rospy.set_param("/exploration_monitor_node", {"sim": False, "max_sim_time": 1e9, "watch": ""})
     found.start(NODES)
     yield found
     found.end()
