@@ -8,13 +8,12 @@ from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2
 
-from robot_body import RobotBody, contradictions
+from robot_body import RobotBody, contradictions, mount_from_urdf
 from ros_adapters.conversions import joint_position, odometry_twist
 from ros_adapters.heard_topic import HeardTopic
 from ros_adapters.revolution_messages import revolution_of
 from ros_adapters.robot_graph import RobotGraph, TransformWatch
 from ros_adapters.sensor_frames import SensorFrames
-from ros_adapters.urdf_mount import mount_from_urdf
 from sensor_checks import NEEDS, CheckLimits, ImuLimits, Level, Row, clock_rows, timing_rows
 from sensor_checks.contents import ScanLayout, frame_row, imu_rows, points_rows, scan_rows, stands, tilt_rows, wheel_rows
 from sweep_assembly import Revolution
