@@ -49,7 +49,7 @@ build_workspace() {
   [ -L "$root/.ws/src/explore_3dnav" ] && rm "$root/.ws/src/explore_3dnav"
   mkdir -p "$root/.ws/src/explore_3dnav"
   local part
-  for part in CMakeLists.txt package.xml setup.py config launch msg nodes octree_binding src srv test urdf; do
+  for part in CMakeLists.txt check_robot package.xml setup.py config launch msg nodes octree_binding src srv test urdf; do
     ln -sfn "$root/$part" "$root/.ws/src/explore_3dnav/$part"
   done
   touch "$root/.ws/.catkin_workspace"

@@ -230,10 +230,18 @@ def judge_chapter() -> str:
     return "\n".join([head, *parts])
 
 
+def check_chapter() -> str:
+    """What check_robot takes for a fault; no node of the launch file, so its parameters are given on its command line."""
+    head = "## check_robot\n\nPrivate parameters, as in `rosrun explore_3dnav check_robot _apart_s:=0.2`. Below `~imu` it reads those of\n"
+    head += "[odometry_fusion_node](#odometry_fusion_node).\n"
+    return f"{head}\n{config_table(config_class('sensor_checks.CheckLimits'), '~')}"
+
+
 def reference() -> str:
     """The whole file."""
     nodes = launched_nodes(ROOT / "launch")
-    contents = "- [The robot](#the-robot)\n" + "".join(f"- [{node.name}](#{node.name})\n" for node in nodes) + "- [The judge](#the-judge)\n"
+    contents = "- [The robot](#the-robot)\n" + "".join(f"- [{node.name}](#{node.name})\n" for node in nodes)
+    contents += "- [check_robot](#check_robot)\n- [The judge](#the-judge)\n"
     first_shown: dict[str, str] = {}
     chapters = [node_chapter(node, first_shown) for node in nodes]
     return "\n".join(
@@ -245,6 +253,7 @@ def reference() -> str:
             robot_chapter(),
             launch_arguments(ROOT / "launch" / "explore.launch"),
             *chapters,
+            check_chapter(),
             judge_chapter(),
         ]
     )

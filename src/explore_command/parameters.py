@@ -25,7 +25,7 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
         "timing": "pybullet_simulation.TimingConfig",
     },
     "scan_filter_node": {"": "sweep_assembly.ScanFilterConfig", "lidar": "sweep_assembly.LidarConfig"},
-    "odometry_fusion_node": {"": "odometry_fusion.OdometryConfig"},
+    "odometry_fusion_node": {"": "odometry_fusion.OdometryConfig", "imu": "sensor_checks.ImuLimits"},
     "sweep_assembler_node": {"": "sweep_assembly.SweepAssemblyConfig", "lidar": "sweep_assembly.LidarConfig"},
     "icp_matcher_node": {"": "pose_graph_mapping.config.RegistrationConfig"},
     "pose_graph_mapping_node": {

@@ -89,9 +89,9 @@ class OdometryFilter:
             raise ValueError(f"an IMU sample has three rates and three accelerations, not {gyro!r} and {accel!r}")
         self._add(self._imu, stamp_s, row)
 
-    def add_wheels(self, stamp_s: float, v: float, w: float) -> None:
-        """Takes forward velocity in m/s and yaw rate in rad/s from the encoders; refusals as for `add_imu`."""
-        self._add(self._wheels, stamp_s, [float(v), float(w)])
+    def add_wheels(self, stamp_s: float, v: float, w: float) -> bool:
+        """Takes forward velocity in m/s and yaw rate in rad/s from the encoders; False when it was dropped, as by `add_imu`."""
+        return self._add(self._wheels, stamp_s, [float(v), float(w)])
 
     def estimate(self, stamp_s: float) -> OdometryEstimate | None:
         """The estimate at a time; stamps asked for must not decrease.
@@ -112,18 +112,19 @@ class OdometryFilter:
             track = self._between(track, stamp_s, self._observed(*following))
         return self._described(track)
 
-    def _add(self, buffer: StampedBuffer[list[float]], stamp_s: float, row: list[float]) -> None:
+    def _add(self, buffer: StampedBuffer[list[float]], stamp_s: float, row: list[float]) -> bool:
         if not all(map(math.isfinite, (stamp_s, *row))):
             self._dropped[f"{buffer.source}_not_finite"] += 1
-            return
+            return False
         arrival = buffer.judge(stamp_s)
         if arrival is Arrival.LATE:
-            return
+            return False
         if arrival is Arrival.TIME_JUMP:
             self._imu.clear()
             self._wheels.clear()
             self._track = None
         buffer.append(stamp_s, row)
+        return True
 
     def _commit_until(self, stamp_s: float) -> None:
         """Processes the wheel messages up to a time; the IMU is complete up to there."""

@@ -23,9 +23,17 @@ Singles = NDArray[np.float32]
 CLOUD_FIELDS = ("x", "y", "z", "vp_x", "vp_y", "vp_z")
 NORMAL_FIELDS = ("normal_x", "normal_y", "normal_z")
 
+_END_OF_TIME_S = 2.0**32 - 1.0  # seconds are 32 bits
+_LAST_STAMP_S = _END_OF_TIME_S - 3600.0  # no driver means a later one, and what is reckoned from it can still be sent
+
 
 def ros_time(stamp_s: float) -> rospy.Time:
-    """A stamp rounded to whole microseconds: `from_sec` truncates, and then equal times of different arithmetic differ."""
+    """A stamp rounded to whole microseconds: `from_sec` truncates, and then equal times of different arithmetic differ.
+
+    ValueError for what a ROS message cannot hold.
+    """
+    if not 0.0 <= stamp_s < _END_OF_TIME_S:
+        raise ValueError(f"{stamp_s} s is no ROS time: it lies between 0 and {_END_OF_TIME_S:.0f} s")
     seconds, microseconds = divmod(round(stamp_s * 1e6), 1_000_000)
     return rospy.Time(seconds, microseconds * 1000)
 
@@ -35,8 +43,11 @@ def header(stamp_s: float, frame: str) -> Header:
 
 
 def stamp_of(message: object) -> float:
-    """Seconds of a message's header stamp."""
-    return float(message.header.stamp.to_sec())  # type: ignore[attr-defined]
+    """Seconds of a message's header stamp; ValueError at the end of time."""
+    stamp_s = float(message.header.stamp.to_sec())  # type: ignore[attr-defined]
+    if stamp_s > _LAST_STAMP_S:
+        raise ValueError(f"a message stamped {stamp_s:.0f} s, the end of time: see its driver's clock")
+    return stamp_s
 
 
 def cloud_message(

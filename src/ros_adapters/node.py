@@ -225,6 +225,18 @@ class Node:
             self.require(partial(_is_heard, subscriber))
         return subscriber
 
+    def serve(self, name: str, service_type: type, handler: Callable[[M], object], *, buff_size: int = 65536) -> rospy.Service:
+        """Serves; a request that cannot be used is counted, and its caller is told why."""
+
+        def answer(request: M) -> object:
+            try:
+                return handler(request)
+            except ValueError as error:
+                self.diagnostics.dropped(f"bad {name.rpartition('/')[2].lstrip('~')}", str(error))
+                raise rospy.ServiceException(str(error)) from error
+
+        return rospy.Service(name, service_type, answer, buff_size=buff_size)
+
     def watch(self, topic: str, silent_after_s: float | None) -> None:
         """Tells on /diagnostics how often a topic speaks, and since when not. In lock-step the clock stands while nodes think."""
         silent_after_s = None if self.lockstep else silent_after_s

@@ -1,6 +1,7 @@
 """Transforms as inputs: map->odom by time, and other frames for goals; never the identity in place of what is not known."""
 
 import time
+from functools import partial
 
 import numpy as np
 import rospy
@@ -9,7 +10,7 @@ from geometry_msgs.msg import PoseStamped, TransformStamped
 from numpy.typing import NDArray
 from tf2_msgs.msg import TFMessage
 
-from ros_adapters.conversions import pose_message, transform_from_message, transform_from_pose, transform_stamped
+from ros_adapters.conversions import pose_message, stamp_of, transform_from_message, transform_from_pose, transform_stamped
 from ros_adapters.inputs import TimedInput
 from ros_adapters.node import Node, heard_publishers
 
@@ -34,12 +35,23 @@ def pose_in_map(buffer: tf2_ros.BufferCore, pose: PoseStamped) -> PoseStamped:
     return moved
 
 
+def keep_transform(buffer: tf2_ros.BufferCore, transform: TransformStamped, *, static: bool) -> NDArray[np.float64]:
+    """Puts a transform into the buffer and gives it as (4, 4). ValueError when it is none: tf's C++ ends the process for some of them."""
+    stamp_of(transform)
+    T = transform_from_message(transform.transform)
+    add = buffer.set_transform_static if static else buffer.set_transform
+    add(transform, "tf")
+    return T
+
+
 class TransformsWhenAsked:
     """tf for a node that needs it rarely: in lock-step, where every message costs, listened to from the first question on."""
 
-    def __init__(self, *, lockstep: bool) -> None:
-        self._buffer: tf2_ros.Buffer | None = None
-        if not lockstep:
+    def __init__(self, node: Node) -> None:
+        """Listens beside the node's lock: who asks holds it while he waits."""
+        self._node = node
+        self._buffer: tf2_ros.BufferCore | None = None
+        if not node.lockstep:
             self._listening()
 
     def in_map(self, pose: PoseStamped) -> PoseStamped:
@@ -55,9 +67,19 @@ class TransformsWhenAsked:
 
     def _listening(self) -> tf2_ros.BufferCore:
         if self._buffer is None:
-            self._buffer = tf2_ros.Buffer(rospy.Duration(30), debug=False)
-            self._listener = tf2_ros.TransformListener(self._buffer)
+            self._buffer = tf2_ros.BufferCore(rospy.Duration(30))
+            self._subscribers = [
+                rospy.Subscriber("/tf", TFMessage, partial(self._on_transforms, static=False)),
+                rospy.Subscriber("/tf_static", TFMessage, partial(self._on_transforms, static=True)),
+            ]
         return self._buffer
+
+    def _on_transforms(self, message: TFMessage, *, static: bool) -> None:
+        for transform in message.transforms:
+            try:
+                keep_transform(self._listening(), transform, static=static)
+            except ValueError as error:
+                self._node.diagnostics.dropped("bad TFMessage", f"{transform.child_frame_id!r}: {error}")
 
 
 class TransformInput:
@@ -90,15 +112,19 @@ class TransformInput:
 
     def _on_transforms(self, message: TFMessage) -> None:
         for transform in message.transforms:
-            self._keep(transform, static=False)
-            if (transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")) == ("map", "odom"):
-                self._map_odom.add(transform.header.stamp.to_sec(), transform_from_message(transform.transform))
+            T = self._keep(transform, static=False)
+            if T is not None and (transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")) == ("map", "odom"):
+                self._map_odom.add(stamp_of(transform), T)
                 self._node.received(MAP_ODOM)
 
     def _on_static(self, message: TFMessage) -> None:
         for transform in message.transforms:
             self._keep(transform, static=True)
 
-    def _keep(self, transform: TransformStamped, *, static: bool) -> None:
-        add = self._buffer.set_transform_static if static else self._buffer.set_transform
-        add(transform, "tf")
+    def _keep(self, transform: TransformStamped, *, static: bool) -> NDArray[np.float64] | None:
+        """As (4, 4); None, and counted, when it is none: the others of its message are kept."""
+        try:
+            return keep_transform(self._buffer, transform, static=static)
+        except ValueError as error:
+            self._node.diagnostics.dropped("bad TFMessage", f"{transform.child_frame_id!r}: {error}")
+            return None

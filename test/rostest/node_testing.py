@@ -185,9 +185,14 @@ def wheels(stamp_s: float, v: float = 0.0, w: float = 0.0) -> Odometry:
     return message
 
 
-def imu(stamp_s: float, gyro: tuple[float, float, float] = (0.0, 0.0, 0.0), accel: tuple[float, float, float] = (0.0, 0.0, 9.81)) -> Imu:
+def imu(
+    stamp_s: float,
+    gyro: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    accel: tuple[float, float, float] = (0.0, 0.0, 9.81),
+    frame: str = "imu_link",
+) -> Imu:
     """An IMU sample of a robot that stands level."""
-    message = Imu(header=header(stamp_s, "imu_link"), angular_velocity=Vector3(*gyro), linear_acceleration=Vector3(*accel))
+    message = Imu(header=header(stamp_s, frame), angular_velocity=Vector3(*gyro), linear_acceleration=Vector3(*accel))
     message.orientation_covariance = [-1.0] + [0.0] * 8
     return message
 

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """odometry_fusion_node alone: frames and stamps of /odom and its transform, and what becomes of bad samples."""
 
+import math
 import sys
 import time
 import unittest
@@ -8,11 +9,13 @@ import unittest
 import numpy as np
 import rospy
 from nav_msgs.msg import Odometry
-from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, imu, one_line_of, run_misconfigured, wait_for_node, wheels
+from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, imu, one_line_of, run_misconfigured, wait_for_node, wait_until, wheels
 from sensor_msgs.msg import Imu
 from tf2_msgs.msg import TFMessage
 
 import rostest
+from rigid_geometry import transform_from_rpy
+from ros_adapters.conversions import transform_from_pose, transform_stamped
 
 NODE = "odometry_fusion_node"
 TICK_S = 0.05
@@ -88,6 +91,38 @@ class OdometryFusionTest(unittest.TestCase):
         self.ticks(2.0)
         self.diagnostics.wait_for_count("imu_late")
         self.diagnostics.wait_for_count("wheels_late")
+
+    def test_wheels_that_come_twice_are_answered_once(self) -> None:
+        self.ticks(0.2)
+        self.wheels.publish(wheels(self.clock_s))
+        self.ticks(1.5)
+        self.diagnostics.wait_for_count("wheels_late")
+        self.assertEqual(len(self.odometry.stamps()), len(set(self.odometry.stamps())))
+
+    def test_imu_s_mounting_is_that_of_its_frame(self) -> None:
+        statics = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+        upside_down = transform_stamped(0.0, "base_link", "imu_below", transform_from_rpy((0.0, 0.0, -0.1), (math.pi, 0.0, 0.0)))
+        statics.publish(TFMessage([upside_down]))
+        wait_until(lambda: statics.get_num_connections() > 0, "the node to hear /tf_static")
+        self.ticks(1.0)
+        time.sleep(QUIET_S)
+        before = self.odometry.messages[-1].pose.pose
+        for _ in range(40):
+            OdometryFusionTest.clock_s = round(self.clock_s + TICK_S, 3)
+            for k in range(4, -1, -1):
+                self.imu.publish(imu(round(self.clock_s - 0.01 * k, 3), (0.0, 0.0, -0.5), (0.0, 0.0, -9.81), "imu_below"))
+            self.wheels.publish(wheels(self.clock_s, 0.0, 0.5))
+        after = self.odometry.wait_for_stamp(self.clock_s).pose.pose
+        turned = transform_from_pose(before)[:3, :3].T @ transform_from_pose(after)[:3, :3]
+        self.assertAlmostEqual(math.atan2(turned[1, 0], turned[0, 0]), 1.0, delta=0.05)
+        self.assertGreater(transform_from_pose(after)[2, 2], 0.999)
+
+    def test_imu_of_an_unknown_frame_is_dropped_with_advice(self) -> None:
+        self.ticks(0.2)
+        for frame in ("nowhere", "", "laser"):
+            self.imu.publish(imu(self.clock_s + 0.001, frame=frame))
+        self.ticks(2.0)
+        self.diagnostics.wait_for_dropped("bad Imu", 3)
 
     def test_time_that_jumps_back_starts_afresh(self) -> None:
         self.ticks(0.5)

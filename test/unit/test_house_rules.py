@@ -20,9 +20,10 @@ ORDER: dict[str, set[str]] = {
     "rigid_geometry": set(),
     "robot_body": {"rigid_geometry", "stage_config"},
     "point_cloud2": set(),
+    "sensor_checks": BASE,
     # stages
     "pybullet_simulation": BASE,
-    "odometry_fusion": BASE,
+    "odometry_fusion": BASE | {"sensor_checks"},
     "sweep_assembly": BASE | {"point_cloud2"},
     "pose_graph_mapping": {"stage_config"},  # what its rooms are configured by
     "pose_graph_mapping.registration": BASE | {"pose_graph_mapping"},
@@ -41,7 +42,7 @@ ORDER: dict[str, set[str]] = {
     ADAPTERS: BASE
     | MAPPING
     | TERRAIN
-    | {"exploration_evaluation", "path_following", "point_cloud2", "pybullet_simulation", "sweep_assembly"},
+    | {"exploration_evaluation", "path_following", "point_cloud2", "pybullet_simulation", "sensor_checks", "sweep_assembly"},
     # programs: they use stages, and no stage uses them
     "roslaunch_process": set(),
     "explore_command": BASE | {"pose_graph_mapping.session", "pybullet_simulation", "roslaunch_process"},
@@ -165,7 +166,7 @@ def test_node_s_docstring_names_every_topic_and_service(path: Path) -> None:
 
 def topics_and_services(tree: ast.Module) -> set[str]:
     """First arguments of everything that makes a topic or service."""
-    makers = {"subscribe", "publisher", "Subscriber", "Publisher", "Service", "ServiceProxy"}
+    makers = {"subscribe", "publisher", "Subscriber", "Publisher", "Service", "ServiceProxy", "serve"}
     found = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in makers and node.args:

@@ -227,3 +227,16 @@ def test_odometry_without_a_covariance_knows_no_gravity() -> None:
     message.pose.pose.orientation.w = 1.0
     with pytest.raises(ValueError, match="covariance"):
         c.odometry_gravity(message)
+
+
+@pytest.mark.parametrize("stamp_s", [-0.1, 2.0**32, float("nan"), float("inf")])
+def test_time_that_no_message_can_hold_is_told(stamp_s):
+    with pytest.raises(ValueError, match="no ROS time"):
+        c.ros_time(stamp_s)
+
+
+def test_message_from_the_end_of_time_is_refused():
+    message = LaserScan()
+    message.header.stamp = rospy.Time(4294967295, 0)
+    with pytest.raises(ValueError, match="end of time"):
+        c.stamp_of(message)

@@ -1,0 +1,174 @@
+"""Looks at a running robot for a while without a word or a motion, and judges every input that the nodes need."""
+
+import time
+
+import numpy as np
+import rospy
+from nav_msgs.msg import Odometry
+from numpy.typing import NDArray
+from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2
+
+from robot_body import RobotBody, contradictions, mount_from_urdf
+from ros_adapters.conversions import joint_position, odometry_twist
+from ros_adapters.heard_topic import HeardTopic
+from ros_adapters.revolution_messages import revolution_of
+from ros_adapters.robot_graph import RobotGraph, TransformWatch
+from ros_adapters.sensor_frames import SensorFrames
+from sensor_checks import NEEDS, CheckLimits, ImuLimits, Level, Row, clock_rows, timing_rows
+from sensor_checks.contents import ScanLayout, frame_row, imu_rows, points_rows, scan_rows, stands, tilt_rows, wheel_rows
+from sweep_assembly import Revolution
+
+Floats = NDArray[np.float64]
+_POLL_S = 0.05
+_CLOUDS = 10  # as many tell of layout and units
+
+
+class RobotCheck:
+    """Subscribes when it is made; then `wait`, `look`, `rows`."""
+
+    def __init__(self, robot: RobotBody, urdf: str, spinning: bool, limits: tuple[CheckLimits, ImuLimits]) -> None:
+        """`urdf`: the text of the robot's description. ValueError when it cannot be read."""
+        self._robot, self._urdf, (self._limits, self._imu_limits) = robot, urdf, limits
+        self._frames = SensorFrames(robot, urdf)
+        self._laser_frame = robot.mount("laser").frame
+        try:
+            self._joint, self._joint_fault = mount_from_urdf(urdf, robot.mount("laser"))[0], ""
+        except ValueError as error:
+            self._joint, self._joint_fault = "", str(error)
+        self._spinning = spinning
+        self._scan = HeardTopic("/scan", LaserScan, _scan_content) if not spinning else None
+        self._points = HeardTopic("/points", PointCloud2, self._revolution, _CLOUDS) if spinning else None
+        self._tilt = HeardTopic("/joint_states", JointState, self._tilt_of)
+        self._imu = HeardTopic("/imu/data", Imu, _imu_content)
+        self._wheels = HeardTopic("/wheel_odom", Odometry, odometry_twist)
+        self._tf = TransformWatch(self._frames)
+        self._looked_s = 0.0
+
+    @property
+    def _watches(self) -> list[HeardTopic]:
+        return [watch for watch in (self._scan, self._points, self._tilt, self._imu, self._wheels) if watch]
+
+    def _tilt_of(self, message: JointState) -> float | None:
+        """The tilt; None in a message about other joints. ValueError when it has no position."""
+        if self._joint not in message.name:
+            return None
+        return joint_position(message, self._joint)
+
+    def _revolution(self, message: PointCloud2) -> Revolution:
+        return revolution_of(message, message.header.frame_id)
+
+    def wait(self, timeout_s: float) -> None:
+        """Until every input has come, and start_sweep is served, at most so long."""
+        deadline = time.monotonic() + timeout_s
+        while time.monotonic() < deadline and not rospy.is_shutdown():
+            if all(watch.heard for watch in self._watches) and rospy.resolve_name("start_sweep") in RobotGraph().services:
+                return
+            time.sleep(10 * _POLL_S)
+
+    def look(self, seconds: float) -> None:
+        """Listens for so long, by the clock of the robot if that is simulated, at most ten times as long by that of the wall."""
+        for watch in self._watches:
+            watch.forget()
+        begun_s, started = rospy.get_time(), time.monotonic()
+        simulated = bool(rospy.get_param("/use_sim_time", False))
+        while not rospy.is_shutdown():
+            wall_s = time.monotonic() - started
+            self._looked_s = rospy.get_time() - begun_s if simulated and rospy.get_time() > begun_s else wall_s
+            if self._looked_s >= seconds or wall_s >= 10.0 * seconds or (simulated and wall_s >= seconds and not rospy.get_time()):
+                break
+            time.sleep(_POLL_S)
+        self._tf.stop()
+        for watch in self._watches:
+            watch.stop()
+
+    def rows(self) -> list[Row]:
+        """All answers, input by input."""
+        graph = RobotGraph()
+        rows = self._clock() + self._laser(graph) + self._of_tilt(graph) + self._of_imu(graph) + self._of_wheels(graph)
+        rows += clock_rows({watch.topic: watch.heard for watch in self._watches if self._stamped(watch)}, self._limits)
+        rows += [graph.service_row("start_sweep", "std_srvs/Trigger"), *graph.command_rows("/cmd_vel"), *self._tf.rows()]
+        return rows + self._description()
+
+    @staticmethod
+    def _stamped(watch: HeardTopic) -> bool:
+        return bool(watch.heard) and all(h.stamp_s > 0.0 for h in watch.heard)
+
+    def _clock(self) -> list[Row]:
+        if not rospy.get_param("/use_sim_time", False):
+            return []
+        if rospy.get_time() > 0.0:
+            return [Row(Level.OK, "/clock", "time", "simulated")]
+        return [Row(Level.ERROR, "/clock", "time", "/use_sim_time is true, and no /clock comes", "rosparam set /use_sim_time false")]
+
+    def _timing(self, watch: HeardTopic, needed: str, graph: RobotGraph) -> list[Row]:
+        if not watch.heard:
+            return graph.silence_rows(watch.topic, watch.type_name, watch.other_messages)
+        rows = timing_rows(watch.topic, watch.heard, NEEDS[needed], self._looked_s, self._limits)
+        advice = "such messages are dropped; docs/sensors.md has what is read"
+        return rows + [Row(Level.ERROR, watch.topic, "message", f"{n} x {text}", advice) for text, n in sorted(watch.faults.items())[:3]]
+
+    def _laser(self, graph: RobotGraph) -> list[Row]:
+        watch = self._scan or self._points
+        assert watch is not None
+        rows = self._timing(watch, "/points" if self._spinning else "/scan", graph)
+        if watch.heard:
+            rows.append(frame_row(watch.topic, watch.frames, self._laser_frame))
+        if self._scan and self._scan.contents:
+            layouts, ranges = zip(*self._scan.contents, strict=True)
+            rows += scan_rows(watch.topic, layouts, ranges, self._limits)
+        if self._points and self._points.contents:
+            turns = self._points.contents
+            rings = len(np.unique(np.concatenate([turn.rings for turn in turns])))
+            rows += points_rows(
+                watch.topic, [turn.points.astype(np.float64) for turn in turns], [turn.times_s for turn in turns], rings, self._limits
+            )
+        return rows
+
+    def _of_tilt(self, graph: RobotGraph) -> list[Row]:
+        rows = self._timing(self._tilt, "/joint_states", graph)
+        if self._joint_fault:
+            return [*rows, Row(Level.ERROR, "robot_description", "tilt", self._joint_fault, "give the laser one joint that tilts about y")]
+        if self._tilt.heard or self._tilt.other_messages:
+            rows += tilt_rows(self._tilt.topic, np.array(self._tilt.contents), self._joint, self._limits)
+        return rows
+
+    def _of_imu(self, graph: RobotGraph) -> list[Row]:
+        rows, topic = self._timing(self._imu, "/imu/data", graph), self._imu.topic
+        samples = np.array([(*gyro, *accel) for _, gyro, accel in self._imu.contents]).reshape(-1, 6)
+        standing = stands(np.array(self._wheels.contents).reshape(-1, 2), self._limits)
+        for frame in sorted(self._imu.frames):
+            own = samples[[content[0] == frame for content in self._imu.contents]]
+            try:
+                R = self._frames.rotation_in_base(frame.lstrip("/"))
+            except ValueError as error:
+                rows.append(
+                    Row(Level.ERROR, topic, "frame", repr(frame), f"{error}; set the driver's frame_id, or add the frame to the URDF")
+                )
+                continue
+            rows.append(Row(Level.OK, topic, "frame", repr(frame)))
+            rows += imu_rows(topic, own[:, :3] @ R.T, own[:, 3:] @ R.T, frame, standing, (self._imu_limits, self._limits))
+        return rows
+
+    def _of_wheels(self, graph: RobotGraph) -> list[Row]:
+        rows = self._timing(self._wheels, "/wheel_odom", graph)
+        if self._wheels.contents:
+            rows += wheel_rows(self._wheels.topic, np.array(self._wheels.contents), self._robot, self._limits)
+        return rows
+
+    def _description(self) -> list[Row]:
+        found = contradictions(self._robot, self._urdf)
+        advice = "correct robot.yaml or the URDF; ./check_robot --robot FILE looks with another"
+        rows = [Row(Level.ERROR, "robot.yaml", "against the URDF", text, advice) for text in found]
+        return rows or [Row(Level.OK, "robot.yaml", "against the URDF", f"{self._robot.name}: the two agree")]
+
+
+def _scan_content(message: LaserScan) -> tuple[ScanLayout, Floats]:
+    layout = ScanLayout(
+        message.angle_min, message.angle_increment, message.time_increment, len(message.ranges), message.range_min, message.range_max
+    )
+    return layout, np.asarray(message.ranges, dtype=np.float64)
+
+
+def _imu_content(message: Imu) -> tuple[str, tuple[float, ...], tuple[float, ...]]:
+    gyro, accel = message.angular_velocity, message.linear_acceleration
+    return message.header.frame_id, (gyro.x, gyro.y, gyro.z), (accel.x, accel.y, accel.z)

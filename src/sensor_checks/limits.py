@@ -1,0 +1,47 @@
+"""What the nodes need of every input, and how far its contents may go before they are taken for another unit."""
+
+from dataclasses import dataclass
+
+from stage_config import check_ranges, parameter
+
+
+@dataclass(frozen=True)
+class Needs:
+    """What the nodes need of an input: its rate, how old it may be when it comes, and the longest pause between its stamps."""
+
+    least_rate_hz: float
+    max_age_s: float
+    max_gap_s: float
+
+
+NEEDS = {
+    "/scan": Needs(5.0, 0.2, 0.3),
+    "/points": Needs(5.0, 0.3, 0.3),
+    "/joint_states": Needs(10.0, 0.2, 0.3),
+    "/imu/data": Needs(25.0, 0.1, 0.1),
+    "/wheel_odom": Needs(8.0, 0.2, 0.3),
+}
+"""By topic. Motion stops 0.3 s after the last of an input; an IMU's pause over 0.1 s is bridged by a guess (`max_imu_gap_s`)."""
+
+
+@dataclass(frozen=True)
+class CheckLimits:
+    """What `check_robot` takes for a fault."""
+
+    ahead_s: float = parameter(0.02, "s", "stamps may be ahead of the clock by this: a millisecond of chrony, and some jitter", low=0.0)
+    apart_s: float = parameter(0.1, "s", "stamps of two inputs may be apart by this beyond their latencies", low=0.0)
+    jump_s: float = parameter(0.5, "s", "a stamp that goes back by more is a clock that jumped", low=0.0)
+    most_repeated: float = parameter(0.02, "-", "share of messages that may come twice or late", low=0.0, high=1.0)
+    farthest_m: float = parameter(1000.0, "m", "no sensor ranges farther: more are millimetres", low=1.0)
+    blind_share: float = parameter(
+        0.98, "-", "a laser of which more beams hit nothing is covered, or its limits are wrong", low=0.0, high=1.0
+    )
+    level_rad: float = parameter(0.05, "rad", "the laser rests as near to the horizontal, and moves no more", low=0.0)
+    standing_rate: float = parameter(
+        0.05, "rad/s", "a gyroscope that stands turns no faster: ten times the bias of a cheap one, a tenth of one in degrees", low=0.0
+    )
+    standing_mps: float = parameter(0.02, "m/s", "wheels that stand turn no faster", low=0.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        return check_ranges(self)

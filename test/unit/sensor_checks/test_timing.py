@@ -1,0 +1,81 @@
+"""Rates, ages, order and clocks of messages that come as drivers send them, and of those that do not."""
+
+import numpy as np
+import pytest
+
+from sensor_checks import CheckLimits, Heard, Level, Needs, clock_rows, timing_rows
+
+NEEDS = Needs(10.0, 0.1, 0.3)
+LIMITS = CheckLimits()
+
+
+def messages(rate_hz=20.0, latency_s=0.012, seconds=10.0, jitter=0.0, seed=0):
+    rng = np.random.default_rng(seed)
+    stamps = 1.7e9 + (np.arange(int(rate_hz * seconds)) + jitter * rng.normal(size=int(rate_hz * seconds))) / rate_hz
+    return [Heard(s - 1.7e9, s + latency_s, s) for s in stamps]
+
+
+def rows(heard):
+    return {row.asked: row for row in timing_rows("/t", heard, NEEDS, 10.0, LIMITS)}
+
+
+def test_right_input_is_ok_and_its_rate_and_jitter_are_told():
+    found = rows(messages(jitter=0.02))
+    assert {row.level for row in found.values()} == {Level.OK}
+    assert found["rate"].found.startswith("20.0 Hz, jitter 2.") or found["rate"].found.startswith("20.0 Hz, jitter 3.")
+    assert found["age"].found.startswith("12 ms")
+
+
+def test_lost_and_late_messages_do_not_blow_up_the_jitter():
+    heard = [h for i, h in enumerate(messages()) if i % 50]
+    assert rows(heard)["rate"].found == "19.6 Hz, jitter 0.0 %"
+
+
+@pytest.mark.parametrize("rate_hz, level", [(9.0, Level.ERROR), (11.0, Level.OK)])
+def test_rate_below_what_is_needed_is_an_error(rate_hz, level):
+    assert rows(messages(rate_hz))["rate"].level is level
+
+
+@pytest.mark.parametrize(
+    "latency_s, level", [(0.09, Level.OK), (0.2, Level.ERROR), (-0.01, Level.OK), (-0.05, Level.ERROR), (-5e8, Level.ERROR)]
+)
+def test_age_on_both_sides(latency_s, level):
+    assert rows(messages(latency_s=latency_s))["age"].level is level
+
+
+def test_single_late_messages_are_a_warning():
+    heard = [Heard(h.arrival_s, h.clock_s + (0.3 if i % 10 == 0 else 0.0), h.stamp_s) for i, h in enumerate(messages())]
+    assert rows(heard)["age"].level is Level.WARN
+
+
+def test_order():
+    right = messages()
+    few = [*right[:100], right[99], *right[100:]]
+    assert rows(few)["order"].level is Level.OK and "1 of 201 stamps come twice" in rows(few)["order"].found
+    assert rows([h for h in right for _ in range(2)])["order"].level is Level.WARN
+    swapped = [right[i ^ 1] for i in range(200)]
+    assert rows(swapped)["order"].level is Level.WARN
+    assert rows([*right[100:], *right[:100]])["order"].level is Level.ERROR
+
+
+@pytest.mark.parametrize("lost, warned", [(4, False), (8, True)])
+def test_pause_that_stops_the_robot_is_warned_of(lost, warned):
+    right = messages()
+    assert ("pauses" in rows([*right[:100], *right[100 + lost :]])) is warned
+
+
+def test_nothing_and_stamps_of_zero():
+    assert rows([])["messages"].level is Level.ERROR
+    assert rows([Heard(0.0, 1.7e9, 0.0)])["stamps"].level is Level.ERROR
+
+
+def test_single_message_is_judged_without_a_jitter():
+    assert rows(messages()[:1])["rate"].found == "0.1 Hz"
+
+
+@pytest.mark.parametrize("apart_s, level", [(0.05, Level.OK), (3.0, Level.ERROR), (-3.0, Level.ERROR)])
+def test_clocks_are_compared_by_the_least_age(apart_s, level):
+    (row,) = clock_rows({"/a": messages(), "/b": messages(latency_s=0.012 + apart_s), "/c": []}, LIMITS)
+    assert row.level is level
+    assert ("/b is 3.00 s behind /a" in row.found) is (apart_s == 3.0)
+    assert not clock_rows({"/a": messages()}, LIMITS)
