@@ -19,18 +19,18 @@ _HALF_MEDIAN = {6: 2.674, 3: 1.183}
 _LEAST_REDUNDANCY = 0.1
 """Below it, errors hardly tell of noise."""
 _QUARTILE = 0.6745
-"""From the median of a normal distribution to its upper quartile, in sigmas."""
-_TAIL_SIGMAS = 5.0
+"""From the lower quartile of a normal distribution to its median, in sigmas."""
+_TAIL_SIGMAS = 6.0
 
 
-def excess(errors: Array, freedom: int, redundancy: float) -> float:
-    """The variance that edges show over the one they claim, at least one; one where they are too few to tell.
+def shown_variance(errors: Array, freedom: int, redundancy: float) -> float:
+    """The variance that edges show over the one they claim; one where they are too few to tell.
 
-    freedom: directions of an edge; redundancy: the share of all measured numbers that the poses do not take up, in the mean of the edges.
+    freedom: directions of an edge; redundancy: the share of what was measured that the poses do not take up.
     """
     if len(errors) < ENOUGH_EDGES:
         return 1.0
-    return max(1.0, float(np.median(errors)) / (_HALF_MEDIAN[freedom] * max(redundancy, _LEAST_REDUNDANCY)))
+    return float(np.median(errors)) / (_HALF_MEDIAN[freedom] * max(redundancy, _LEAST_REDUNDANCY))
 
 
 def redundancy(kept: Mask, vertices: int) -> float:
@@ -42,14 +42,14 @@ def redundancy(kept: Mask, vertices: int) -> float:
 def tail_end(errors: Array) -> float:
     """The error beyond which an edge stands out of the others, infinite where they are too few to tell.
 
-    Errors of real graphs have long tails: their logarithm is nearly normal. So the end is five sigmas above the median of the logarithm,
-    the sigma taken between median and upper quartile.
+    Errors of real graphs have long tails: their logarithm is nearly normal. So the end is six sigmas above the median of the logarithm,
+    the sigma taken between lower quartile and median, where false edges hardly count.
     """
     positive = errors[errors > 0.0]
     if len(positive) < ENOUGH_EDGES:
         return math.inf
-    middle, upper = np.quantile(np.log(positive), [0.5, 0.75])
-    return float(np.exp(middle + _TAIL_SIGMAS * (upper - middle) / _QUARTILE))
+    lower, middle = np.quantile(np.log(positive), [0.25, 0.5])
+    return float(np.exp(middle + _TAIL_SIGMAS * (middle - lower) / _QUARTILE))
 
 
 def is_even(errors: Array) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -10,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapping_tools.graph_freedom import free_parts
-from mapping_tools.graph_noise import excess, is_even, redundancy, tail_end, unlikelihood
-from mapping_tools.graph_starts import likeliest
+from mapping_tools.graph_noise import is_even, redundancy, shown_variance, tail_end, unlikelihood
+from mapping_tools.graph_starts import first_end, likeliest
 from pose_graph_mapping.graph.graph_consistency import consistent_edges, settled, trusted_edges
 from pose_graph_mapping.graph.graph_files import GraphFile
-from pose_graph_mapping.graph.graph_measurements import GraphNotSolvable, Prior
-from pose_graph_mapping.graph.graph_problem import GraphProblem, parts, poses_of, prior_factor, tree_poses
+from pose_graph_mapping.graph.graph_measurements import GraphNotSolvable, Prior, orthonormal
+from pose_graph_mapping.graph.graph_problem import GraphProblem, minimised, parts, poses_of, prior_factor, tree_poses
+from rigid_geometry import inverse
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -92,73 +94,77 @@ def solve_plain(problem: GraphProblem) -> SolvedGraph:
 def solve_robust(problem: GraphProblem, outlier_chi2: float, report: Say, freedom: int = 6) -> SolvedGraph:
     """Edges but odometry are left out where they contradict the rest; `report` hears of progress. freedom: directions of an edge, 6 or 3.
 
-    Where all agree within `outlier_chi2` of the noise that they claim, all are kept. Else the noise that the graph shows counts: more than
-    is claimed where a graph of so much noise and fewer false edges is likelier, less where the edges that agree show less.
+    An edge contradicts the rest beyond `outlier_chi2` of the noise that the graph shows, or of the noise claimed where edges are too few
+    to tell. Where its errors have a longer tail than a normal distribution, the tail is kept up to `outlier_chi2` of the noise claimed.
     """
-    trusted, limit = trusted_edges(len(problem.poses), problem.edges), 0.5 * outlier_chi2
-
-    def agree(end: gtsam.Values) -> bool:
-        errors = problem.edge_errors(end)
-        return bool((errors[~trusted] <= limit).all()) or is_even(errors)
-
-    whole = likeliest(problem, agree)
-    errors = problem.edge_errors(whole)
-    everything = np.ones(len(errors), dtype=bool)
-    if bool((errors[~trusted] <= limit * excess(errors, freedom, redundancy(everything, len(problem.poses)))).all()):
-        return _solved(problem, everything, whole)
-    judge = _Judge(replace(problem, poses=poses_of(whole, len(problem.poses))), trusted, limit, freedom, report)
-    kept, values = consistent_edges(problem, trusted, limit, report, starts=(whole,))
-    return _solved(problem, *judge.by_own_noise(*judge.likelier(whole, kept, values)))
+    whole, everything = first_end(problem), np.ones(len(problem.edges), dtype=bool)
+    placed = replace(problem, poses=poses_of(whole, len(problem.poses)))
+    judge = _Judge(placed, trusted_edges(len(problem.poses), problem.edges), 0.5 * outlier_chi2, freedom)
+    if judge.none_stands_out(everything, whole):
+        return _solved(problem, everything, minimised(problem.factors(), whole))
+    kept, values = judge.settle(*consistent_edges(problem, judge.trusted, judge.limit, report, starts=(whole,)))
+    if not judge.is_as_claimed(kept, values):
+        kept, values = judge.likelier((kept, values), judge.settle(everything, whole))
+    report(f"its edges show {judge.variance(kept, values):.3g} times the variance that they claim")
+    return _solved(problem, kept, values)
 
 
 @dataclass(frozen=True, eq=False)
 class _Judge:
-    """Which edges are kept by the noise that the graph shows. problem: with the poses to which all edges lead."""
+    """Which edges are kept by the noise that the graph shows. problem: with the poses that all edges lead to; limit: as they claim it."""
 
     problem: GraphProblem
     trusted: Mask
     limit: float
     freedom: int
-    report: Say
 
-    def likelier(self, whole: gtsam.Values, kept: Mask, values: gtsam.Values) -> tuple[Mask, gtsam.Values]:
-        """Of the edges kept by the noise they claim, and those kept by as much noise as all of them show, what is likelier."""
-        own_kept, own_values, variance = self._from_above(whole)
-        costs = [
-            unlikelihood(self.problem, self.problem.edge_errors(end), mask, noise, self.freedom)
-            for mask, end, noise in ((kept, values, 1.0), (own_kept, own_values, variance))
-        ]
-        if variance == 1.0 or costs[0] <= costs[1]:
-            return kept, values
-        self.report(f"its edges show more noise than they claim: {variance:.3g} times the variance, and are judged by it")
-        return own_kept, own_values
-
-    def by_own_noise(self, kept: Mask, values: gtsam.Values) -> tuple[Mask, gtsam.Values]:
-        """Where edges were left out, those too that stand out of the rest by the noise it shows, though not by the noise claimed."""
-        end = tail_end(self.problem.edge_errors(values)[kept & ~self.trusted])
-        if bool(kept.all()) or end >= self.limit:
-            return kept, values
-        self.report(f"its edges show less noise than they claim: the limit is chi2 {2.0 * end:.3g} instead of {2.0 * self.limit:g}")
-        return settled(self.problem, self.trusted, end, kept, values)
-
-    def _from_above(self, whole: gtsam.Values) -> tuple[Mask, gtsam.Values, float]:
-        """Edges within the limit of the noise shown, solved and judged again while that falls; the noise at the end."""
-        kept, values = np.ones(len(self.trusted), dtype=bool), whole
-        variance = self._shown(kept, values)
-        for _ in range(_MOST_ROUNDS):
-            kept, values = settled(self.problem, self.trusted, variance * self.limit, kept, values)
-            before, variance = variance, self._shown(kept, values)
-            if variance > 0.99 * before:
-                break
-        return kept, values, variance
-
-    def _shown(self, kept: Mask, values: gtsam.Values) -> float:
+    def variance(self, kept: Mask, values: gtsam.Values) -> float:
+        """That the kept edges show, over the one that they claim."""
         errors = self.problem.edge_errors(values)[kept & ~self.trusted]
-        return excess(errors, self.freedom, redundancy(kept, len(self.problem.poses)))
+        return shown_variance(errors, self.freedom, redundancy(kept, len(self.problem.poses)))
+
+    def none_stands_out(self, kept: Mask, values: gtsam.Values) -> bool:
+        """Whether all errors are those of one noise, little or much."""
+        within = self.limit * self.variance(kept, values)
+        return bool((self.problem.edge_errors(values)[kept & ~self.trusted] <= within).all())
+
+    def is_as_claimed(self, kept: Mask, values: gtsam.Values) -> bool:
+        """Whether most edges are kept, and show no more noise than they claim."""
+        few = np.count_nonzero(~kept) <= 0.5 * np.count_nonzero(~self.trusted)
+        return bool(few) and self.variance(kept, values) <= 1.0
+
+    def settle(self, kept: Mask, values: gtsam.Values) -> tuple[Mask, gtsam.Values]:
+        """Edges are judged by the noise that the kept ones show, while that falls; then the tail of their errors is taken back."""
+        within = math.inf
+        for _ in range(_MOST_ROUNDS):
+            before, within = within, self.limit * self.variance(kept, values)
+            if within > 0.9 * before:
+                break
+            kept, values = settled(self.problem, self.trusted, within, kept, values)
+        for _ in range(_MOST_ROUNDS):
+            before, within = within, self._tail(kept, values)
+            if abs(within - before) <= 0.1 * before:
+                break
+            kept, values = settled(self.problem, self.trusted, within, kept, values)
+        return kept, values
+
+    def likelier(self, *ends: tuple[Mask, gtsam.Values]) -> tuple[Mask, gtsam.Values]:
+        """The likeliest of some ends, each by the noise that it shows."""
+
+        def cost(end: tuple[Mask, gtsam.Values]) -> float:
+            return unlikelihood(self.problem, self.problem.edge_errors(end[1]), end[0], self.variance(*end), self.freedom)
+
+        return min(ends, key=cost)
+
+    def _tail(self, kept: Mask, values: gtsam.Values) -> float:
+        """Where the errors of all edges end."""
+        variance = self.variance(kept, values)
+        tail = tail_end(self.problem.edge_errors(values)[~self.trusted])
+        return min(self.limit * max(1.0, variance), max(self.limit * variance, tail))
 
 
 def _solved(problem: GraphProblem, kept: Mask, values: gtsam.Values) -> SolvedGraph:
-    poses, start = poses_of(values, len(problem.poses)), problem.values()
+    poses, start = _at_fixed(problem, poses_of(values, len(problem.poses))), problem.values()
     end = replace(problem, poses=poses).values()
     errors = problem.edge_errors(end)
     priors = [prior_factor(p) for p in problem.priors]
@@ -166,6 +172,14 @@ def _solved(problem: GraphProblem, kept: Mask, values: gtsam.Values) -> SolvedGr
     if not np.isfinite(errors).all():
         raise GraphNotSolvable("the solution is not finite")
     return SolvedGraph(poses, kept, errors, float(problem.edge_errors(start).sum()) + at_start, at_end)
+
+
+def _at_fixed(problem: GraphProblem, poses: Array) -> Array:
+    """The poses, moved as a whole to where the one fixed vertex is, if it is all that says where they lie."""
+    if len(problem.fixed) != 1 or problem.priors:
+        return poses
+    (k,) = problem.fixed
+    return orthonormal(problem.poses[k] @ inverse(poses[k]) @ poses)
 
 
 def _held(problem: GraphProblem) -> GraphProblem:

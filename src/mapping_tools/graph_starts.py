@@ -14,6 +14,8 @@ import numpy as np
 
 from pose_graph_mapping.graph.graph_problem import GraphProblem, grown, minimised, parts
 
+_ROUGH_ITERATIONS, _ROUGH_TOLERANCE = 20, 1e-5
+
 
 def likeliest(problem: GraphProblem, is_good: Callable[[gtsam.Values], bool]) -> gtsam.Values:
     """The end of least error over all starts, or the first that is good, with every edge believed."""
@@ -23,6 +25,11 @@ def likeliest(problem: GraphProblem, is_good: Callable[[gtsam.Values], bool]) ->
         if is_good(ends[-1]):
             return ends[-1]
     return min(ends, key=factors.error)
+
+
+def first_end(problem: GraphProblem) -> gtsam.Values:
+    """Nearly the end from chordal relaxation, or from the poses given where there is none, with every edge believed."""
+    return minimised(problem.factors(), next(_starts(problem)), _ROUGH_ITERATIONS, _ROUGH_TOLERANCE)
 
 
 def _starts(problem: GraphProblem) -> Iterator[gtsam.Values]:
@@ -46,5 +53,5 @@ def _chordal(problem: GraphProblem) -> gtsam.Values | None:
     try:
         values = gtsam.InitializePose3.initialize(whole.factors())
         return values if np.isfinite(problem.factors().error(values)) else None
-    except RuntimeError:
+    except (RuntimeError, ValueError):  # as gtsam says that its equations are singular
         return None

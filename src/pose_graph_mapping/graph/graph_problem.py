@@ -91,9 +91,10 @@ def prior_factor(prior: Prior) -> gtsam.PriorFactorPose3:
 
 
 def _noise(information: Array) -> gtsam.noiseModel.Gaussian:
-    """Of an information matrix that may be singular."""
+    """Of an information matrix that may be singular; gtsam wants its root to be upper triangular."""
     values, vectors = np.linalg.eigh(information)
-    return gtsam.noiseModel.Gaussian.SqrtInformation(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, False)
+    root = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, mode="r")
+    return gtsam.noiseModel.Gaussian.SqrtInformation(np.where(np.diag(root) < 0.0, -1.0, 1.0)[:, None] * root, False)
 
 
 def gravity_factor(measured: Gravity, bias: Array | None) -> gtsam.AttitudeFactorPose3:
