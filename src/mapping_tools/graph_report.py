@@ -8,9 +8,10 @@ from typing import TypedDict
 import numpy as np
 
 from mapping_tools.graph_solving import NumberedGraph, SolvedGraph
+from mapping_tools.graph_starts import polished
 from mapping_tools.sesync_error import is_isotropic, isotropic, sesync_error
 from pose_graph_mapping.graph.graph_files import GraphFile
-from pose_graph_mapping.graph.graph_problem import GraphProblem, minimised, poses_of
+from pose_graph_mapping.graph.graph_problem import GraphProblem, poses_of
 
 ERROR_UNIT = "half of the sum of squared Mahalanobis distances of the edges"
 _MOST_PRINTED = 20
@@ -111,5 +112,5 @@ def _sesync(problem: GraphProblem, solved: SolvedGraph) -> tuple[float, float]:
     if is_isotropic(kept):
         return error, error
     by_weights = isotropic(here)
-    best = poses_of(minimised(by_weights.factors(), by_weights.values()), len(solved.poses))
+    best = poses_of(polished(by_weights.factors(), by_weights.values()), len(solved.poses))
     return error, min(error, sesync_error(kept, np.asarray(best)))

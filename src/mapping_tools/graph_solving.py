@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from mapping_tools.graph_freedom import free_parts
 from mapping_tools.graph_noise import is_even, redundancy, shown_variance, tail_end, unlikelihood
-from mapping_tools.graph_starts import first_end, likeliest
+from mapping_tools.graph_starts import first_end, likeliest, polished
 from pose_graph_mapping.graph.graph_consistency import consistent_edges, settled, trusted_edges
 from pose_graph_mapping.graph.graph_files import GraphFile
 from pose_graph_mapping.graph.graph_measurements import GraphNotSolvable, Prior, orthonormal
-from pose_graph_mapping.graph.graph_problem import GraphProblem, minimised, parts, poses_of, prior_factor, tree_poses
+from pose_graph_mapping.graph.graph_problem import GraphProblem, parts, poses_of, prior_factor, tree_poses
 from rigid_geometry import inverse
 
 Array = NDArray[np.float64]
@@ -101,12 +101,12 @@ def solve_robust(problem: GraphProblem, outlier_chi2: float, report: Say, freedo
     placed = replace(problem, poses=poses_of(whole, len(problem.poses)))
     judge = _Judge(placed, trusted_edges(len(problem.poses), problem.edges), 0.5 * outlier_chi2, freedom)
     if judge.none_stands_out(everything, whole):
-        return _solved(problem, everything, minimised(problem.factors(), whole))
+        return _solved(problem, everything, polished(problem.factors(), whole))
     kept, values = judge.settle(*consistent_edges(problem, judge.trusted, judge.limit, report, starts=(whole,)))
     if not judge.is_as_claimed(kept, values):
         kept, values = judge.likelier((kept, values), judge.settle(everything, whole))
     report(f"its edges show {judge.variance(kept, values):.3g} times the variance that they claim")
-    return _solved(problem, kept, values)
+    return _solved(problem, kept, polished(problem.factors(kept.astype(np.float64)), values))
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,15 +21,20 @@ def likeliest(problem: GraphProblem, is_good: Callable[[gtsam.Values], bool]) ->
     """The end of least error over all starts, or the first that is good, with every edge believed."""
     factors, ends = problem.factors(), []
     for start in _starts(problem):
-        ends.append(minimised(factors, start))
+        ends.append(polished(factors, start))
         if is_good(ends[-1]):
             return ends[-1]
     return min(ends, key=factors.error)
 
 
+def polished(factors: gtsam.NonlinearFactorGraph, values: gtsam.Values) -> gtsam.Values:
+    """The end from some values, however small all errors are: files claim noise of any size."""
+    return minimised(factors, values, absolute_tolerance=0.0)
+
+
 def first_end(problem: GraphProblem) -> gtsam.Values:
     """Nearly the end from chordal relaxation, or from the poses given where there is none, with every edge believed."""
-    return minimised(problem.factors(), next(_starts(problem)), _ROUGH_ITERATIONS, _ROUGH_TOLERANCE)
+    return minimised(problem.factors(), next(_starts(problem)), _ROUGH_ITERATIONS, _ROUGH_TOLERANCE, 0.0)
 
 
 def _starts(problem: GraphProblem) -> Iterator[gtsam.Values]:

@@ -39,7 +39,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--out", type=Path, required=True, metavar="OUT.g2o", help="the graph with its new poses")
     p.add_argument("--plain", action="store_true", help="believe every edge: least squares without leaving any out")
     p.add_argument("--isotropic", action="store_true", help="one weight for turns and one for shifts an edge, as SE-Sync has them")
-    limit = "squared Mahalanobis distance beyond which an edge may contradict the rest, where the noise is as claimed; default %(default)g"
+    limit = "squared Mahalanobis distance beyond which an edge contradicts the rest, by the noise that the graph shows; default %(default)g"
     p.add_argument("--outlier-chi2", type=float, default=30.0, metavar="X", help=limit)
     p.add_argument("--strict", action="store_true", help="an edge to a vertex without a line of its own is an error")
     p.add_argument("--json", type=Path, metavar="FILE", help="errors, counts and the edges that were left out, for other programs")

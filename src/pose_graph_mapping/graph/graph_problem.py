@@ -110,12 +110,17 @@ def poses_of(values: gtsam.Values, count: int) -> Array:
 
 
 def minimised(
-    factors: gtsam.NonlinearFactorGraph, start: gtsam.Values, iterations: int = 100, relative_tolerance: float = 1e-9
+    factors: gtsam.NonlinearFactorGraph,
+    start: gtsam.Values,
+    iterations: int = 100,
+    relative_tolerance: float = 1e-9,
+    absolute_tolerance: float = 1e-5,
 ) -> gtsam.Values:
     """The likeliest values (Levenberg-Marquardt); GraphNotSolvable when the equations are singular."""
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(iterations)
     params.setRelativeErrorTol(relative_tolerance)
+    params.setAbsoluteErrorTol(absolute_tolerance)
     try:
         return gtsam.LevenbergMarquardtOptimizer(factors, start, params).optimize()
     except RuntimeError as error:
