@@ -13,6 +13,7 @@ from explore_command.arguments import ArgumentProblem
 from octomap_server_3dnav.octree.column_runs import KEY_OFFSET
 from octomap_server_3dnav.octree.map_builder import MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap
+from octomap_server_3dnav.octree.octree_files import parsed_file
 from terrain_tools.criteria import Criteria
 from terrain_tools.octree_survey import Survey, survey
 
@@ -22,7 +23,6 @@ Say = Callable[[str], None]
 OCTREES = (".bt", ".ot")
 CLOUDS = (".ply", ".pcd", ".npz")
 ORIGINS = ("fields", "sensor", "none")
-_DATA_MARK = b"\ndata\n"  # ends the header of a .bt or .ot file
 _FILE_BYTES_A_BYTE = 12  # of a compressed cloud: packed to a third, and four copies of its points on the way
 _POINT_BYTES = 200  # of the octree, a point and voxel
 _BLOCK_BYTES = 1500  # of the octree, 8^3 voxels that beams passed
@@ -43,9 +43,12 @@ def read_map(path: Path, by: Criteria, resolution: float | None, origins: str | 
         raise ArgumentProblem(f"--resolution and --origins are for clouds: {path} has voxels of its own")
     size = path.stat().st_size
     _allow(path, size, "bytes of an octree", 2 * size, max_bytes)
-    header, _, data = path.read_bytes().partition(_DATA_MARK)
-    found = survey(data, full=path.suffix.lower() == ".ot")
-    if {b"id OcTree", b"size %d" % found.nodes} <= set(header.split(b"\n")):  # else it is refused by its reader, which builds nothing
+    try:
+        header, data = parsed_file(path.read_bytes())
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    found = survey(data, full=header.kind == ".ot")
+    if found.nodes == header.nodes:  # else it is refused by its reader, which builds nothing
         _allow_map(path, found, max_bytes, say)
     return _with_usable_voxels(path, OctreeMap.read(path, by.sensor_model))
 

@@ -9,7 +9,6 @@ gtsam's own start loses, and both together take a tenth of its time.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
 
 import gtsam
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pose_graph_mapping.graph.graph_measurements import Edge, EdgeKind
-from pose_graph_mapping.graph.graph_problem import GraphProblem, minimised, tree_poses
+from pose_graph_mapping.graph.graph_problem import GraphProblem, grown, minimised
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -56,16 +55,21 @@ def _unheard(_: str) -> None:
 
 
 def consistent_edges(
-    problem: GraphProblem, trusted: Mask, limit: float, report: Callable[[str], None] = _unheard, believed: Mask | None = None
+    problem: GraphProblem,
+    trusted: Mask,
+    limit: float,
+    report: Callable[[str], None] = _unheard,
+    believed: Mask | None = None,
+    starts: Sequence[gtsam.Values] = (),
 ) -> tuple[Mask, gtsam.Values]:
     """(E,) which edges are kept, and the values that the kept ones give.
 
     Edges in `trusted` are never left out; `limit`: half of the squared Mahalanobis distance beyond which any other edge is; `report`
     hears of progress.
     problem.poses are the start. Where they lead to edges left out, others are tried, for poses that a false edge has bent may not find
-    back: what a spanning tree of the trusted edges gives, and for a graph that grows the compromise between all edges, and just those
-    `believed` until now. The cheapest end counts, and of those that cost nearly the same the one that leaves out least. Where the rest does
-    not tell an old edge from a new one that contradicts it, the old one stays.
+    back: `starts`, what a spanning tree of the trusted edges gives, and for a graph that grows the compromise between all edges, and just
+    those `believed` until now. The cheapest end counts, and of those that cost nearly the same the one that leaves out least. Where the
+    rest does not tell an old edge from a new one that contradicts it, the old one stays.
     """
 
     def end_from(start: gtsam.Values) -> tuple[Mask, gtsam.Values]:
@@ -74,9 +78,10 @@ def consistent_edges(
     ends = [end_from(problem.values())]
     if bool(ends[0][0].all()):
         return ends[0]
-    tree = tree_poses(len(problem.poses), problem.edges, {k: problem.poses[k] for k in problem.fixed})
-    if not np.allclose(tree, problem.poses, rtol=0.0, atol=1e-6):
-        ends.append(end_from(dataclasses.replace(problem, poses=tree).values()))
+    ends += [end_from(start) for start in starts]
+    tree = grown(problem)
+    if not np.allclose(tree.poses, problem.poses, rtol=0.0, atol=1e-6):
+        ends.append(end_from(tree.values()))
     credit = [0.0] * len(ends)
     if believed is not None:
         ends.append(end_from(minimised(problem.factors(), problem.values())))

@@ -21,13 +21,27 @@ class EdgeKind(enum.Enum):
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """A measured transform between two vertices; covariance (6, 6) rotation first, in the body frame of `j`."""
+    """A measured transform between two vertices; covariance (6, 6) rotation first, in the body frame of `j`.
+
+    information (6, 6): what the edge knows where that is not all six directions; None: all of them, as the covariance says. Where it is
+    given, the covariance is that of the directions known, and wide in the others.
+    """
 
     i: int
     j: int
     T_i_j: Array
     covariance: Array
     kind: EdgeKind
+    information: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """A measured pose of one vertex; information (6, 6) rotation first, in its body frame, singular where not all is known."""
+
+    vertex_id: int
+    T_map_vertex: Array
+    information: Array
 
 
 @dataclass(frozen=True, eq=False)

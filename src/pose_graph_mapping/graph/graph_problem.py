@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import heapq
 from collections.abc import Mapping, Sequence
@@ -10,8 +11,10 @@ from dataclasses import dataclass
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
-from pose_graph_mapping.graph.graph_measurements import Edge, EdgeKind, GraphNotSolvable, Gravity, orthonormal
+from pose_graph_mapping.graph.graph_measurements import Edge, EdgeKind, GraphNotSolvable, Gravity, Prior, orthonormal
 from rigid_geometry import inverse
 
 Array = NDArray[np.float64]
@@ -26,6 +29,7 @@ class GraphProblem:
     """poses (V, 4, 4) to start from; edges and gravity between them; bias (3,) of the measured up directions, in every body frame.
 
     fixed: vertices that stay where `poses` has them. Where gravity is measured they hold position and heading only.
+    priors: measured poses of single vertices.
     """
 
     poses: Array
@@ -33,6 +37,7 @@ class GraphProblem:
     gravity: Sequence[Gravity] = ()
     bias: Array | None = None
     fixed: tuple[int, ...] = (0,)
+    priors: Sequence[Prior] = ()
 
     def values(self) -> gtsam.Values:
         """The start, as gtsam has it."""
@@ -52,6 +57,8 @@ class GraphProblem:
                 graph.add(self._edge_factors[k] if weight == 1.0 else edge_factor(edge, weight))
         for measured in self.gravity:
             graph.add(gravity_factor(measured, self.bias))
+        for prior in self.priors:
+            graph.add(prior_factor(prior))
         return graph
 
     def anchors(self) -> list[gtsam.PriorFactorPose3]:
@@ -71,8 +78,23 @@ class GraphProblem:
 
 def edge_factor(edge: Edge, weight: float = 1.0) -> gtsam.BetweenFactorPose3:
     """The factor of an edge, its information multiplied by `weight`."""
-    noise = gtsam.noiseModel.Gaussian.Covariance(edge.covariance / weight)
+    if edge.information is None:
+        noise = gtsam.noiseModel.Gaussian.Covariance(edge.covariance / weight)
+    else:
+        noise = _noise(weight * edge.information)
     return gtsam.BetweenFactorPose3(edge.i, edge.j, gtsam.Pose3(edge.T_i_j), noise)
+
+
+def prior_factor(prior: Prior) -> gtsam.PriorFactorPose3:
+    """The factor of a measured pose."""
+    return gtsam.PriorFactorPose3(prior.vertex_id, gtsam.Pose3(prior.T_map_vertex), _noise(prior.information))
+
+
+def _noise(information: Array) -> gtsam.noiseModel.Gaussian:
+    """Of an information matrix that may be singular; gtsam wants its root to be upper triangular."""
+    values, vectors = np.linalg.eigh(information)
+    root = np.linalg.qr(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T, mode="r")
+    return gtsam.noiseModel.Gaussian.SqrtInformation(np.where(np.diag(root) < 0.0, -1.0, 1.0)[:, None] * root, False)
 
 
 def gravity_factor(measured: Gravity, bias: Array | None) -> gtsam.AttitudeFactorPose3:
@@ -88,12 +110,17 @@ def poses_of(values: gtsam.Values, count: int) -> Array:
 
 
 def minimised(
-    factors: gtsam.NonlinearFactorGraph, start: gtsam.Values, iterations: int = 100, relative_tolerance: float = 1e-9
+    factors: gtsam.NonlinearFactorGraph,
+    start: gtsam.Values,
+    iterations: int = 100,
+    relative_tolerance: float = 1e-9,
+    absolute_tolerance: float = 1e-5,
 ) -> gtsam.Values:
     """The likeliest values (Levenberg-Marquardt); GraphNotSolvable when the equations are singular."""
     params = gtsam.LevenbergMarquardtParams()
     params.setMaxIterations(iterations)
     params.setRelativeErrorTol(relative_tolerance)
+    params.setAbsoluteErrorTol(absolute_tolerance)
     try:
         return gtsam.LevenbergMarquardtOptimizer(factors, start, params).optimize()
     except RuntimeError as error:
@@ -126,3 +153,21 @@ def tree_poses(vertices: int, edges: Sequence[Edge], roots: Mapping[int, Array])
     if lost:
         raise GraphNotSolvable(f"no edge leads from vertex {min(poses)} to vertex {lost[0]}; {len(lost)} vertices hang apart")
     return orthonormal(np.array([poses[k] for k in range(vertices)]))
+
+
+def grown(problem: GraphProblem) -> GraphProblem:
+    """The problem with the poses that a spanning tree gives from the fixed vertices, and from the first of every part without one."""
+    number = parts(problem)
+    held = {int(number[k]): k for k in reversed(problem.fixed)}
+    for k, part in enumerate(number):
+        held.setdefault(int(part), k)
+    roots = {k: problem.poses[k] for k in {*held.values(), *problem.fixed}}
+    return dataclasses.replace(problem, poses=tree_poses(len(problem.poses), problem.edges, roots))
+
+
+def parts(problem: GraphProblem) -> NDArray[np.int64]:
+    """(V,) the number of the part that each vertex belongs to."""
+    i, j = [e.i for e in problem.edges], [e.j for e in problem.edges]
+    vertices = len(problem.poses)
+    _, label = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(vertices, vertices)), directed=False)
+    return np.asarray(label, dtype=np.int64)

@@ -197,7 +197,9 @@ class PoseGraph:
             if vertex_id != number:
                 raise ValueError(f"{path}: vertex {vertex_id} where {number} is next")
             graph.add_vertex(T)
-        for edge in file.edges:
+        for edge, line in zip(file.edges, file.edge_lines, strict=True):
+            if edge.information is not None:
+                raise GraphNotSolvable(f"{path}, line {line}: the information matrix is singular")
             graph.add_edge(edge.i, edge.j, edge.T_i_j, edge.covariance, edge.kind)
         return graph
 

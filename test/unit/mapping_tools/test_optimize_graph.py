@@ -5,50 +5,11 @@ import json
 import gtsam
 import numpy as np
 import pytest
+from graph_texts import circle, edge, edges_of, noisy, quat_text, rpy_text, upper
 
 from mapping_tools.optimize_graph import main
 from pose_graph_mapping.graph.graph_files import read_graph_file
-from rigid_geometry import inverse, quat_xyzw_from_transform, rpy_from_rotation, transform_from_rpy, translation_distance
-
-INFORMATION = np.diag([100.0, 200.0, 300.0, 1000.0, 2000.0, 4000.0])
-"""Translation first, as files have it."""
-
-
-def circle(count=24):
-    """Poses once around a circle of 20 m that rises and falls."""
-    angles = 2 * np.pi * np.arange(count) / count
-    return [transform_from_rpy((10 * np.cos(a), 10 * np.sin(a), np.sin(2 * a)), (0.1 * np.sin(a), 0.0, a)) for a in angles]
-
-
-def numbers(values):
-    return " ".join(repr(float(v)) for v in values)
-
-
-def upper(information=INFORMATION):
-    return numbers(information[np.triu_indices(6)])
-
-
-def quat_text(T):
-    return f"{numbers(T[:3, 3])} {numbers(quat_xyzw_from_transform(T))}"
-
-
-def rpy_text(T):
-    return f"{numbers(T[:3, 3])} {numbers(rpy_from_rotation(T[:3, :3]))}"
-
-
-def edge(i, j, T, toro=False):
-    return f"EDGE3 {i} {j} {rpy_text(T)} {upper()}" if toro else f"EDGE_SE3:QUAT {i} {j} {quat_text(T)} {upper()}"
-
-
-def noisy(T, rng, sigma=0.01):
-    return T @ np.asarray(gtsam.Pose3.Expmap(rng.normal(0.0, sigma, 6)).matrix())
-
-
-def edges_of(poses, ids=None, toro=False, seed=1):
-    """Lines of odometry around the circle and of a few loops across, measured with noise."""
-    rng, ids = np.random.default_rng(seed), list(range(len(poses))) if ids is None else ids
-    pairs = [(k - 1, k) for k in range(1, len(poses))] + [(0, len(poses) - 1), (0, 12), (3, 15), (6, 18), (9, 21)]
-    return [edge(ids[i], ids[j], noisy(inverse(poses[i]) @ poses[j], rng), toro) for i, j in pairs]
+from rigid_geometry import transform_from_rpy, translation_distance
 
 
 def run(folder, lines, *options):
@@ -144,7 +105,7 @@ CHAIN = [edge(k, k + 1, transform_from_rpy((1, 0, 0))) for k in range(3)]
         (["VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1", *CHAIN], ["--strict"], 2, "line 2: vertex 1 has no line of its own"),
         ([*CHAIN, edge(10, 11, np.eye(4))], [], 1, "2 parts without an edge between them: vertices 0 to 3 (4 of 6); 10 to 11"),
         ([*CHAIN, "VERTEX_SE3:QUAT 9 0 0 0 0 0 0 1"], [], 1, "2 parts"),
-        ([f"EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 1 {upper(np.diag([1.0] * 5 + [0.0]))}"], [], 1, "line 1: the information matrix is singular"),
+        ([f"EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 1 {upper(np.diag([1.0] * 5 + [0.0]))}"], [], 1, "do not say where all lie: vertices 1 (1 of 2)"),
         ([f"EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 1 {upper(np.diag([1.0] * 5 + [-1.0]))}"], [], 2, "line 1: the information matrix is indefinite"),
         ([CHAIN[0], CHAIN[1].replace("1000.0", "nan")], [], 2, "line 2: nan is no finite number"),
         ([CHAIN[0].replace(" 1.0", " inf")], [], 2, "line 1: inf is no finite number"),
@@ -153,8 +114,10 @@ CHAIN = [edge(k, k + 1, transform_from_rpy((1, 0, 0))) for k in range(3)]
         (["EDGE_SE3:QUAT 0 x 0 0 0 0 0 0 1 " + upper()], [], 2, "line 1"),
         ([edge(1, 1, np.eye(4))], [], 2, "line 1: an edge connects two vertices, not 1 with itself"),
         (["VERTEX_SE3:QUAT 0 0 0 0 0 0 0 0"], [], 2, "line 1: not a unit quaternion"),
-        (["VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1"] * 2, [], 2, "line 2: vertex 0 is there twice"),
-        (["VERTEX_SE2 0 0 0 0"], [], 2, "line 1: 'VERTEX_SE2' is none of"),
+        ([f"VERTEX_SE3:QUAT 0 {x} 0 0 0 0 0 1" for x in (0, 1)], [], 2, "line 2: vertex 0 is there twice, with another pose"),
+        (["vertex_se2 0 0 0 0"], [], 2, "line 1: 'vertex_se2' is none of"),
+        (["VERTEX_SE2 0 0 0 0", *CHAIN], [], 2, "line 2: 2-D and 3-D poses are in one file"),
+        (["VERTEX_PLANE 0 0 0 1 0"], [], 2, "neither a vertex nor an edge"),
         ([*CHAIN, "FIX 8"], [], 2, "FIX 8: there is no such vertex"),
         (["# nothing"], [], 2, "neither a vertex nor an edge"),
         (CHAIN, ["--outlier-chi2", "-1"], 2, "--outlier-chi2 -1: expected a positive number"),

@@ -283,7 +283,17 @@ def bt(data: bytes, nodes: int, kind: str = "OcTree") -> bytes:
         (b"\x89PNG\r\n\x1a\n" + bytes(100), "no octomap file"),
         (b"# Octomap OcTree binary file\nid OcTree\nsize 3", "without a line 'data'"),
         (b"# Octomap OcTree binary file\nid OcTree\nres 0.1\ndata\n", "'size VALUE'"),
-        (bt(b"", 0, "ColorOcTree"), "ColorOcTree"),
+        (bt(b"", 0, "CountingOcTree"), "type 'CountingOcTree', expected one of OcTree, OcTreeStamped, ColorOcTree"),
+        (bt(b"", 0).replace(b"size 0", b"size -1"), "'size' is no such number: -1"),
+        (bt(b"", 0).replace(b"size 0", b"size 1e3"), "'size' is no such number: 1e3"),
+        (bt(b"", 0).replace(b"0.1", b"0,1"), "'res' is no such number: 0,1"),
+        (bt(b"", 0).replace(b"0.1", b"nan"), "'res' is no such number: nan"),
+        (bt(b"", 0).replace(b"0.1", b"1e999"), "resolution"),
+        (
+            b"# Octomap OcTree file\nid ColorOcTree\nsize 2\nres 0.1\ndata\n" + bytes(12),
+            "2 nodes of 5 or 8 bytes .ColorOcTree., its data are 12",
+        ),
+        (b"# Octomap OcTree file\nid OcTree\nsize 2\nres 0.1\ndata\n" + bytes(16), "2 nodes of 5 bytes .OcTree., its data are 16"),
         (bt(b"\x01\x00", 7), "header says 7 nodes, its data holds 2"),
         (bt(b"\x03\x00", 3), "ends early"),
         (bt(b"\x03\x00" * 17, 18), "deeper than 16"),
@@ -299,6 +309,26 @@ def test_foreign_and_broken_files_are_refused_by_name(tmp_path, content, words):
     with pytest.raises(ValueError, match=words) as error:
         OctreeMap.read(path)
     assert "broken.bt" in str(error.value)
+
+
+@pytest.mark.parametrize(("tree", "extra"), [("ColorOcTree", 3), ("ColorOcTree", 0), ("OcTreeStamped", 0), ("OcTreeStamped", 4)])
+def test_trees_of_other_kinds_are_read_without_their_colours_and_stamps(tmp_path, tree, extra):
+    octree = room_map()
+    octree.write_ot(tmp_path / "map.ot")
+    head, data = (tmp_path / "map.ot").read_bytes().split(b"\ndata\n", 1)
+    nodes = np.frombuffer(data, dtype=np.uint8).reshape(-1, 5)
+    colours = np.random.default_rng(1).integers(0, 256, (len(nodes), extra), dtype=np.uint8)
+    theirs = np.hstack([nodes[:, :4], colours, nodes[:, 4:]]).tobytes()
+    (tmp_path / "theirs.ot").write_bytes(head.replace(b"id OcTree", b"id " + tree.encode()) + b"\ndata\n" + theirs)
+    assert OctreeMap.read(tmp_path / "theirs.ot").to_full() == octree.to_full()
+
+
+def test_binary_files_of_all_kinds_of_trees_are_alike(tmp_path):
+    octree = room_map()
+    octree.write_bt(tmp_path / "map.bt")
+    content = (tmp_path / "map.bt").read_bytes()
+    (tmp_path / "theirs.bt").write_bytes(content.replace(b"id OcTree", b"id ColorOcTree"))
+    assert OctreeMap.read(tmp_path / "theirs.bt").to_binary() == octree.to_binary()
 
 
 @pytest.mark.parametrize("name", ["map.bt", "map.ot"])

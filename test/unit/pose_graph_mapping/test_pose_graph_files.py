@@ -8,6 +8,7 @@ import pytest
 from pose_graph_mapping.graph.graph_files import g2o_text, read_graph_file
 from pose_graph_mapping.graph.graph_measurements import Edge, EdgeKind, GraphNotSolvable
 from pose_graph_mapping.graph.graph_problem import GraphProblem, minimised, tree_poses
+from pose_graph_mapping.graph.pose_graph import PoseGraph
 from rigid_geometry import transform_from_rpy
 
 DATA = Path(__file__).resolve().parents[4] / "shared" / "data"
@@ -56,13 +57,16 @@ def test_text_comes_back(tmp_path):
     assert file.edges[0].kind is EdgeKind.MATCH
 
 
-def test_singular_and_indefinite_information_are_told_apart(tmp_path):
+def test_singular_information_keeps_what_it_knows_and_indefinite_is_refused(tmp_path):
     edge = "EDGE_SE3:QUAT 0 1 0 0 0 0 0 0 1 "
-    with pytest.raises(GraphNotSolvable, match="line 1: the information matrix is singular"):
-        read(tmp_path, edge + UPPER[:-1] + "0")
-    with pytest.raises(ValueError, match="indefinite") as error:
+    found = read(tmp_path, edge + UPPER[:-1] + "0").edges[0]
+    np.testing.assert_allclose(np.diag(found.information), [4, 5, 0, 1, 2, 3], atol=1e-12)
+    assert found.covariance[2, 2] > 1e6 * found.covariance[0, 0]
+    with pytest.raises(ValueError, match="line 1: the information matrix is indefinite"):
         read(tmp_path, edge + UPPER[:-1] + "-6")
-    assert not isinstance(error.value, GraphNotSolvable)
+    with pytest.raises(GraphNotSolvable, match="line 3: the information matrix is singular"):
+        (tmp_path / "graph").write_text("VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\nVERTEX_SE3:QUAT 1 0 0 0 0 0 0 1\n" + edge + UPPER[:-1] + "0")
+        PoseGraph.load_g2o(tmp_path / "graph")
 
 
 def test_loops_of_the_true_sphere_close():
