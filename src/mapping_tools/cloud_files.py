@@ -31,8 +31,8 @@ FORMATS = {
 }
 SUFFIXES = tuple(FORMATS)
 _SAME_PLACE = 1e-6  # of the distance: what is left of equal numbers after a transform in float32
-_CONVERTERS = {suffix: "pdal translate FILE scan.ply" for suffix in (".las", ".laz", ".e57", ".pts", ".ptx")}
-_CONVERTERS |= {suffix: "ParaView, or meshio convert FILE scan.vtk" for suffix in (".vtp", ".vtu")}
+_CONVERTERS = dict.fromkeys((".las", ".laz", ".e57", ".pts", ".ptx"), "pdal translate FILE scan.ply")
+_CONVERTERS |= dict.fromkeys((".vtp", ".vtu"), "ParaView, or meshio convert FILE scan.vtk")
 
 
 class CloudFileError(ValueError):

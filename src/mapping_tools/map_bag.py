@@ -19,7 +19,7 @@ from mapping_tools.bag_sweeps import BagSweeps, BagTopics
 from mapping_tools.cloud_files import SUFFIXES
 from mapping_tools.configuration import ToolConfig, configured
 from mapping_tools.folder_sweeps import FolderSweeps
-from mapping_tools.map_origin import ORIGIN, MapOrigin, origin_text
+from mapping_tools.map_origin import ORIGIN, MapOrigin
 from mapping_tools.mapping_run import MappingRun
 from mapping_tools.pose_files import FORMS
 from mapping_tools.sweep_sources import SweepSource
@@ -28,17 +28,18 @@ from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import SessionStore, write_atomically
-from rigid_geometry import transform_from_rpy
+from rigid_geometry import origin_text, transform_from_rpy
 from stage_config import to_mapping
 
 Array = NDArray[np.float64]
 
 SUMMARY = "map_summary.json"
+_POSE_FORMS = "; or ".join(FORMS.values())
 _DESCRIPTION = f"""Maps a rosbag 1 with PointCloud2 sweeps and Odometry, or a folder of sweeps ({" ".join(SUFFIXES)}) in the order of their
-names, 9 before 10. A folder may hold poses.txt with the odometry pose of every sweep, a line each, z up: {"; or ".join(FORMS.values())}. Poses
-with stamps go with files whose names are these stamps, others by their order. Without poses.txt each sweep is looked for around the last
-one. Every sweep should be taken while the sensor stands, or be de-skewed. Where odometry is far from 0 0 0, as in UTM, the map gets an
-origin of its own ({ORIGIN}). Points at 0 0 0, or where their beam starts, are beams without an echo."""
+names, 9 before 10. A folder may hold poses.txt with the odometry pose of every sweep, z up: {_POSE_FORMS}.
+Poses with stamps go with files whose names are these stamps, others by their order. Without poses.txt each sweep is looked for around
+the last one. Every sweep should be taken while the sensor stands, or be de-skewed. Where odometry is far from 0 0 0, as in UTM, the map
+gets an origin of its own ({ORIGIN}). Points at 0 0 0, or where their beam starts, are beams without an echo."""
 _EPILOG = f"""DIR then holds sweeps/, graph.g2o, trajectory.txt (TUM), cloud.ply, cloud.pcd and {SUMMARY}. A run that was killed goes on
 with --resume. Exit code: 0 mapped, 1 some sweeps could not be placed, the recording breaks off, or it was stopped, 2 wrong file or
 argument."""
@@ -175,7 +176,7 @@ def _ended(a: argparse.Namespace, summary: dict[str, object]) -> int:
     if summary["no_returns"]:
         _say(f"{summary['no_returns']} points at 0 0 0, or where their beam starts, are beams without an echo, and were left out")
     if any(origin):
-        _say(f"{a.out}: {origin_text(np.array(origin))} ({ORIGIN})")
+        _say(f"{a.out}: {origin_text(origin)} ({ORIGIN})")
     if missing:
         _say(f"{len(missing)} sweeps could not be placed: {', '.join(str(entry['sweep']) for entry in missing)}")
     _say(f"{a.out}: {summary['vertices']} vertices, {summary['edges']} edges, {summary['loop_closures']} loops closed")

@@ -78,10 +78,9 @@ def _of_matrix(rows: Array) -> Array:
     return np.asarray(as_transform(T))
 
 
-def naturally(path: Path) -> list[tuple[int, int | str]]:
+def naturally(path: Path) -> list[int | str]:
     """A key that sorts names as people count: 9 before 10."""
-    parts = re.split(r"(\d+)", path.name)
-    return [(1, int(part)) if part.isdecimal() else (0, part) for part in parts if part]
+    return [int(part) if k % 2 else part for k, part in enumerate(re.split(r"(\d+)", path.name))]
 
 
 def stamps_of(names: Sequence[str]) -> list[float] | None:

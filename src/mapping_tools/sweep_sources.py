@@ -9,8 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mapping_tools.map_origin import FAR_M
-from rigid_geometry import transform_points
+from rigid_geometry import FAR_M, transform_points
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]

@@ -1,4 +1,4 @@
-"""VTK files of the legacy form, text and binary (which is big-endian): the points of a POLYDATA, as libpointmatcher and ParaView write it."""
+"""VTK files of the legacy form, text and binary (which is big-endian): the points of a POLYDATA, as ParaView writes it."""
 
 from __future__ import annotations
 

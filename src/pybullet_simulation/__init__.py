@@ -5,6 +5,7 @@
 
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.lidar_config import SpinningLidarConfig
+from pybullet_simulation.mesh_file import MeshFrame
 from pybullet_simulation.records import (
     Contact,
     ImuSample,
@@ -37,5 +38,6 @@ __all__ = [
     "Truth",
     "WheelOdometry",
     "World",
+    "MeshFrame",
     "load_world",
 ]

@@ -1,0 +1,45 @@
+"""An origin near what lies far away, as map coordinates (UTM) do.
+
+Float32 tells 0.06 mm apart within a kilometre, and half a metre at five thousand. So what is far is brought near in float64, by whole
+metres, and the origin is written beside the results.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+FAR_M = 1000.0
+
+
+def origin_near(xyz: ArrayLike) -> Array:
+    """(3,) where to put the origin of what lies around xyz (3,): nowhere else within a kilometre, else there, by whole metres."""
+    place = np.asarray(xyz, dtype=np.float64)
+    return np.round(place) if np.abs(place).max() > FAR_M else np.zeros(3)
+
+
+def origin_text(origin: ArrayLike) -> str:
+    """What is said of an origin that is not 0 0 0."""
+    x, y, z = (f"{v:.0f}" for v in np.asarray(origin))
+    return f"all results are relative to the origin {x} {y} {z} m"
+
+
+def origin_bytes(origin: ArrayLike) -> bytes:
+    """The file of an origin, JSON."""
+    return (json.dumps({"origin_m": np.asarray(origin, dtype=np.float64).tolist()}) + "\n").encode("ascii")
+
+
+def read_origin(path: Path) -> Array:
+    """(3,) the origin of a file; ValueError when it cannot be read."""
+    try:
+        origin = np.array(json.loads(path.read_text(encoding="utf-8"))["origin_m"], dtype=np.float64)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{path}: cannot be read: {error}") from error
+    if origin.shape != (3,) or not np.isfinite(origin).all():
+        raise ValueError(f"{path}: origin_m is not three finite numbers")
+    return origin
