@@ -63,7 +63,8 @@ def read_cloud(path: Path, sensor: Array | None = None) -> CloudFile:
         how = f"; convert it, as by {_CONVERTERS[suffix]}" if suffix in _CONVERTERS else ""
         raise CloudFileError(f"{path}: expected a file that ends in {', '.join(SUFFIXES)}{how}")
     try:
-        found = _READERS[suffix](path)
+        with np.errstate(all="ignore"):  # numbers that are none, or too large for their type, are not finite
+            found = _READERS[suffix](path)
     except OSError as error:
         raise CloudFileError(f"{path}: cannot be read: {error.strerror or error}") from error
     except (ValueError, KeyError, EOFError, NotImplementedError, zipfile.BadZipFile) as error:
@@ -120,7 +121,7 @@ def _xyz_cloud(path: Path) -> CloudFile:
 
 def _sweep_cloud(path: Path) -> CloudFile:
     """A sweep of a session folder."""
-    with np.load(path, allow_pickle=False) as arrays:
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
         points, origins = (np.asarray(arrays[name], dtype=np.float64) for name in ("points", "origins"))
     if points.ndim != 2 or points.shape[1] != 3 or origins.shape != points.shape:
         raise ValueError(f"points and origins must both have shape (N, 3), not {points.shape} and {origins.shape}")

@@ -70,7 +70,7 @@ def _pose(numbers: list[float], width: int, before_s: float | None) -> FilePose:
 def _of_matrix(rows: Array) -> Array:
     """(4, 4) with the rotation nearest to that of the rows (3, 4), which are written with few digits."""
     R = rows[:, :3]
-    if np.abs(R @ R.T - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(R) < 0.0:
+    if np.abs(R).max() > 1.0 + _ORTHONORMAL or np.abs(R @ R.T - np.eye(3)).max() > _ORTHONORMAL or np.linalg.det(R) < 0.0:
         raise ValueError("its first three columns are no rotation")
     U, _, Vt = np.linalg.svd(R)
     T = np.eye(4)

@@ -88,7 +88,8 @@ def guess_of(options: argparse.Namespace) -> tuple[Array, Array | None]:
     try:
         as_transform(T)
     except ValueError as error:
-        raise ArgumentProblem(f"the guess is {' '.join(str(error).split())}") from error
+        where = f"--guess-file {options.guess_file}: " if options.guess_file else ""
+        raise ArgumentProblem(f"{where}the guess is {' '.join(str(error).split())}") from error
     if options.guess_sigma:
         if not all(math.isfinite(s) and s > 0 for s in options.guess_sigma):
             raise ArgumentProblem("--guess-sigma: expected two positive numbers, in m and rad")

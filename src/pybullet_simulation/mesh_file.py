@@ -1,5 +1,6 @@
 """Meshes from files (.dae, .obj, .stl, .ply) as one surface in metres with z up near the origin, and cutting one to a rectangle."""
 
+import logging
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,8 @@ UPS = {
     "z": np.eye(3),
 }
 _SLIVER_M2 = 1e-9
+_FARTHEST_M = 1e9  # what no place on earth is away
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it prints tracebacks of what it then raises
 
 
 @dataclass(frozen=True)
@@ -54,19 +57,23 @@ def read_mesh(path: Path, frame: MeshFrame | None = None) -> Mesh:
     """
     given = (frame or MeshFrame()).checked()
     try:
-        loaded = trimesh.load(path, process=False)
-        mesh = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
+        with np.errstate(all="ignore"):
+            loaded = trimesh.load(path, process=False)
+            mesh = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
         scale, up = _dae_frame(path) if path.suffix.lower() == ".dae" else (1.0, "z")
     except Exception as error:  # the readers raise whatever they stumble over
         raise ValueError(f"cannot read the mesh {path}: {type(error).__name__}: {' '.join(str(error).split())}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise ValueError(f"the mesh {path} is empty: it has no triangles")
     R_metres = (given.scale or scale) * UPS[given.up or up]
-    triangles = np.asarray(mesh.faces, np.int64)
-    if triangles.min() < 0 or triangles.max() >= len(mesh.vertices):
+    triangles, corners = np.asarray(mesh.faces, np.int64), np.asarray(mesh.vertices, np.float64)
+    if corners.ndim != 2 or corners.shape[1] != 3 or triangles.shape[1:] != (3,):
+        raise ValueError(f"the mesh {path} has vertices of {corners.shape[-1]} coordinates, or faces that are no triangles")
+    if triangles.min() < 0 or triangles.max() >= len(corners):
         raise ValueError(f"the mesh {path} has triangles of vertices that it does not have")
-    vertices = np.asarray(mesh.vertices, np.float64) @ R_metres.T
-    if not np.isfinite(vertices).all() or np.abs(vertices).max() > 1e12:
+    with np.errstate(all="ignore"):
+        vertices = corners @ R_metres.T
+    if not (np.abs(vertices) < _FARTHEST_M).all():
         raise ValueError(f"the mesh {path} has vertices that are not finite")
     return _near_origin(vertices, triangles.astype(np.int32))
 
