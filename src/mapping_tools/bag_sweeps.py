@@ -93,6 +93,8 @@ class BagSweeps:
         self._gravities: deque[tuple[float, tuple[Array, float] | None]] = deque(maxlen=_KEPT_GRAVITIES)
         self._clouds = 0
 
+    notes: tuple[str, ...] = ()
+
     @property
     def problem(self) -> str | None:
         return self._bag.problem

@@ -29,7 +29,7 @@ class FolderSweeps:
         """
         self._T_base_cloud, self._sensor = T_base_cloud, sensor
         self._files = sorted((path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES), key=naturally)
-        self._read = 0
+        self._read = self._no_returns = 0
         if not self._files:
             raise ValueError(f"no {' or '.join(SUFFIXES)} files in it")
         self._poses = self._found_poses(folder / POSES)
@@ -40,6 +40,11 @@ class FolderSweeps:
     @property
     def progress(self) -> float:
         return self._read / len(self._files)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        left_out = f"{self._no_returns} points at 0 0 0, or where their beam starts, are beams without an echo, and were left out"
+        return (left_out,) if self._no_returns else ()
 
     def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
         """In the order of the names."""
@@ -56,4 +61,5 @@ class FolderSweeps:
                 yield Unreadable(path.name, stamp_s, str(error))
                 continue
             T_odom_base = None if self._poses is None else pose.T
-            yield SourceSweep(path.name, stamp_s, points, origins, T_odom_base, no_returns=cloud.no_returns)
+            self._no_returns += cloud.no_returns
+            yield SourceSweep(path.name, stamp_s, points, origins, T_odom_base)

@@ -119,12 +119,15 @@ def map_recording(a: argparse.Namespace) -> int:
         _say(note)
     run = MappingRun(mapper, match, store, origin, (lambda _: None) if a.quiet else _say, min_travel_m=a.min_travel)
     stopped = _mapped(run, source, a)
+    for note in source.notes:
+        _say(note)
     left_out, unsaved = _saved(store, mapper, config)
     problems = [text for text in (stopped, source.problem, unsaved) if text]
     summary = {
         "recording": str(a.recording),
         "complete": not problems and not run.account.not_placed,
         "problems": problems,
+        "notes": list(source.notes),
         "damaged": [*notes, *(text for text in left_out if not any(text in note for note in notes))],
         "vertices": len(mapper.stamps_s),
         "edges": len(mapper.graph.edges()),
@@ -173,8 +176,6 @@ def _ended(a: argparse.Namespace, summary: dict[str, object]) -> int:
     assert isinstance(problems, list) and isinstance(missing, list) and isinstance(origin, list)
     for text in problems:
         _say(f"{a.recording}: {text}")
-    if summary["no_returns"]:
-        _say(f"{summary['no_returns']} points at 0 0 0, or where their beam starts, are beams without an echo, and were left out")
     if any(origin):
         _say(f"{a.out}: {origin_text(origin)} ({ORIGIN})")
     if missing:

@@ -35,16 +35,12 @@ class NotPlaced:
 
 @dataclass
 class Account:
-    """What became of the sweeps: read, known to the session already, passed by as too near to the last, not placed, on odometry alone.
-
-    no_returns: points of them that were beams without an echo.
-    """
+    """What became of the sweeps: read, known to the session already, passed by as too near to the last, not placed, on odometry alone."""
 
     read: int = 0
     known: int = 0
     passed_by: int = 0
     loop_closures: int = 0
-    no_returns: int = 0
     read_until_s: float | None = None
     not_placed: list[NotPlaced] = field(default_factory=list)
     by_odometry_alone: list[dict[str, object]] = field(default_factory=list)
@@ -95,7 +91,6 @@ class MappingRun:
 
     def _near(self, sweep: SourceSweep) -> SourceSweep:
         """The sweep with its odometry relative to the origin."""
-        self.account.no_returns += sweep.no_returns
         return sweep if sweep.T_odom_base is None else replace(sweep, T_odom_base=self._origin.relative(sweep.T_odom_base))
 
     def _is_near(self, sweep: SourceSweep) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -19,8 +19,7 @@ Singles = NDArray[np.float32]
 class SourceSweep:
     """A sweep under the name that messages call it by.
 
-    points, origins (N, 3) float32 in base_link; no_returns: beams without an echo that were left out of them.
-    T_odom_base (4, 4) and gravity_base (3,) with its sigma: None where nothing is known.
+    points, origins (N, 3) float32 in base_link; T_odom_base (4, 4) and gravity_base (3,) with its sigma: None where nothing is known.
     """
 
     name: str
@@ -30,7 +29,6 @@ class SourceSweep:
     T_odom_base: Array | None = None
     gravity_base: Array | None = None
     gravity_sigma_rad: float | None = None
-    no_returns: int = 0
 
 
 @dataclass(frozen=True)
@@ -77,6 +75,11 @@ class SweepSource(Protocol):
     @property
     def progress(self) -> float:
         """Share of it that has been read, 0 to 1."""
+        ...
+
+    @property
+    def notes(self) -> Sequence[str]:
+        """What of it was left out and is no sweep, a line each."""
         ...
 
     def sweeps(self) -> Iterator[SourceSweep | Unreadable]:

@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-FAR_M = 1000.0
+FAR_M, FARTHEST_M = 1000.0, 1e8
 
 
 def origin_near(xyz: ArrayLike) -> Array:
-    """(3,) where to put the origin of what lies around xyz (3,): nowhere else within a kilometre, else there, by whole metres."""
+    """(3,) where to put the origin of what lies around xyz (3,), by whole metres: there, if that is far away and on earth, else 0 0 0."""
     place = np.asarray(xyz, dtype=np.float64)
-    return np.round(place) if np.abs(place).max() > FAR_M else np.zeros(3)
+    return np.round(place) if FAR_M < np.abs(place).max() <= FARTHEST_M else np.zeros(3)
 
 
 def origin_text(origin: ArrayLike) -> str:
