@@ -17,6 +17,7 @@ from mapping_tools.number_rows import number_rows
 from mapping_tools.pcd_file import read_pcd
 from mapping_tools.ply_file import read_ply
 from mapping_tools.vtk_file import read_vtk
+from rigid_geometry import origin_near
 
 Array = NDArray[np.float64]
 
@@ -80,6 +81,21 @@ def are_echoes(points: Array, starts: Array) -> NDArray[np.bool_]:
     """(N,) false for points without an echo: drivers write them as 0 0 0, or as the place that their beam started from (N or 1, 3)."""
     size = np.maximum(1.0, np.abs(starts).max(axis=1, initial=0.0))[:, None]
     return np.asarray((points != 0.0).any(axis=1) & ~(np.abs(points - starts) <= _SAME_PLACE * size).all(axis=1))
+
+
+def no_return_text(count: int) -> str:
+    """What is said of points without an echo."""
+    return f"{count:,} points at 0 0 0, or where their beam starts, are beams without an echo, and were left out"
+
+
+def brought_near(cloud: CloudFile) -> tuple[CloudFile, Array]:
+    """A cloud relative to an origin (3,) near its points, and that origin: 0 0 0 unless they lie far away."""
+    finite = cloud.points[np.isfinite(cloud.points).all(axis=1)]
+    origin = origin_near(np.median(finite, axis=0)) if len(finite) else np.zeros(3)
+    if not origin.any():
+        return cloud, origin
+    origins = None if cloud.origins is None else cloud.origins - origin
+    return CloudFile(cloud.points - origin, origins, cloud.sensor - origin, cloud.no_returns), origin
 
 
 def _hits_of(cloud: CloudFile) -> CloudFile:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mapping_tools.cloud_files import SUFFIXES, read_cloud
+from mapping_tools.cloud_files import SUFFIXES, no_return_text, read_cloud
 from mapping_tools.pose_files import FilePose, naturally, paired, read_poses, stamps_of
 from mapping_tools.sweep_sources import Mount, SourceSweep, Unreadable
 
@@ -43,8 +43,7 @@ class FolderSweeps:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        left_out = f"{self._no_returns} points at 0 0 0, or where their beam starts, are beams without an echo, and were left out"
-        return (left_out,) if self._no_returns else ()
+        return (no_return_text(self._no_returns),) if self._no_returns else ()
 
     def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
         """In the order of the names."""

@@ -21,6 +21,7 @@ FORMS = {
 }
 STAMP_TOLERANCE_S = 0.005  # between a file's name and its pose: names are cut to milliseconds, and half of 100 Hz is another pose
 _ORTHONORMAL = 1e-3  # what a rotation of four digits may be off
+_CLIMB_M, _STEEPEST = 2.0, 0.6  # of a whole drive: steeper than 31 degrees, which no wheels climb
 _STAMP = re.compile(r"(\d+\.\d+|\d{10}|\d{13}|\d{16}|\d{19})")  # seconds with a fraction, or since 1970 in s, ms, us or ns
 
 
@@ -49,7 +50,18 @@ def read_poses(path: Path) -> list[FilePose]:
         except ValueError as error:
             text = str(error)
             raise ValueError(f"{path.name}, {text if text.startswith('line') else f'line {number}: {text}'}") from error
+    if width == 12:
+        _check_z_is_up(path, np.array([pose.T[:3, 3] for pose in poses]))
     return poses
+
+
+def _check_z_is_up(path: Path, places: Array) -> None:
+    """ValueError for the poses of a camera, which looks along z and has y below, as in KITTI's own files."""
+    along_x, along_y, along_z = np.ptp(places, axis=0).tolist()
+    if along_z > _CLIMB_M and along_z > _STEEPEST * max(along_x, along_y):
+        raise ValueError(
+            f"{path.name}: its poses climb {along_z:.0f} m over {max(along_x, along_y):.0f} m: z is wanted up, not a camera's axes"
+        )
 
 
 def _pose(numbers: list[float], width: int, before_s: float | None) -> FilePose:

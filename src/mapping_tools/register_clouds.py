@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.centred_match import carried, centre_of, match_centred
-from mapping_tools.cloud_files import VIEWPOINT_FIELDS, CloudFile, read_cloud
+from mapping_tools.cloud_files import VIEWPOINT_FIELDS, CloudFile, brought_near, read_cloud
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud, merged, viewpoints, voxel_downsample
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
@@ -29,7 +29,6 @@ from rigid_geometry import (
     FAR_M,
     as_transform,
     inverse,
-    origin_near,
     quat_xyzw_from_transform,
     rpy_from_rotation,
     transform_from_rpy,
@@ -137,7 +136,7 @@ class Prepared:
 
 def prepared(path: Path, origins: str | None, min_range_m: float, voxel_m: float) -> Prepared:
     """The finite points of a file as voxel means, with origins as asked for; ValueError when there are none. Says what it did."""
-    found, origin = _brought_near(read_cloud(path))
+    found, origin = brought_near(read_cloud(path))
     if origins is None and found.origins is None and np.abs(found.sensor).max() > FAR_M:
         origins = "none"
         _say(f"{path}: lies far from 0 0 0 and does not say where its beams started: free space is not known")
@@ -158,14 +157,6 @@ def prepared(path: Path, origins: str | None, min_range_m: float, voxel_m: float
     far = f"; matched around {' '.join(f'{v:.0f}' for v in origin)}" if origin.any() else ""
     _say(f"{path}: {len(cloud):,} points{dropped}{zeros}; {len(means):,} means of voxels of {voxel_m:g} m{far}")
     return Prepared(_with_sensor(means, found) if means.origins is None and origins != "none" else means, origin)
-
-
-def _brought_near(found: CloudFile) -> tuple[CloudFile, Array]:
-    """A cloud relative to an origin near its points, and that origin."""
-    finite = found.points[np.isfinite(found.points).all(axis=1)]
-    origin = origin_near(np.median(finite, axis=0)) if len(finite) else np.zeros(3)
-    origins = None if found.origins is None else found.origins - origin
-    return CloudFile(found.points - origin, origins, found.sensor - origin, found.no_returns), origin
 
 
 def _averaged(cloud: PointCloud, voxel_m: float) -> PointCloud:

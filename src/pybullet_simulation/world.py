@@ -57,10 +57,12 @@ class World:
     def write_mesh(self, path: Path) -> None:
         """Writes the joint mesh (.ply, .obj, .stl), for the judge, and beside it the origin of a far world; OSError when it cannot be."""
         mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(self.vertices), o3d.utility.Vector3iVector(self.triangles))
-        if not o3d.io.write_triangle_mesh(path, mesh):
-            raise OSError(f"the world's mesh could not be written to {path}")
         if any(self.origin):
             path.with_name(WORLD_ORIGIN).write_bytes(origin_bytes(self.origin))
+        part = path.with_name(f".part_{path.name}")
+        if not o3d.io.write_triangle_mesh(part, mesh):
+            raise OSError(f"the world's mesh could not be written to {path}")
+        part.replace(path)
 
 
 def joined(parts: Sequence[Solid | Surface]) -> tuple[Array, NDArray[np.int32]]:

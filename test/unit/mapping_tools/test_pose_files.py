@@ -74,3 +74,10 @@ def test_names_that_only_count_are_paired_in_order_or_not_at_all(tmp_path):
     assert [pose.T[0, 3] for pose in paired(files("2.pcd", "9.pcd", "10.pcd"), poses, "poses.txt")] == [0, 1, 2]
     with pytest.raises(ValueError, match="3 poses in poses.txt for 2 sweeps"):
         paired(files("0.pcd", "1.pcd"), poses, "poses.txt")
+
+
+def test_poses_of_a_camera_are_not_taken_for_those_of_a_robot(tmp_path):
+    drive = [(0.1 * k, -0.01 * k, 0.8 * k) for k in range(10)]  # right, down, forward
+    with pytest.raises(ValueError, match="z is wanted up"):
+        poses_of(tmp_path, "".join(f"1 0 0 {x} 0 1 0 {y} 0 0 1 {z}\n" for x, y, z in drive))
+    assert len(poses_of(tmp_path, "".join(f"1 0 0 {z} 0 1 0 {x} 0 0 1 {-y}\n" for x, y, z in drive))) == 10
