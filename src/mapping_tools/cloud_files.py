@@ -17,7 +17,7 @@ from mapping_tools.number_rows import number_rows
 from mapping_tools.pcd_file import read_pcd
 from mapping_tools.ply_file import read_ply
 from mapping_tools.vtk_file import read_vtk
-from rigid_geometry import origin_near
+from rigid_geometry import lost_digits_m, origin_near
 
 Array = NDArray[np.float64]
 
@@ -60,6 +60,8 @@ def read_cloud(path: Path, sensor: Array | None = None) -> CloudFile:
     sensor (3,): from where all was seen, in place of what the file says.
     """
     suffix = path.suffix.lower()
+    if path.exists() and not path.is_file():
+        raise CloudFileError(f"{path}: is no file")
     if suffix not in _READERS:
         how = f"; convert it, as by {_CONVERTERS[suffix]}" if suffix in _CONVERTERS else ""
         raise CloudFileError(f"{path}: expected a file that ends in {', '.join(SUFFIXES)}{how}")
@@ -89,11 +91,16 @@ def no_return_text(count: int) -> str:
 
 
 def brought_near(cloud: CloudFile) -> tuple[CloudFile, Array]:
-    """A cloud relative to an origin (3,) near its points, and that origin: 0 0 0 unless they lie far away."""
+    """A cloud relative to an origin (3,) near its points, and that origin: 0 0 0 unless they lie far away.
+
+    ValueError when float32 has rounded far points before they were written.
+    """
     finite = cloud.points[np.isfinite(cloud.points).all(axis=1)]
     origin = origin_near(np.median(finite, axis=0)) if len(finite) else np.zeros(3)
     if not origin.any():
         return cloud, origin
+    if (apart := lost_digits_m(finite)) is not None:
+        raise ValueError(f"its points, far from 0 0 0 in float32, are told apart to {apart:g} m only: write them as double, or relative")
     origins = None if cloud.origins is None else cloud.origins - origin
     return CloudFile(cloud.points - origin, origins, cloud.sensor - origin, cloud.no_returns), origin
 

@@ -136,7 +136,7 @@ class Prepared:
 
 def prepared(path: Path, origins: str | None, min_range_m: float, voxel_m: float) -> Prepared:
     """The finite points of a file as voxel means, with origins as asked for; ValueError when there are none. Says what it did."""
-    found, origin = brought_near(read_cloud(path))
+    found, origin = _near(path)
     if origins is None and found.origins is None and np.abs(found.sensor).max() > FAR_M:
         origins = "none"
         _say(f"{path}: lies far from 0 0 0 and does not say where its beams started: free space is not known")
@@ -157,6 +157,14 @@ def prepared(path: Path, origins: str | None, min_range_m: float, voxel_m: float
     far = f"; matched around {' '.join(f'{v:.0f}' for v in origin)}" if origin.any() else ""
     _say(f"{path}: {len(cloud):,} points{dropped}{zeros}; {len(means):,} means of voxels of {voxel_m:g} m{far}")
     return Prepared(_with_sensor(means, found) if means.origins is None and origins != "none" else means, origin)
+
+
+def _near(path: Path) -> tuple[CloudFile, Array]:
+    found = read_cloud(path)
+    try:
+        return brought_near(found)
+    except ValueError as error:
+        raise ArgumentProblem(f"{path}: {error}") from error
 
 
 def _averaged(cloud: PointCloud, voxel_m: float) -> PointCloud:

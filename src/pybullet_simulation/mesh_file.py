@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pybullet_simulation.closed_solids import closed_solids
 from pybullet_simulation.world import Surface
-from rigid_geometry import origin_near
+from rigid_geometry import lost_digits_m, origin_near
 
 Array = NDArray[np.float64]
 
@@ -21,6 +21,7 @@ UPS = {
     "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "z": np.eye(3),
 }
+_HEADER_BYTES = 1 << 14
 _SLIVER_M2 = 1e-9
 _FARTHEST_M = 1e9  # what no place on earth is away
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it prints tracebacks of what it then raises
@@ -65,7 +66,8 @@ def read_mesh(path: Path, frame: MeshFrame | None = None) -> Mesh:
         raise ValueError(f"cannot read the mesh {path}: {type(error).__name__}: {' '.join(str(error).split())}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise ValueError(f"the mesh {path} is empty: it has no triangles")
-    R_metres = (given.scale or scale) * UPS[given.up or up]
+    given_scale = given.scale or scale
+    R_metres = given_scale * UPS[given.up or up]
     triangles, corners = np.asarray(mesh.faces, np.int64), np.asarray(mesh.vertices, np.float64)
     if corners.ndim != 2 or corners.shape[1] != 3 or triangles.shape[1:] != (3,):
         raise ValueError(f"the mesh {path} has vertices of {corners.shape[-1]} coordinates, or faces that are no triangles")
@@ -75,7 +77,16 @@ def read_mesh(path: Path, frame: MeshFrame | None = None) -> Mesh:
         vertices = corners @ R_metres.T
     if not (np.abs(vertices) < _FARTHEST_M).all():
         raise ValueError(f"the mesh {path} has vertices that are not finite")
+    if _is_float32(path) and (apart := lost_digits_m(corners, given_scale)) is not None:
+        raise ValueError(f"the mesh {path} is far from 0 0 0 in float32, told apart to {apart:g} m only: write it relative, or as .obj")
     return _near_origin(vertices, triangles.astype(np.int32))
+
+
+def _is_float32(path: Path) -> bool:
+    """Whether a file keeps its coordinates so: STL always does, PLY unless it says double."""
+    with path.open("rb") as file:
+        head = file.read(_HEADER_BYTES)
+    return path.suffix.lower() == ".stl" or (path.suffix.lower() == ".ply" and b"property double x" not in head)
 
 
 def _near_origin(vertices: Array, triangles: NDArray[np.int32]) -> Mesh:

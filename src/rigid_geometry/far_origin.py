@@ -15,12 +15,26 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 FAR_M, FARTHEST_M = 1000.0, 1e8
+_TOLD_APART_M = 0.01
 
 
 def origin_near(xyz: ArrayLike) -> Array:
     """(3,) where to put the origin of what lies around xyz (3,), by whole metres: there, if that is far away and on earth, else 0 0 0."""
     place = np.asarray(xyz, dtype=np.float64)
     return np.round(place) if FAR_M < np.abs(place).max() <= FARTHEST_M else np.zeros(3)
+
+
+def lost_digits_m(points: ArrayLike, unit_m: float = 1.0) -> float | None:
+    """How far apart (N, 3) points are told, in metres, when float32 rounded them to more than a centimetre; else None.
+
+    unit_m: metres a unit of the points. Points that were never float32, and are all multiples of that, are told by nobody from such ones.
+    """
+    known = np.asarray(points, dtype=np.float64)
+    known = known[np.isfinite(known).all(axis=1)]
+    if not len(known) or unit_m * np.abs(known).max() > FARTHEST_M:
+        return None
+    apart = unit_m * float(np.spacing(np.float32(np.abs(known).max())))
+    return apart if apart > _TOLD_APART_M and (known == known.astype(np.float32)).all() else None
 
 
 def origin_text(origin: ArrayLike) -> str:

@@ -107,7 +107,10 @@ def _map_of_cloud(path: Path, by: Criteria, resolution: float, origins: str | No
 def _beams(path: Path, resolution: float, origins: str | None, say: Say) -> tuple[Array, Array | None, Array]:
     """Points (N, 3) that the octree can hold, where their beams started, None when that is not known, and what both are relative to."""
     found = read_cloud(path)
-    cloud, origin = brought_near(found)
+    try:
+        cloud, origin = brought_near(found)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
     if found.no_returns:
         say(f"{path}: {no_return_text(found.no_returns)}")
     if origin.any():

@@ -121,6 +121,12 @@ def test_clouds_in_map_coordinates_are_matched_near_them(tmp_path, scans, capsys
     assert np.linalg.norm(off[:3, 3]) < 0.03
 
 
+def test_far_cloud_whose_digits_are_lost_is_refused(tmp_path, scans, capsys):
+    lost = written(tmp_path / "lost.ply", scan(room(), T_ROOM_A) + [448262.0, 5412345.0, 412.0])
+    assert main([lost, scans[1]]) == 2
+    assert "lost.ply: its points, far from 0 0 0 in float32, are told apart to 0.5 m only" in capsys.readouterr().err
+
+
 def test_place_for_the_result_is_looked_at_before_the_match(tmp_path, scans, capsys):
     assert main([*scans, "--out", str(tmp_path / "none" / "T.json")]) == 2
     text = capsys.readouterr().err
