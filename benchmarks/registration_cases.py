@@ -29,7 +29,7 @@ from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.sweep_profile import sweep_profile
 from pybullet_simulation.world import World
 from robot_body import RobotBody
-from sweep_assembly import ScanFilter, ScanFilterConfig, ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
+from sweep_assembly import LaserScans, Scan, ScanFilter, ScanFilterConfig, ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
 
 Array = NDArray[np.float64]
 
@@ -67,7 +67,7 @@ class SweepingLaser:
         layout = self._laser.geometry
         self._geometry = ScanGeometry(layout.angle_min, layout.angle_increment, layout.time_increment, layout.beams)
         self._tilt_geometry = TiltGeometry(robot.T_base_mount, robot.T_tilt_laser)
-        self._filter = ScanFilter(ScanFilterConfig(), self._geometry, self._tilt_geometry, RobotBody())
+        self._filter = ScanFilter(ScanFilterConfig(), self._tilt_geometry, RobotBody())
 
     def sweep(self, T_map_base: Array) -> PointCloud:
         """Points and beam origins in base_link, as the robot believes them to be."""
@@ -77,18 +77,22 @@ class SweepingLaser:
         measured = self._profile.tilt_at(stamps - ARRIVED_S - START_S) + self._config.tilt_encoder_sigma_rad * self._rng.standard_normal(
             ticks + 1
         )
-        assembler = SweepAssembler(SweepAssemblyConfig(), self._geometry, self._tilt_geometry, RobotBody())
+        assembler = SweepAssembler(SweepAssemblyConfig(), LaserScans(), self._tilt_geometry)
         odometry = self._odometry(T_map_base[:3, :3], stamps)
         for k, scan in enumerate(ranges):
             tilts = np.interp(stamps[k] + self._geometry.beam_times, stamps, measured)
             if k % 2 == 0:  # 20 Hz
                 assembler.add_odometry(float(stamps[k]), odometry[k])
             assembler.add_joint(float(stamps[k]), float(measured[k]))
-            assembler.add_scan(float(stamps[k]), self._filter.filter(scan, tilts))
+            assembler.add_scan(float(stamps[k]), self._filtered(scan, tilts))
         found = assembler.poll()
         if found is None:
             raise RuntimeError(f"no sweep came out of {ticks} scans: {assembler.dropped}")
         return PointCloud.of_finite(found.points, found.origins)
+
+    def _filtered(self, ranges: NDArray[np.float32], tilts: Array) -> Scan:
+        scan = Scan(self._geometry, ranges)
+        return scan.with_ranges(self._filter.filter(scan, tilts))
 
     def _odometry(self, R_map_base: Array, stamps: Array) -> list[Array]:
         """T_odom_base at each stamp as the filter estimates it while the robot stands, after a drive at the same attitude."""

@@ -112,6 +112,7 @@ class Campaign:
     started: str
     jobs: int | None
     sensor: str
+    realism: str
     limits: Mapping[str, Any]
     machine: Mapping[str, Any]
     runs: tuple[Run, ...]
@@ -149,6 +150,7 @@ def load_campaign(directory: Path | str) -> Campaign:
         started=str(asked.get("started") or "unknown"),
         jobs=jobs if isinstance(jobs, int) else None,
         sensor=str(asked.get("sensor") or "tilting"),  # the only one there was when campaigns did not say
+        realism=str(asked.get("realism") or "ideal"),  # likewise
         limits=_mapping(asked.get("limits")),
         machine=_mapping(asked.get("machine")),
         runs=runs,

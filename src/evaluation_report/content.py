@@ -145,6 +145,7 @@ def _facts(campaign: Campaign) -> tuple[tuple[str, str], ...]:
         ("machine", processor),
         ("Python", str(machine.get("python") or "unknown")),
         ("sensor", campaign.sensor),
+        ("realism", campaign.realism),
         ("runs at a time", UNKNOWN if campaign.jobs is None else str(campaign.jobs)),
         ("limits of a run", ", ".join(given) or "unknown"),
     )

@@ -13,6 +13,7 @@ from explore_command.sessions import NO_RUN, earlier_run
 NAMED_WORLDS = ("rooms", "doors", "ramp", "moon")
 SENSORS = ("tilting", "spinning")
 UPS = ("x", "y", "z")
+REALISMS = ("hardware", "ideal")
 _RUN_FILES: tuple[str, ...] = (
     "run.json",
     "summary.json",
@@ -39,6 +40,7 @@ _RUN_FILES += (
     "world_origin.json",
     "config.yaml",
     "robot.yaml",
+    "robot.urdf",
     "run.bag",
     "overrides.yaml",
     "roslaunch.log",
@@ -63,6 +65,7 @@ class ExploreArguments:
 
     world: str
     sensor: str
+    realism: str
     seed: int
     start: tuple[float, ...] | None
     scale: float | None
@@ -117,6 +120,11 @@ def parser() -> argparse.ArgumentParser:
         choices=SENSORS,
         help="tilting: a 2-D laser on a tilting mount; spinning: a lidar of 16 beams on the same mount; default tilting",
     )
+    p.add_argument(
+        "--realism",
+        choices=REALISMS,
+        help="hardware: sensors, clocks and drive as one buys them; ideal: without most of their faults; default hardware",
+    )
     p.add_argument("--seed", type=int, help="sets start, noise, slip and clutter; default 1")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for the results; default runs/WORLD-SEED")
     go_on = p.add_mutually_exclusive_group()
@@ -129,11 +137,7 @@ def parser() -> argparse.ArgumentParser:
     view.add_argument("--headless", action="store_true", help="no rviz, also where there is a display")
     view.add_argument("--rviz", action="store_true", help="rviz, also where DISPLAY is not set")
     p.add_argument(
-        "--rate",
-        type=float,
-        default=0.0,
-        metavar="R",
-        help="at most R times real time; default: as fast as the machine can, or 1 with --free",
+        "--rate", type=float, metavar="R", help="at most R times real time, 0: as fast as the machine can; default 0, with --free 1"
     )
     p.add_argument("--free", action="store_true", help="no lock-step: for a teleop or node of your own beside it")
     p.add_argument("--record", action="store_true", help="write run.bag: what the mapping and terrain nodes heard")
@@ -159,13 +163,15 @@ def parser() -> argparse.ArgumentParser:
 def parse(argv: list[str] | None = None) -> ExploreArguments:
     """Checked arguments; ArgumentProblem for what argparse cannot know, SystemExit(2) for what it can.
 
-    A run that goes on is by default in the world, and with the seed, the sensor and the robot, of the earlier one.
+    A run that goes on is by default in the world, and with the seed, the sensor, the realism and the robot, of the earlier one.
     """
     a = parser().parse_args(argv)
     earlier = earlier_run(a.resume or a.map) if a.resume or a.map else NO_RUN
     a.world = a.world or earlier.world or "ramp"
     a.seed = next(seed for seed in (a.seed, earlier.seed, 1) if seed is not None)
     a.sensor = a.sensor or (earlier.sensor if earlier.sensor in SENSORS else SENSORS[0])
+    a.realism = a.realism or (earlier.realism if earlier.realism in REALISMS else REALISMS[0])
+    a.rate = float(a.free) if a.rate is None else a.rate
     if a.resume and a.out:
         raise ArgumentProblem("--resume goes on in the folder of the earlier run: --out cannot be another")
     _check_world(a.world, a.size)
@@ -178,6 +184,7 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
     return ExploreArguments(
         world=a.world if a.world in NAMED_WORLDS else str(Path(a.world).absolute()),
         sensor=a.sensor,
+        realism=a.realism,
         seed=a.seed,
         start=tuple(a.start) if a.start else None,
         scale=a.scale,

@@ -61,6 +61,7 @@ def launch_arguments(arguments: ExploreArguments, robot: RobotBody, overrides: P
         "urdf": urdf_file(robot),
         "world": arguments.world,
         "sensor": arguments.sensor,
+        "realism": arguments.realism,
         "seed": arguments.seed,
         "start": _joined(arguments.start),
         "scale": _joined((arguments.scale,)) if arguments.scale else "",

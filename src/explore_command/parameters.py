@@ -19,7 +19,11 @@ ROBOT = "robot"
 Overrides = dict[str, dict[str, object]]
 
 NODE_CONFIGS: dict[str, dict[str, str]] = {
-    "pybullet_sim_node": {"": "pybullet_simulation.SimulationConfig", "spinning": "pybullet_simulation.SpinningLidarConfig"},
+    "pybullet_sim_node": {
+        "": "pybullet_simulation.SimulationConfig",
+        "spinning": "pybullet_simulation.SpinningLidarConfig",
+        "timing": "pybullet_simulation.TimingConfig",
+    },
     "scan_filter_node": {"": "sweep_assembly.ScanFilterConfig", "lidar": "sweep_assembly.LidarConfig"},
     "odometry_fusion_node": {"": "odometry_fusion.OdometryConfig"},
     "sweep_assembler_node": {"": "sweep_assembly.SweepAssemblyConfig", "lidar": "sweep_assembly.LidarConfig"},

@@ -9,15 +9,16 @@ _PAUSE_S = 10.0
 
 @dataclass(frozen=True)
 class EarlierRun:
-    """The world (name or file), seed, sensor and robot's file of a run, None where it did not write them down."""
+    """The world (name or file), seed, sensor, realism and robot's file of a run, None where it did not write them down."""
 
     world: str | None
     seed: int | None
     sensor: str | None
+    realism: str | None
     robot: Path | None
 
 
-NO_RUN = EarlierRun(None, None, None, None)
+NO_RUN = EarlierRun(None, None, None, None, None)
 
 
 def earlier_run(folder: Path) -> EarlierRun:
@@ -25,8 +26,9 @@ def earlier_run(folder: Path) -> EarlierRun:
     robot = folder / "robot.yaml"
     try:
         run = json.loads((folder / "run.json").read_text())
-        return EarlierRun(str(run["world"]), int(run["seed"]), run.get("sensor"), robot if robot.is_file() else None)
-    except (OSError, ValueError, KeyError, TypeError):
+        realism = run.get("config", {}).get("pybullet_sim_node", {}).get("realism")
+        return EarlierRun(str(run["world"]), int(run["seed"]), run.get("sensor"), realism, robot if robot.is_file() else None)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return NO_RUN
 
 

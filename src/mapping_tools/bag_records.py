@@ -5,7 +5,8 @@ from __future__ import annotations
 import bz2
 import io
 import os
-from collections.abc import Iterator
+import struct
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -14,19 +15,33 @@ from typing import BinaryIO
 from lz4.frame import LZ4FrameDecompressor
 from rosbags.rosbag1 import ReaderError
 from rosbags.rosbag1.reader import Header, RecordType, read_bytes, read_uint32
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.msg import normalize_msgtype
 
 _MAGIC = b"#ROSBAG V2.0\n"
 _LONGEST_HEADER = 1 << 20
 
 
+_TYPES = get_typestore(Stores.ROS1_NOETIC)
+
+
 @dataclass(frozen=True)
 class BagMessage:
-    """A message as it was recorded: serialised, of type "sensor_msgs/msg/PointCloud2" or like."""
+    """A message as it was recorded: serialised, of type "sensor_msgs/msg/PointCloud2" or like, with the time of its recording."""
 
     topic: str
     msgtype: str
+    time_ns: int
     data: bytes
+    deserialize: Callable[[bytes, str], object] = _TYPES.deserialize_ros1
+
+    def message(self) -> object:
+        """The message; ValueError when its bytes are damaged."""
+        try:
+            return self.deserialize(self.data, self.msgtype)
+        except (SerdeError, struct.error, IndexError, ValueError, AssertionError, KeyError) as error:
+            raise ValueError("the message is damaged") from error
 
 
 class BagRecords:
@@ -51,8 +66,11 @@ class BagRecords:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self._file.close()
 
-    def messages(self) -> Iterator[BagMessage]:
-        """Every message up to the end, or up to where the file breaks off."""
+    def messages(self, topics: Collection[str] | None = None) -> Iterator[BagMessage]:
+        """Every message, or those of some topics, up to the end or to where the file breaks off."""
+        yield from (message for message in self._messages() if topics is None or message.topic in topics)
+
+    def _messages(self) -> Iterator[BagMessage]:
         while (begin := self._file.tell()) < self.size:
             self.position = begin
             try:
@@ -91,7 +109,7 @@ class BagRecords:
                 self._connections[connection] = header.get_string("topic"), msgtype
                 self.topics[header.get_string("topic")] = msgtype
             elif kind == RecordType.MSGDATA:
-                yield BagMessage(*self._connection(connection), body)
+                yield BagMessage(*self._connection(connection), header.get_time("time"), body)
 
     def _connection(self, number: int) -> tuple[str, str]:
         if number not in self._connections:

@@ -11,30 +11,48 @@ from typing import Any
 import yaml
 
 from explore_command.arguments import ArgumentProblem
+from mapping_tools.sensor_chain import SensorConfig
+from odometry_fusion import OdometryConfig
 from pose_graph_mapping.config import MappingConfig, RegistrationConfig
 from stage_config import load_config
+from sweep_assembly import LidarConfig, ScanFilterConfig, SweepAssemblyConfig
 
 
 @dataclass(frozen=True)
 class ToolConfig:
-    """What a tool maps with."""
+    """What a tool maps with; `sensors` only where it maps from what drivers sent."""
 
     registration: RegistrationConfig
     mapping: MappingConfig
+    sensors: SensorConfig
+
+
+_CLASSES = (RegistrationConfig, MappingConfig, ScanFilterConfig, LidarConfig, SweepAssemblyConfig, OdometryConfig)
 
 
 def configured(texts: Sequence[str], *, use_gravity: bool = True) -> ToolConfig:
-    """Defaults, and what the texts say; ArgumentProblem for what is no NAME=VALUE, no parameter, or no value of it."""
+    """Defaults, and what the texts say; ArgumentProblem for what is no NAME=VALUE, no parameter, or no value of it.
+
+    A name that several stages have is set in all of them.
+    """
     values = dict(_parsed(text) for text in texts)
-    registration, mapping = ({f.name for f in dataclasses.fields(c)} for c in (RegistrationConfig, MappingConfig))
+    names = {c: {f.name for f in dataclasses.fields(c)} for c in _CLASSES}
+    known = set().union(*names.values())
     for name in values:
-        if name not in registration | mapping:
-            near = difflib.get_close_matches(name, registration | mapping, n=1)
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
             raise ArgumentProblem(f"--set {name}: no such parameter" + (f", did you mean {near[0]}?" if near else ""))
+    own = {c: {k: v for k, v in values.items() if k in names[c]} for c in _CLASSES}
     try:
         return ToolConfig(
-            load_config(RegistrationConfig, {k: v for k, v in values.items() if k in registration}),
-            load_config(MappingConfig, {"use_gravity": use_gravity} | {k: v for k, v in values.items() if k in mapping}),
+            load_config(RegistrationConfig, own[RegistrationConfig]),
+            load_config(MappingConfig, {"use_gravity": use_gravity} | own[MappingConfig]),
+            SensorConfig(
+                load_config(ScanFilterConfig, own[ScanFilterConfig]),
+                load_config(LidarConfig, own[LidarConfig]),
+                load_config(SweepAssemblyConfig, own[SweepAssemblyConfig]),
+                load_config(OdometryConfig, own[OdometryConfig]),
+            ),
         )
     except ValueError as error:
         raise ArgumentProblem("--set: " + "; ".join(str(error).splitlines())) from error

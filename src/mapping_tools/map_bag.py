@@ -1,4 +1,4 @@
-"""./map_bag: a rosbag 1, or a folder of PCD and PLY sweeps, becomes a session folder with graph, trajectory and cloud. No ROS runs."""
+"""./map_bag: a bag, or a folder of PCD and PLY sweeps, becomes a session folder with graph, trajectory and cloud. No ROS runs."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
-from mapping_tools.bag_sweeps import BagSweeps, BagTopics
+from mapping_tools.bag_sweeps import BagTopics
 from mapping_tools.cloud_files import SUFFIXES
 from mapping_tools.configuration import ToolConfig, configured
-from mapping_tools.folder_sweeps import FolderSweeps
 from mapping_tools.map_origin import ORIGIN, MapOrigin
 from mapping_tools.mapping_run import MappingRun
 from mapping_tools.pose_files import FORMS
+from mapping_tools.raw_sweeps import RawTopics
+from mapping_tools.recorded_sources import Wanted, source_of
+from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.sweep_sources import SweepSource
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
@@ -35,8 +37,10 @@ Array = NDArray[np.float64]
 
 SUMMARY = "map_summary.json"
 _POSE_FORMS = "; or ".join(FORMS.values())
-_DESCRIPTION = f"""Maps a rosbag 1 with PointCloud2 sweeps and Odometry, or a folder of sweeps ({" ".join(SUFFIXES)}) in the order of their
-names, 9 before 10. A folder may hold poses.txt with the odometry pose of every sweep, z up: {_POSE_FORMS}.
+_DESCRIPTION = f"""Maps a bag, or a folder of sweeps ({" ".join(SUFFIXES)}) in the order of their names, 9 before 10. A bag is a file of
+ROS 1, a file or folder of ROS 2 (.db3, .mcap), or a folder of bags, which are read as one in the order of time. It holds PointCloud2 sweeps
+and Odometry; or what a robot's drivers sent: LaserScan, or PointCloud2 of a lidar on the tilting mount, with JointState, Imu and Odometry
+of the wheels. A folder of sweeps may hold poses.txt with the odometry pose of every sweep, z up: {_POSE_FORMS}.
 Poses with stamps go with files whose names are these stamps, others by their order. Without poses.txt each sweep is looked for around
 the last one. Every sweep should be taken while the sensor stands, or be de-skewed. Where odometry is far from 0 0 0, as in UTM, the map
 gets an origin of its own ({ORIGIN}). Points at 0 0 0, or where their beam starts, are beams without an echo."""
@@ -47,13 +51,17 @@ argument."""
 
 def parser() -> argparse.ArgumentParser:
     p = OneLineParser(prog="./map_bag", usage="./map_bag BAG|FOLDER --out DIR [options]", description=_DESCRIPTION, epilog=_EPILOG)
-    defaults = BagTopics()
     p.add_argument("recording", type=Path, metavar="BAG|FOLDER")
     p.add_argument("--out", type=Path, required=True, metavar="DIR", help="the session's folder; made where it is not there")
     p.add_argument("--resume", action="store_true", help="go on with the session in DIR; sweeps up to its last stamp are passed over")
     p.add_argument("--moved", action="store_true", help="with --resume: find the first new sweep in the map, whatever odometry says")
-    p.add_argument("--cloud-topic", default=defaults.cloud, metavar="T", help=f"sensor_msgs/PointCloud2; default {defaults.cloud}")
-    p.add_argument("--odom-topic", default=defaults.odometry, metavar="T", help=f"nav_msgs/Odometry; default {defaults.odometry}")
+    p.add_argument("--cloud-topic", metavar="T", help=f"PointCloud2, a sweep each; default {BagTopics.cloud}, where the bag has it")
+    p.add_argument("--odom-topic", default=BagTopics.odometry, metavar="T", help=f"nav_msgs/Odometry; default {BagTopics.odometry}")
+    p.add_argument("--raw", action="store_true", help="map what the drivers sent, though the bag holds finished clouds, too")
+    p.add_argument("--robot", type=Path, metavar="FILE.yaml", help="the robot that sent it; default robot.yaml beside the bag")
+    for name, default in dataclasses.asdict(RawTopics()).items():
+        if name != "odometry":
+            p.add_argument(f"--{name}-topic", default=default, metavar="T", help=f"of the drivers; default {default}")
     p.add_argument("--no-odometry", action="store_true", help="a bag without odometry: look for each sweep around the last one")
     p.add_argument(
         "--mount",
@@ -73,23 +81,23 @@ def parser() -> argparse.ArgumentParser:
         "--min-travel", type=float, default=0.0, metavar="M", help="pass by sweeps nearer to the last one than this, by odometry"
     )
     p.add_argument("--no-gravity", action="store_true", help="odometry's roll and pitch do not come from gravity")
-    p.add_argument("--set", action="append", default=[], metavar="PARAMETER=VALUE", help="of icp_matcher_node or pose_graph_mapping_node")
+    p.add_argument("--set", action="append", default=[], metavar="PARAMETER=VALUE", help="of the nodes that the sweeps go through")
     p.add_argument("--quiet", action="store_true", help="no line a sweep")
     return p
 
 
-def source_of(a: argparse.Namespace) -> SweepSource:
+def recorded(a: argparse.Namespace, config: SensorConfig) -> SweepSource:
     """The recording that the arguments name; ArgumentProblem when it is none."""
-    sensor = None if a.sensor is None else np.array(a.sensor)
-    T_base_cloud = None if a.mount is None else np.asarray(transform_from_rpy(a.mount[:3], tuple(a.mount[3:])))
     if not a.recording.exists():
         raise ArgumentProblem(f"{a.recording}: no such bag or folder")
+    odometry = None if a.no_odometry else a.odom_topic
+    raw = RawTopics(a.scan_topic, a.points_topic, a.joints_topic, a.imu_topic, a.wheels_topic, odometry)
+    T_base_cloud = None if a.mount is None else np.asarray(transform_from_rpy(a.mount[:3], tuple(a.mount[3:])))
+    sensor = None if a.sensor is None else np.array(a.sensor)
     try:
-        if a.recording.is_dir():
-            return FolderSweeps(a.recording, np.eye(4) if T_base_cloud is None else T_base_cloud, sensor)
-        return BagSweeps(a.recording, BagTopics(a.cloud_topic, None if a.no_odometry else a.odom_topic), T_base_cloud, sensor)
+        return source_of(Wanted(a.recording, a.cloud_topic, odometry, raw, a.raw, a.robot, T_base_cloud, sensor), config)
     except (ValueError, OSError) as error:
-        raise ArgumentProblem(f"{a.recording}: {error}") from error
+        raise ArgumentProblem(f"{a.recording}: {'; '.join(str(error).splitlines())}") from error
 
 
 def open_session(a: argparse.Namespace, config: ToolConfig, match: Match) -> tuple[SessionStore, PoseGraphMapper, tuple[str, ...]]:
@@ -112,7 +120,7 @@ def map_recording(a: argparse.Namespace) -> int:
     """The exit code of a run; ArgumentProblem for code 2."""
     begun = time.monotonic()
     config = configured(a.set, use_gravity=not a.no_gravity)
-    source, match = source_of(a), create_registration(config.registration).match
+    source, match = recorded(a, config.sensors), create_registration(config.registration).match
     store, mapper, notes = open_session(a, config, match)
     origin = _origin(a)
     for note in notes:
@@ -136,7 +144,7 @@ def map_recording(a: argparse.Namespace) -> int:
         "not_on_disk": store.not_on_disk,
         **dataclasses.asdict(run.account),
         "wall_time_s": round(time.monotonic() - begun, 3),
-        "config": {"registration": to_mapping(config.registration), "mapping": to_mapping(config.mapping)},
+        "config": {name: to_mapping(getattr(config, name)) for name in ("registration", "mapping")},
     }
     return _ended(a, summary)
 

@@ -116,6 +116,7 @@ class MappingRun:
                 sweep.origins,
                 self._mapper.graph,
                 Measured(T_odom_base, sweep.gravity_base, sweep.gravity_sigma_rad),
+                None if sweep.free is None else PointCloud.of_finite(*sweep.free),
             )
         except NotOnDiskError as error:
             word = f"{word}; {error}"

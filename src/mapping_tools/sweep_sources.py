@@ -19,7 +19,8 @@ Singles = NDArray[np.float32]
 class SourceSweep:
     """A sweep under the name that messages call it by.
 
-    points, origins (N, 3) float32 in base_link; T_odom_base (4, 4) and gravity_base (3,) with its sigma: None where nothing is known.
+    points, origins (N, 3) float32 in base_link; T_odom_base (4, 4), gravity_base (3,) with its sigma, and `free`, the ends and origins of
+    beams that met nothing: None where nothing is known.
     """
 
     name: str
@@ -29,6 +30,7 @@ class SourceSweep:
     T_odom_base: Array | None = None
     gravity_base: Array | None = None
     gravity_sigma_rad: float | None = None
+    free: tuple[Singles, Singles] | None = None
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,10 @@
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.lidar_config import SpinningLidarConfig
 from pybullet_simulation.mesh_file import MeshFrame
+from pybullet_simulation.realism import HARDWARE_OR_IDEAL, IDEAL, IDEAL_TIMING, realistic
 from pybullet_simulation.records import (
     Contact,
+    Delivery,
     ImuSample,
     JointSample,
     Revolution,
@@ -18,13 +20,19 @@ from pybullet_simulation.records import (
     WheelOdometry,
 )
 from pybullet_simulation.simulation import TICK_S, Simulation
+from pybullet_simulation.timing_config import SENSOR_TOPICS, TimingConfig
 from pybullet_simulation.world import HeightField, World
 from pybullet_simulation.worlds import WORLDS, load_world
 
 __all__ = [
+    "HARDWARE_OR_IDEAL",
+    "IDEAL",
+    "IDEAL_TIMING",
+    "SENSOR_TOPICS",
     "TICK_S",
     "WORLDS",
     "Contact",
+    "Delivery",
     "HeightField",
     "ImuSample",
     "JointSample",
@@ -35,9 +43,11 @@ __all__ = [
     "SimulationConfig",
     "SpinningLidarConfig",
     "TickData",
+    "TimingConfig",
     "Truth",
     "WheelOdometry",
     "World",
     "MeshFrame",
     "load_world",
+    "realistic",
 ]

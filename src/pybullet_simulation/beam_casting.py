@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.robot_model import RobotModel
-from pybullet_simulation.world import World, nearest_hits, raycasting_scene
+from pybullet_simulation.world import World, hits_and_incidence, raycasting_scene
 from rigid_geometry import transform_from_rpy
 
 Array = NDArray[np.float64]
+Floats = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -35,17 +36,26 @@ class BeamCaster:
         self._body = raycasting_scene(robot.body.vertices, robot.body.triangles)
         self._T_base_mount = robot.T_base_mount @ transform_from_rpy((0.0, 0.0, 0.0), (config.mount_roll_rad, 0.0, 0.0))
         self._offset, self._tilt_scale = robot.T_tilt_laser[:3, 3].copy(), config.mount_tilt_scale
+        self._clear_rad = _clearance(robot) / 2.0 - abs(config.mount_roll_rad)
 
-    def hits(self, directions: Array, times_s: Array, motion: Motion) -> NDArray[np.float32]:
-        """(N,) distances to what (N, 3) unit directions in `laser`, at (N,) seconds from the motion's first step, hit; inf for nothing."""
+    def hits(self, directions: Array, times_s: Array, motion: Motion) -> tuple[Floats, Floats]:
+        """(N,) distances to what (N, 3) unit directions in `laser`, at (N,) seconds from the motion's first step, hit; inf for nothing.
+        And (N,) the cosines at which they meet it."""
         tilts = self._tilt_scale * motion.tilts
         in_world, in_base = _rays(
             directions, times_s, motion.step_s, motion.rotations, motion.positions, tilts, self._T_base_mount, self._offset
         )
-        hits = nearest_hits(self._world, in_world)
-        if motion.tilts.any():  # level, all beams pass above all of the body
-            hits = np.minimum(hits, nearest_hits(self._body, in_base))
-        return hits
+        hits, cosines = hits_and_incidence(self._world, in_world)
+        if np.abs(tilts).max() <= self._clear_rad and not directions[:, 2].any():  # all beams pass above all of the body
+            return hits, cosines
+        own, own_cosines = hits_and_incidence(self._body, in_base)
+        return np.minimum(hits, own), np.where(own < hits, own_cosines, cosines)
+
+
+def _clearance(robot: RobotModel) -> float:
+    """How far down in rad, seen from the level laser, the highest point of the body lies; negative when one lies higher."""
+    seen = robot.body.vertices - (robot.T_base_mount @ robot.T_tilt_laser)[:3, 3]
+    return float(np.arctan2(-seen[:, 2], np.hypot(seen[:, 0], seen[:, 1])).min())
 
 
 @numba.njit(cache=True)

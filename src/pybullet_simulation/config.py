@@ -16,31 +16,100 @@ class SimulationConfig:
     settle_time_s: float = parameter(
         1.0, "s", "time the robot gets to come to rest on its wheels before the first tick", low=0.0, high=10.0
     )
-    friction: float = parameter(1.0, "-", "friction coefficient of wheels and ground, combined", low=0.1, high=2.0)
-    lateral_friction_ratio: float = parameter(0.5, "-", "sideways friction of a tyre as a share of the one along it", low=0.05, high=1.0)
+    friction: float = parameter(
+        0.85, "-", "friction coefficient of wheels and ground, combined: dry concrete in Wong, Theory of Ground Vehicles", low=0.1, high=2.0
+    )
+    lateral_friction_ratio: float = parameter(
+        0.5, "-", "sideways friction of a tyre as a share of the one along it, on average over the ground", low=0.05, high=1.0
+    )
     wheel_torque_nm: float = parameter(60.0, "N m", "most torque of a wheel's motor", low=1.0, high=500.0)
-    max_acceleration_mps2: float = parameter(2.0, "m/s^2", "how fast the drive changes its forward speed", low=0.1, high=20.0)
-    max_turn_acceleration_rps2: float = parameter(5.0, "rad/s^2", "how fast the drive changes its turn rate", low=0.1, high=50.0)
+    max_acceleration_mps2: float = parameter(
+        3.0, "m/s^2", "how fast the drive changes its forward speed; husky_control's controller has 3", low=0.1, high=20.0
+    )
+    max_turn_acceleration_rps2: float = parameter(
+        6.0, "rad/s^2", "how fast the drive changes its turn rate; husky_control's controller has 6", low=0.1, high=50.0
+    )
+    command_timeout_s: float = parameter(
+        0.25,
+        "s",
+        "after it without a new command the drive is told to stand; cmd_vel_timeout of husky_control's diff_drive_controller",
+        low=0.05,
+        high=10.0,
+    )
+    wheel_radius_sigma: float = parameter(
+        0.01, "-", "how far the wheels' radius is off, drawn once a run: pressure, load and wear of pneumatic tyres", low=0.0, high=0.1
+    )
     slip_bias_sigma: float = parameter(0.008, "-", "constant slip of a side of wheels, drawn once a run", low=0.0, high=0.2)
     slip_sigma: float = parameter(0.015, "-", "changing slip of a side of wheels", low=0.0, high=0.2)
     slip_correlation_s: float = parameter(2.0, "s", "time over which the changing slip stays alike", low=0.05, high=100.0)
+    slip_patch_sigma: float = parameter(
+        0.015, "-", "slip that goes with the place: patches of ground that hold less or more", low=0.0, high=0.2
+    )
+    slip_patch_m: float = parameter(3.0, "m", "how far apart such patches are", low=0.2, high=100.0)
+    slip_per_climb: float = parameter(
+        0.1,
+        "-",
+        "slip uphill, for each unit of the slope's sine, and its opposite downhill; firm soil in Wong and Ishigami",
+        low=0.0,
+        high=1.0,
+    )
+    grip_patch_sigma: float = parameter(
+        0.2, "-", "how far the sideways friction of such patches differs, as a share; it makes the robot slide aside", low=0.0, high=0.5
+    )
     imu_accel_bias_sigma_mps2: float = parameter(
         0.02, "m/s^2", "bias of each accelerometer axis, drawn once a run; 0.02 tilts the level by 0.16 deg", low=0.0, high=1.0
     )
     imu_accel_sigma_mps2: float = parameter(0.03, "m/s^2", "noise of an accelerometer sample", low=0.0, high=1.0)
+    imu_accel_bias_walk_mps2: float = parameter(
+        5e-5, "m/s^2/sqrt(s)", "how fast that bias wanders; a VN-100's is stable to 4e-4 m/s^2", low=0.0, high=0.1
+    )
     imu_gyro_bias_sigma_rps: float = parameter(0.0015, "rad/s", "bias of each gyro axis, drawn once a run", low=0.0, high=0.1)
     imu_gyro_sigma_rps: float = parameter(0.002, "rad/s", "noise of a gyro sample", low=0.0, high=0.1)
+    imu_gyro_bias_walk_rps: float = parameter(
+        4e-5, "rad/s/sqrt(s)", "how fast that bias wanders; a VN-100's is stable to 5 to 10 deg/h, 4e-5 rad/s", low=0.0, high=0.01
+    )
+    imu_gyro_scale_sigma: float = parameter(
+        0.005,
+        "-",
+        "how far the scale of each gyro axis is off, drawn once a run; data sheets of MEMS gyros say 0.1 to 1 %",
+        low=0.0,
+        high=0.05,
+    )
     range_min_m: float = parameter(0.1, "m", "nearer returns are reported as -inf", low=0.01, high=1.0)
     range_max_m: float = parameter(30.0, "m", "farther returns are reported as inf", low=1.0, high=100.0)
-    range_sigma_m: float = parameter(0.01, "m", "noise of a range up to 10 m", low=0.0, high=0.5)
-    range_sigma_far_m: float = parameter(0.03, "m", "noise of a range beyond 10 m", low=0.0, high=0.5)
+    range_sigma_m: float = parameter(0.01, "m", "noise of a range up to 10 m: 1 sigma in the data sheet of a UTM-30LX", low=0.0, high=0.5)
+    range_sigma_far_m: float = parameter(0.03, "m", "noise of a range beyond 10 m, from the same sheet", low=0.0, high=0.5)
+    range_limit_m: float = parameter(
+        0.03, "m", "no range up to 10 m is off by more, depth edges apart: the accuracy in that sheet", low=0.0, high=10.0
+    )
+    range_limit_far_m: float = parameter(0.05, "m", "nor one beyond 10 m by more than this", low=0.0, high=10.0)
+    range_incidence_bias_m: float = parameter(
+        0.01,
+        "m",
+        "what a range at grazing incidence is too long by; goes with 1 - cos (Pomerleau et al. 2012, Laconte et al. 2019)",
+        low=-0.1,
+        high=0.1,
+    )
+    range_step_m: float = parameter(
+        0.001, "m", "ranges are whole multiples of it: a Hokuyo sends millimetres; 0 for none", low=0.0, high=0.1
+    )
     veiling_probability: float = parameter(
-        0.2, "-", "share of the beams at a depth edge that return a range between both surfaces", low=0.0, high=1.0
+        0.2,
+        "-",
+        "share of the beams at a depth edge that return a range between both surfaces: mixed pixels (Ye and Borenstein 2002)",
+        low=0.0,
+        high=1.0,
     )
     veiling_jump_m: float = parameter(
         0.15, "m", "difference of neighbouring ranges that makes a depth edge, beside 5 % of the range", low=0.01, high=5.0
     )
     tilt_encoder_sigma_rad: float = parameter(0.0001, "rad", "noise of the measured tilt", low=0.0, high=0.05)
+    tilt_backlash_rad: float = parameter(
+        0.0052, "rad", "play of the tilt drive, from one side to the other: 0.3 deg, a hobby servo or a worn gear", low=0.0, high=0.1
+    )
+    tilt_offset_sigma_rad: float = parameter(
+        0.00175, "rad", "true tilt where the encoder says zero, drawn once a run: 0.1 deg, set once at the factory", low=0.0, high=0.1
+    )
     mount_tilt_scale: float = parameter(
         1.0,
         "-",

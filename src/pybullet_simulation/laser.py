@@ -29,5 +29,6 @@ class Laser:
     def scans(self, motion: Motion, starts_s: Array) -> list[Ranges]:
         """One (1081,) float32 array of ranges for each start, in seconds from the first step of the motion."""
         times = (starts_s[:, None] + np.arange(self.geometry.beams) * self.geometry.time_increment).ravel()
-        hits = self._caster.hits(np.tile(self._directions, (len(starts_s), 1)), times, motion)
-        return [self._errors.measured(one) for one in hits.reshape(len(starts_s), -1)]
+        found = self._caster.hits(np.tile(self._directions, (len(starts_s), 1)), times, motion)
+        hits, incidence = (values.reshape(len(starts_s), -1) for values in found)
+        return [self._errors.measured(*one) for one in zip(hits, incidence, strict=True)]

@@ -22,7 +22,4 @@ class SpinningLidarConfig:
 
     def validate(self) -> list[str]:
         """All violations, as sentences; empty when the configuration can be used."""
-        problems = check_ranges(self)
-        if self.columns % 2:
-            problems.append(f"columns = {self.columns} is not even: half a revolution is made in a tick")
-        return problems
+        return check_ranges(self)

@@ -72,7 +72,7 @@ class Physics:
         self._wheels = [self._joints[name] for name in WHEELS]
         self._tilt = self._joints[TILT_JOINT]
         self._com = np.array(pybullet.getDynamicsInfo(self._robot, -1, physicsClientId=self._client)[3])
-        self._set_friction()
+        self.set_sideways_friction(config.lateral_friction_ratio)
 
     def close(self) -> None:
         """Ends this instance's pybullet."""
@@ -129,11 +129,16 @@ class Physics:
         except pybullet.error as error:
             raise ValueError(f"pybullet cannot load the robot {robot.urdf_path}: {error}") from error
 
-    def _set_friction(self) -> None:
-        friction = [1.0, self._config.lateral_friction_ratio, 1.0]
+    def set_sideways_friction(self, ratio: float) -> None:
+        """Friction across the tyres as a share of the one along them, from the next step on."""
         for wheel in self._wheels:
             pybullet.changeDynamics(
-                self._robot, wheel, lateralFriction=1.0, rollingFriction=0.0, anisotropicFriction=friction, physicsClientId=self._client
+                self._robot,
+                wheel,
+                lateralFriction=1.0,
+                rollingFriction=0.0,
+                anisotropicFriction=[1.0, ratio, 1.0],
+                physicsClientId=self._client,
             )
 
     def set_wheel_speeds(self, speeds_rps: Array) -> None:

@@ -1,4 +1,4 @@
-"""What a ranging sensor makes of the distances that its beams hit at: veiled at edges, noisy, and limited."""
+"""What a ranging sensor makes of the distances that its beams hit at: biased, noisy, veiled at edges, and limited."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from pybullet_simulation.config import SimulationConfig
 
 Ranges = NDArray[np.float32]
+Array = NDArray[np.float64]
 
 FAR_M = 10.0  # the data sheet gives the noise up to here and beyond
 GRAZING_SHARE = 0.05  # of the range: what neighbouring beams may differ on one surface seen at a grazing angle of 5 deg
@@ -18,15 +19,29 @@ class RangeErrors:
         """`rng` feeds the noise of this sensor alone."""
         self._config, self._rng = config, rng
 
-    def measured(self, hits: Ranges) -> Ranges:
-        """(N,) ranges of neighbouring beams as the driver reports them: veiled, noisy, inf and -inf outside of the sensor's limits."""
+    def measured(self, hits: Ranges, incidence: Ranges) -> Ranges:
+        """(N,) ranges of neighbouring beams as the driver reports them: inf and -inf outside of the sensor's limits.
+
+        `incidence` (N,): the cosine of the angle between beam and normal, 1 where a beam meets its surface head on.
+        """
         seen = np.where(hits <= self._config.range_max_m, hits, np.float32(np.inf))
         veiled = self._veiled(seen)
-        sigma = np.where(veiled > FAR_M, self._config.range_sigma_far_m, self._config.range_sigma_m)
-        ranges = veiled + sigma * self._rng.standard_normal(veiled.size)
+        ranges = veiled + self._errors(veiled, incidence)
+        if self._config.range_step_m:
+            ranges = np.round(ranges / self._config.range_step_m) * self._config.range_step_m
         ranges[ranges > self._config.range_max_m] = np.inf
         ranges[ranges < self._config.range_min_m] = -np.inf
         return np.asarray(ranges, np.float32)
+
+    def _errors(self, ranges: Ranges, incidence: Ranges) -> Array:
+        """(N,) errors: noise and bias, neither more than the data sheet's accuracy."""
+        far = ranges > FAR_M
+        sigma = np.where(far, self._config.range_sigma_far_m, self._config.range_sigma_m)
+        limit = np.where(far, self._config.range_limit_far_m, self._config.range_limit_m)
+        errors = sigma * self._rng.standard_normal(ranges.size)
+        if self._config.range_incidence_bias_m:
+            errors += self._config.range_incidence_bias_m * (1.0 - incidence)
+        return np.minimum(np.maximum(errors, -limit), limit)
 
     def _veiled(self, ranges: Ranges) -> Ranges:
         """At a depth edge the beam's spot lies on two surfaces, and now and then the sensor returns a range between them."""

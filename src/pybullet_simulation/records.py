@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,7 +102,7 @@ class ImuSample:
 
 @dataclass(frozen=True)
 class WheelOdometry:
-    """Forward speed (m/s) and turn rate (rad/s) from the encoders, mean over the tick, by the drive's own kinematics."""
+    """Forward speed (m/s) and turn rate (rad/s) from the encoders, mean over the 0.05 s before the stamp, by the drive's own kinematics."""
 
     stamp_s: float
     v: float
@@ -127,19 +128,53 @@ class Contact:
     force_n: float
 
 
+Sample = Scan | Revolution | JointSample | ImuSample | WheelOdometry
+S = TypeVar("S", Scan, Revolution, JointSample, ImuSample, WheelOdometry)
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """A sample of the sensor that is heard on `topic`, and when its message comes."""
+
+    time_s: float
+    topic: str
+    sample: Sample
+
+
 @dataclass(frozen=True)
 class TickData:
-    """All that the sensors measured during one tick of 0.05 s that ends at `stamp_s`, and the truth about it.
-
-    With the spinning lidar there are no `scans`; `revolution` is the one that ended with this tick, None in every other tick.
-    """
+    """What came of the sensors in a tick of 0.05 s that ends at `stamp_s`, in the order in which it came, and the truth about the tick."""
 
     stamp_s: float
-    scans: tuple[Scan, ...]
-    joints: tuple[JointSample, ...]
-    imu: tuple[ImuSample, ...]
-    wheel_odometry: WheelOdometry
+    deliveries: tuple[Delivery, ...]
     truth: Truth
     contacts: tuple[Contact, ...]
     sweeping: bool
-    revolution: Revolution | None = None
+
+    @property
+    def scans(self) -> tuple[Scan, ...]:
+        """Of the laser."""
+        return self._of(Scan)
+
+    @property
+    def revolutions(self) -> tuple[Revolution, ...]:
+        """Of the spinning lidar."""
+        return self._of(Revolution)
+
+    @property
+    def joints(self) -> tuple[JointSample, ...]:
+        """Of the joints' encoders."""
+        return self._of(JointSample)
+
+    @property
+    def imu(self) -> tuple[ImuSample, ...]:
+        """Of the IMU."""
+        return self._of(ImuSample)
+
+    @property
+    def wheel_odometry(self) -> tuple[WheelOdometry, ...]:
+        """Of the drive's controller."""
+        return self._of(WheelOdometry)
+
+    def _of(self, kind: type[S]) -> tuple[S, ...]:
+        return tuple(d.sample for d in self.deliveries if isinstance(d.sample, kind))

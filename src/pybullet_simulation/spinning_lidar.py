@@ -23,24 +23,17 @@ class SpinningLidar:
         """`rng` feeds the noise of this lidar alone."""
         self._geometry = LidarGeometry(lidar.columns)
         self._caster, self._errors = BeamCaster(config, robot, world), RangeErrors(config, rng)
-        self._first_half: Revolution | None = None
 
-    def half_turn(self, motion: Motion, begin_s: float) -> Revolution | None:
-        """Goes on by half a revolution, over a motion of one tick that begins at `begin_s`; the whole one with its second half."""
-        first = self._first_half
-        half = self._measured(motion, begin_s, 0 if first is None else 1)
-        self._first_half = half if first is None else None
-        return None if first is None else _joined(first, half)
-
-    def _measured(self, motion: Motion, begin_s: float, part: int) -> Revolution:
+    def revolution(self, motion: Motion, start_s: float, stamp_s: float) -> Revolution:
+        """The revolution that begins `start_s` seconds from the motion's first step, and is stamped `stamp_s`."""
         geometry = self._geometry
-        columns = np.arange(geometry.columns // 2) + part * (geometry.columns // 2)
+        columns = np.arange(geometry.columns)
         directions = geometry.directions(columns)
         times = np.broadcast_to(columns * geometry.column_s, directions.shape[:2])
-        since_begin = times - part * geometry.duration_s / 2
-        hits = self._caster.hits(directions.reshape(-1, 3), since_begin.ravel(), motion).reshape(times.shape)
-        ranges = np.stack([self._errors.measured(ring) for ring in hits])
-        return _revolution(begin_s, ranges, directions, times)
+        found = self._caster.hits(directions.reshape(-1, 3), start_s + times.ravel(), motion)
+        hits, incidence = (values.reshape(times.shape) for values in found)
+        ranges = np.stack([self._errors.measured(*ring) for ring in zip(hits, incidence, strict=True)])
+        return _revolution(stamp_s, ranges, directions, times)
 
 
 def _revolution(stamp_s: float, ranges: NDArray[np.float32], directions: Array, times: Array) -> Revolution:
@@ -49,12 +42,3 @@ def _revolution(stamp_s: float, ranges: NDArray[np.float32], directions: Array, 
     points = np.where(np.isfinite(ranges), ranges, np.float32(np.nan))[..., None] * directions
     kept = ~np.isneginf(ranges.T)
     return Revolution(stamp_s, points.transpose(1, 0, 2)[kept].astype(np.float32), rings.T[kept], times.T[kept].astype(np.float32))
-
-
-def _joined(first: Revolution, second: Revolution) -> Revolution:
-    return Revolution(
-        first.stamp_s,
-        np.concatenate([first.points, second.points]),
-        np.concatenate([first.rings, second.rings]),
-        np.concatenate([first.times_s, second.times_s]),
-    )

@@ -82,8 +82,15 @@ def raycasting_scene(vertices: Array, triangles: NDArray[np.int32]) -> o3d.t.geo
 
 def nearest_hits(scene: o3d.t.geometry.RaycastingScene, rays: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N,) distance along each of (N, 6) rays (origin, unit direction) to the first hit; inf where there is none."""
-    hits: NDArray[np.float32] = scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)["t_hit"].numpy()
-    return hits
+    return hits_and_incidence(scene, rays)[0]
+
+
+def hits_and_incidence(scene: o3d.t.geometry.RaycastingScene, rays: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The same, and (N,) the cosine between ray and the hit triangle's normal, 0 to 1; any where there is no hit."""
+    found = scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)
+    hits: NDArray[np.float32] = found["t_hit"].numpy()
+    cosines: NDArray[np.float32] = np.abs(np.einsum("ij,ij->i", found["primitive_normals"].numpy(), rays[:, 3:]))
+    return hits, cosines
 
 
 def nearest_normal(scene: o3d.t.geometry.RaycastingScene, point: tuple[float, float, float]) -> NDArray[np.float32]:

@@ -4,6 +4,7 @@ from collections import deque
 
 import numpy as np
 
+from rigid_geometry.stamped_buffer import JUMP_BACK_S
 from rigid_geometry.transforms import Transform, as_transform, interpolate_transforms
 
 _KEPT_POSES = 400
@@ -16,14 +17,17 @@ class PoseHistory:
         self._stamps: deque[float] = deque(maxlen=_KEPT_POSES)
         self._poses: deque[Transform] = deque(maxlen=_KEPT_POSES)
 
-    def add(self, stamp_s: float, T: Transform) -> None:
-        """Takes a (4, 4) pose; ValueError when it is not rigid."""
+    def add(self, stamp_s: float, T: Transform) -> bool:
+        """Whether it takes the (4, 4) pose: one that is late or doubled is left out. ValueError when it is not rigid."""
         pose = as_transform(T)
         if self._stamps and stamp_s <= self._stamps[-1]:
+            if stamp_s > self._stamps[-1] - JUMP_BACK_S:
+                return False
             self._stamps.clear()
             self._poses.clear()
         self._stamps.append(stamp_s)
         self._poses.append(pose)
+        return True
 
     def reaches(self, stamp_s: float) -> bool:
         """True when a pose at or after `stamp_s` is there."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 V = TypeVar("V")
 
+JUMP_BACK_S = 0.5  # a stamp so much older than its topic's newest is no late message: the clock was set back
 STAMP_TOLERANCE_S = 1e-6  # stamps nearer than this are the same instant: sums of periods and nanoseconds round differently
 
 

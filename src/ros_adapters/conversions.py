@@ -13,8 +13,9 @@ from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid
+from point_cloud2 import PointTable, read_points
 from rigid_geometry import quat_xyzw_from_transform, transform_from_quat, transform_from_rpy
-from sweep_assembly import ScanGeometry
+from sweep_assembly import Scan, ScanGeometry
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -78,60 +79,51 @@ def cloud_arrays(message: PointCloud2, expected_frame: str | None = None) -> tup
     """
     if expected_frame is not None and message.header.frame_id != expected_frame:
         raise ValueError(f"cloud in frame {message.header.frame_id!r}, expected {expected_frame!r}")
-    table = _finite_rows(message, CLOUD_FIELDS)
-    return np.ascontiguousarray(table[:, :3]), np.ascontiguousarray(table[:, 3:])
+    table, origins = _hits(message)
+    return _singles(table.points), _singles(origins)
 
 
 def cloud_arrays_with_normals(message: PointCloud2) -> tuple[Singles, Singles, Singles | None]:
-    """`cloud_arrays`, and (N, 3) normals where the cloud has them."""
-    if not {f.name for f in message.fields} >= set(NORMAL_FIELDS):
-        return *cloud_arrays(message), None
-    table = _finite_rows(message, CLOUD_FIELDS + NORMAL_FIELDS)
-    return table[:, :3], table[:, 3:6], table[:, 6:]
+    """`cloud_arrays`, and (N, 3) normals where the cloud has them; points whose normal is not finite are left out."""
+    table, origins = _hits(message)
+    if table.normals is None:
+        return _singles(table.points), _singles(origins), None
+    known = np.isfinite(table.normals).all(axis=1)
+    return _singles(table.points[known]), _singles(origins[known]), _singles(table.normals[known])
 
 
-def _finite_rows(message: PointCloud2, names: tuple[str, ...]) -> Singles:
-    """(N, len(names)) float32 columns of a cloud, without rows that are not finite; ValueError when it cannot be read."""
-    offsets = {f.name: f.offset for f in message.fields if f.datatype == PointField.FLOAT32}
-    missing = [name for name in names if name not in offsets]
-    if missing:
-        raise ValueError(f"cloud without float32 fields {', '.join(missing)}")
-    count = message.width * message.height
-    if count == 0:
-        raise ValueError("cloud without points")
-    if message.is_bigendian or len(message.data) < count * message.point_step or message.point_step < max(offsets.values()) + 4:
-        raise ValueError(f"cloud of {count} points with {len(message.data)} bytes of step {message.point_step} cannot be read")
-    itemsize = message.point_step
-    layout = np.dtype({"names": names, "formats": ["<f4"] * len(names), "offsets": [offsets[n] for n in names], "itemsize": itemsize})
-    raw = np.frombuffer(message.data, dtype=layout, count=count)
-    table = np.stack([raw[name] for name in names], axis=1)
-    finite = np.isfinite(table).all(axis=1)
-    if not finite.any():
-        raise ValueError(f"none of the cloud's {count} points is finite")
-    return table if finite.all() else table[finite]
+def _hits(message: PointCloud2) -> tuple[PointTable, NDArray[np.floating]]:
+    table = read_points(message)
+    if table.origins is None:
+        raise ValueError("cloud without float fields vp_x, vp_y, vp_z, where its beams started")
+    if not len(table.points):
+        raise ValueError(f"cloud of {message.height} x {message.width} points, none of which is finite")
+    return table, table.origins
 
 
-def scan_ranges(message: LaserScan) -> Singles:
-    return np.asarray(message.ranges, dtype=np.float32)
+def _singles(vectors: NDArray[np.floating]) -> Singles:
+    return np.ascontiguousarray(vectors, np.float32)
 
 
-def scan_geometry(message: LaserScan) -> ScanGeometry:
-    """The beams' layout; ValueError when it is none."""
-    return ScanGeometry(message.angle_min, message.angle_increment, message.time_increment, len(message.ranges))
+def scan_of(message: LaserScan) -> Scan:
+    """The scan with its layout and limits; ValueError when they are none."""
+    geometry = ScanGeometry(message.angle_min, message.angle_increment, message.time_increment, len(message.ranges))
+    return Scan(geometry, np.asarray(message.ranges, np.float32), message.range_min, message.range_max, message.scan_time)
 
 
-def scan_like(message: LaserScan, ranges: Singles, *, range_max: float | None = None) -> LaserScan:
-    """A scan with the same beams and stamp and other ranges."""
+def scan_message(stamp_s: float, frame: str, scan: Scan) -> LaserScan:
+    """The message of a scan: `scan_of` gives it back."""
+    geometry = scan.geometry
     return LaserScan(
-        header=message.header,
-        angle_min=message.angle_min,
-        angle_max=message.angle_max,
-        angle_increment=message.angle_increment,
-        time_increment=message.time_increment,
-        scan_time=message.scan_time,
-        range_min=message.range_min,
-        range_max=message.range_max if range_max is None else range_max,
-        ranges=ranges.tolist(),
+        header=header(stamp_s, frame),
+        angle_min=geometry.angle_min,
+        angle_max=geometry.angle_min + (geometry.count - 1) * geometry.angle_increment,
+        angle_increment=geometry.angle_increment,
+        time_increment=geometry.time_increment,
+        scan_time=scan.period_s,
+        range_min=scan.range_min_m,
+        range_max=scan.range_max_m,
+        ranges=scan.ranges.tolist(),
     )
 
 

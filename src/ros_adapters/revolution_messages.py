@@ -8,10 +8,10 @@ import rospy
 from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan, PointCloud2, PointField
 
-from ros_adapters.conversions import header
+from point_cloud2 import read_beams
+from ros_adapters.conversions import header, stamp_of
 from sweep_assembly import LEVEL_BEAMS, LidarConfig, Revolution
 
-_NUMPY_TYPE = {PointField.UINT8: "u1", PointField.UINT16: "<u2", PointField.FLOAT32: "<f4"}
 _NAMES = ["x", "y", "z", "ring", "time"]
 _LAYOUT = np.dtype({"names": _NAMES, "formats": ["<f4", "<f4", "<f4", "<u2", "<f4"], "offsets": [0, 4, 8, 12, 14], "itemsize": 18})
 _FIELDS = [
@@ -52,23 +52,10 @@ def revolution_message(
 
 
 def revolution_of(message: PointCloud2, frame: str) -> Revolution:
-    """The beams of a cloud; ValueError for another frame than `frame`, without x y z ring time, or a cut buffer."""
+    """The beams of a cloud; ValueError for another frame than `frame`, without rings or times, or when it cannot be read."""
     if message.header.frame_id != frame:
         raise ValueError(f"cloud in frame {message.header.frame_id!r}, expected {frame!r}")
-    found = {f.name: f for f in message.fields if f.datatype in _NUMPY_TYPE}
-    missing = [name for name in _NAMES if name not in found]
-    if missing:
-        raise ValueError(f"cloud without fields {', '.join(missing)}")
-    fields = [found[name] for name in _NAMES]
-    count, formats = message.width * message.height, [_NUMPY_TYPE[f.datatype] for f in fields]
-    reach = max(f.offset + np.dtype(kind).itemsize for f, kind in zip(fields, formats, strict=True))
-    if message.is_bigendian or len(message.data) < count * message.point_step or message.point_step < reach:
-        raise ValueError(f"cloud of {count} points with {len(message.data)} bytes of step {message.point_step} cannot be read")
-    layout = np.dtype({"names": _NAMES, "formats": formats, "offsets": [f.offset for f in fields], "itemsize": message.point_step})
-    table = np.frombuffer(message.data, layout, count)
-    points = np.stack([table[name] for name in "xyz"], axis=1).astype(np.float32)
-    points[~np.isfinite(points).all(axis=1)] = np.nan
-    return Revolution(points, table["ring"].astype(np.uint16), table["time"].astype(np.float64))
+    return Revolution.of(read_beams(message, stamp_of(message)))
 
 
 def level_scan_message(end_stamp_s: float, frame: str, ranges: NDArray[np.float32], lidar: LidarConfig, range_max: float) -> LaserScan:

@@ -16,7 +16,7 @@ from exploration_evaluation import evaluate_run, format_summary, read_mesh, writ
 from exploration_evaluation.pictures import draw_pictures
 from exploration_evaluation.verdict import Fault, succeeded_alone
 from rigid_geometry import quat_xyzw_from_transform
-from robot_body import RobotBody, robot_mapping
+from robot_body import DESCRIPTION, RobotBody, robot_mapping
 from ros_adapters.conversions import stamp_of
 
 VERSION = "0.1.0"
@@ -52,6 +52,8 @@ class RunLog:
             self._events_file.write("stamp_s,wall_s,state,reason,sweeps\n")
             write_json(out / "run.json", self._run_description())
             (out / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(robot), sort_keys=False))
+            if description := parameters.get("robot_description"):
+                (out / DESCRIPTION).write_text(str(description))
 
     def _run_description(self) -> dict[str, Any]:
         section = self._parameters.get("exploration_monitor_node")

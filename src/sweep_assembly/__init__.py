@@ -1,15 +1,17 @@
 """Preprocessing of the laser (thesis 5.3): scans are cleaned, horizontal ones cut short, and the scans of a sweep become one cloud.
 
-Stands between the laser's driver and the mapping: `ScanFilter` sees every scan, `SweepAssembler` gives one `Sweep` a turn of the tilt.
-For a spinning lidar on the same mount `RevolutionChain` stands in `ScanFilter`'s place, and the assembler takes `LidarRevolutions`.
+Stands between the laser's driver and the mapping: `ScanChain` filters every scan, `SweepAssembler` gives one `Sweep` a turn of the tilt.
+For a spinning lidar on the same mount `RevolutionChain` stands in `ScanChain`'s place, and the assembler takes `LidarRevolutions`.
 """
 
 from sweep_assembly.assembler import Sweep, SweepAssembler, SweepAssemblyConfig
-from sweep_assembly.beams import LidarRevolutions
+from sweep_assembly.beams import LaserScans, LidarRevolutions
 from sweep_assembly.geometry import ScanGeometry, TiltGeometry
 from sweep_assembly.revolution import LidarConfig, Revolution
 from sweep_assembly.revolution_chain import LEVEL_BEAMS, FilteredRevolution, RevolutionChain
 from sweep_assembly.revolution_filter import RevolutionFilter
+from sweep_assembly.scan import Scan
+from sweep_assembly.scan_chain import FilteredScan, ScanChain
 from sweep_assembly.scan_filter import ScanFilter, ScanFilterConfig
 from sweep_assembly.sweep_window import SweepWindow, SweepWindowDetector
 from sweep_assembly.tilt_history import TiltHistory
@@ -17,11 +19,15 @@ from sweep_assembly.tilt_history import TiltHistory
 __all__ = [
     "LEVEL_BEAMS",
     "FilteredRevolution",
+    "FilteredScan",
+    "LaserScans",
     "LidarConfig",
     "LidarRevolutions",
     "Revolution",
     "RevolutionChain",
     "RevolutionFilter",
+    "Scan",
+    "ScanChain",
     "ScanFilter",
     "ScanFilterConfig",
     "ScanGeometry",

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigid_geometry import Arrival, StampedBuffer, as_transform, interpolate_transforms, inverse
 from stage_config import check_ranges, parameter
-from sweep_assembly.beams import STAMP_TOLERANCE_S, FreeBeams, LaserScans, Sensor
-from sweep_assembly.geometry import FloatArray, ScanGeometry, TiltGeometry
+from sweep_assembly.beams import STAMP_TOLERANCE_S, FreeBeams, Sensor
+from sweep_assembly.geometry import FloatArray, TiltGeometry
 from sweep_assembly.stray_points import stray_points
 from sweep_assembly.sweep_window import SweepWindow, SweepWindowDetector
 
@@ -77,13 +77,14 @@ class Sweep:
 class SweepAssembler:
     """Collects joints, odometry and scans, and gives out each sweep once."""
 
-    def __init__(self, config: SweepAssemblyConfig, sensor: ScanGeometry | Sensor, tilt_geometry: TiltGeometry) -> None:
-        """For a laser of this geometry or another sensor; ValueError when the configuration is wrong."""
+    def __init__(self, config: SweepAssemblyConfig, sensor: Sensor, tilt_geometry: TiltGeometry) -> None:
+        """For a sensor on a tilting mount; ValueError when the configuration is wrong."""
         problems = config.validate()
         if problems:
             raise ValueError("; ".join(problems))
         self._config = config
-        self._sensor: Sensor = LaserScans(sensor) if isinstance(sensor, ScanGeometry) else sensor
+        self._sensor = sensor
+        self._longest_s = 0.0  # that a reading took so far
         self._tilt_geometry = tilt_geometry
         self._dropped: Counter[str] = Counter()
         self._reset()
@@ -122,7 +123,7 @@ class SweepAssembler:
             self._odometry.append(stamp_s, pose)
 
     def add_scan(self, stamp_s: float, filtered: object) -> None:
-        """Takes a filtered reading, of a laser (n,) ranges, with the stamp of the first beam; only what was hit becomes points.
+        """Takes a filtered reading, of a laser a `Scan`, with the stamp of the first beam; only what was hit becomes points.
 
         ValueError for one of another sensor. What is late or repeated is dropped and counted.
         """
@@ -131,6 +132,7 @@ class SweepAssembler:
             self._dropped["scan_not_finite"] += 1
         elif self._arrives(self._scans, stamp_s):
             self._scans.append(stamp_s, reading)
+            self._longest_s = max(self._longest_s, self._sensor.duration_of(reading))
 
     def poll(self) -> Sweep | None:
         """The oldest sweep that is complete and was not given out yet. Call until it returns None."""
@@ -170,7 +172,7 @@ class SweepAssembler:
             return
         self._joints.forget_before(needed_from)
         self._odometry.forget_before(needed_from)
-        self._scans.forget_before(needed_from - self._sensor.duration_s)
+        self._scans.forget_before(needed_from - self._longest_s)
 
     def _assemble(self, window: SweepWindow) -> Sweep | None:
         stamps, scans = self._usable_scans(window)
@@ -196,10 +198,10 @@ class SweepAssembler:
 
     def _usable_scans(self, window: SweepWindow) -> tuple[FloatArray, list[Any]]:
         """Scans that overlap the window, less those with too long a pause of joints or odometry around them."""
-        duration = self._sensor.duration_s
-        stamps, scans = self._scans.between(window.start_stamp_s - duration, window.end_stamp_s)
-        blind = _overlaps_gap(stamps, stamps + duration, self._joints.stamps, self._config.max_joint_gap_s, window)
-        lost = _overlaps_gap(stamps, stamps + duration, self._odometry.stamps, self._config.max_odometry_gap_s, window) & ~blind
+        stamps, scans = self._scans.between(window.start_stamp_s - self._longest_s, window.end_stamp_s)
+        ends = stamps + [self._sensor.duration_of(scan) for scan in scans]
+        blind = _overlaps_gap(stamps, ends, self._joints.stamps, self._config.max_joint_gap_s, window)
+        lost = _overlaps_gap(stamps, ends, self._odometry.stamps, self._config.max_odometry_gap_s, window) & ~blind
         self._count("scan_without_joints", blind)
         self._count("scan_without_odometry", lost)
         usable = ~(blind | lost)

@@ -7,8 +7,9 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sweep_assembly.geometry import FloatArray, ScanGeometry
+from sweep_assembly.geometry import FloatArray
 from sweep_assembly.revolution import LidarConfig, Revolution, free_directions
+from sweep_assembly.scan import Scan
 
 STAMP_TOLERANCE_S = 1e-6
 
@@ -41,8 +42,7 @@ class FreeBeams:
 class Sensor(Protocol[Reading]):
     """Readings of one kind, a scan or a revolution each."""
 
-    @property
-    def duration_s(self) -> float:
+    def duration_of(self, reading: Reading) -> float:
         """Seconds from the first beam of a reading to the last one."""
 
     def checked(self, reading: object) -> Reading:
@@ -55,35 +55,31 @@ class Sensor(Protocol[Reading]):
         """The beams of readings that were fired within a span of time."""
 
 
-@dataclass(frozen=True)
 class LaserScans:
-    """A 2-D laser's: (n,) ranges, finite where something was hit and +inf where nothing is in range."""
+    """A 2-D laser's: one `Scan` after the other, finite where something was hit and +inf where nothing is in range."""
 
-    geometry: ScanGeometry
+    def duration_of(self, reading: Scan) -> float:
+        return reading.geometry.duration_s
 
-    @property
-    def duration_s(self) -> float:
-        return self.geometry.duration_s
-
-    def checked(self, reading: object) -> NDArray[np.float32]:
-        ranges = np.array(reading, dtype=np.float32)
-        if ranges.shape != (self.geometry.count,):
-            raise ValueError(f"a scan of this laser has shape ({self.geometry.count},), not {ranges.shape}")
-        return ranges
+    def checked(self, reading: object) -> Scan:
+        if not isinstance(reading, Scan):
+            raise ValueError(f"a reading of a laser is a Scan, not {type(reading).__name__}")
+        return reading
 
     def known_until(self, stamp_s: float) -> float:
         return stamp_s  # the laser looks away for a part of its turn: the scan's last beam does not tell when the next begins
 
-    def beams(self, stamps_s: FloatArray, readings: Sequence[NDArray[np.float32]], span_s: tuple[float, float], free: FreeBeams) -> Beams:
-        times, ranges = stamps_s[:, None] + self.geometry.beam_times, np.stack(readings)
+    def beams(self, stamps_s: FloatArray, readings: Sequence[Scan], span_s: tuple[float, float], free: FreeBeams) -> Beams:
+        return _joined([self._beams(stamp, one, span_s, free) for stamp, one in zip(stamps_s, readings, strict=True)])
+
+    def _beams(self, stamp_s: float, scan: Scan, span_s: tuple[float, float], free: FreeBeams) -> Beams:
+        times, ranges, directions = stamp_s + scan.geometry.beam_times, scan.ranges, scan.geometry.directions
         inside = _inside(times, span_s)
-        hits = np.nonzero(inside & np.isfinite(ranges))
-        empty = inside & np.isposinf(ranges)
-        empty[:, np.arange(self.geometry.count) % free.stride != 0] = False
-        nothing = np.nonzero(empty)
-        directions = self.geometry.directions
-        ends, free_ends = ranges[hits][:, None] * directions[hits[1]], free.range_m * directions[nothing[1]]
-        return Beams(times[hits], ends, times[nothing], free_ends, int(np.unique(hits[0]).size))
+        hits = np.flatnonzero(inside & np.isfinite(ranges))
+        nothing = np.flatnonzero(inside & np.isposinf(ranges))
+        nothing = nothing[nothing % free.stride == 0]
+        ends, free_ends = ranges[hits, None] * directions[hits], min(free.range_m, scan.range_max_m) * directions[nothing]
+        return Beams(times[hits], ends, times[nothing], free_ends, int(hits.size > 0))
 
 
 @dataclass(frozen=True)
@@ -92,8 +88,7 @@ class LidarRevolutions:
 
     config: LidarConfig
 
-    @property
-    def duration_s(self) -> float:
+    def duration_of(self, reading: Revolution) -> float:
         return self.config.duration_s
 
     def checked(self, reading: object) -> Revolution:
@@ -102,17 +97,10 @@ class LidarRevolutions:
         return reading
 
     def known_until(self, stamp_s: float) -> float:
-        return stamp_s + self.duration_s
+        return stamp_s + self.config.duration_s
 
     def beams(self, stamps_s: FloatArray, readings: Sequence[Revolution], span_s: tuple[float, float], free: FreeBeams) -> Beams:
-        parts = [self._beams(stamp, one, span_s, free) for stamp, one in zip(stamps_s, readings, strict=True)]
-        return Beams(
-            np.concatenate([part.times_s for part in parts]),
-            np.concatenate([part.hits for part in parts]),
-            np.concatenate([part.free_times_s for part in parts]),
-            np.concatenate([part.free_ends for part in parts]),
-            sum(part.scans for part in parts),
-        )
+        return _joined([self._beams(stamp, one, span_s, free) for stamp, one in zip(stamps_s, readings, strict=True)])
 
     def _beams(self, stamp_s: float, whole: Revolution, span_s: tuple[float, float], free: FreeBeams) -> Beams:
         inside, nothing = _inside(stamp_s + whole.times_s, span_s), whole.met_nothing
@@ -122,6 +110,16 @@ class LidarRevolutions:
         hit, free_times = inside & ~nothing, stamp_s + whole.times_s[nothing][thinned]
         hits = whole.points[hit].astype(np.float64)
         return Beams(stamp_s + whole.times_s[hit], hits, free_times, free.range_m * directions[thinned], int(hit.any()))
+
+
+def _joined(parts: Sequence[Beams]) -> Beams:
+    return Beams(
+        np.concatenate([part.times_s for part in parts]),
+        np.concatenate([part.hits for part in parts]),
+        np.concatenate([part.free_times_s for part in parts]),
+        np.concatenate([part.free_ends for part in parts]),
+        sum(part.scans for part in parts),
+    )
 
 
 def _inside(times_s: FloatArray, span_s: tuple[float, float]) -> NDArray[np.bool_]:

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ScanGeometry:
-    """The layout that all scans of one laser share, as in sensor_msgs/LaserScan; ValueError when it is none.
+    """The layout of a scan's beams, as in sensor_msgs/LaserScan; ValueError when it is none.
 
     Beam i points along (cos a, sin a, 0) in `laser` with a = angle_min + i * angle_increment (rad), and is fired
     i * time_increment seconds after the scan's stamp.
@@ -43,11 +43,18 @@ class ScanGeometry:
         """(count,) seconds from the scan's stamp to each beam."""
         return np.arange(self.count, dtype=np.float64) * self.time_increment
 
-    @cached_property
+    @property
     def directions(self) -> FloatArray:
         """(count, 3) unit vectors of the beams in `laser`."""
-        angles = self.angle_min + self.angle_increment * np.arange(self.count)
-        return np.stack([np.cos(angles), np.sin(angles), np.zeros(self.count)], axis=1)
+        return _directions(self.angle_min, self.angle_increment, self.count)
+
+
+@lru_cache(maxsize=8)
+def _directions(angle_min: float, angle_increment: float, count: int) -> FloatArray:
+    angles = angle_min + angle_increment * np.arange(count)
+    directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(count)], axis=1)
+    directions.setflags(write=False)  # all scans of this layout share it
+    return directions
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from point_cloud2 import BeamCloud
+from point_cloud2.driver_fields import Use, fields_for
 from stage_config import check_ranges, parameter
 
 FloatArray = NDArray[np.float64]
@@ -59,6 +61,15 @@ class Revolution:
             raise ValueError(f"a revolution has (N, 3) points, (N,) rings and (N,) times, not {shapes}")
         object.__setattr__(self, "times_s", self.times_s.astype(np.float64))  # stamps are added to them
 
+    @classmethod
+    def of(cls, cloud: BeamCloud) -> "Revolution":
+        """The beams of a driver's cloud in the order of their times; ValueError when it does not tell rings and times."""
+        if cloud.rings is None or cloud.times_s is None:
+            missing = [" or ".join(f.names[0] for f in fields_for(u)) for u in _untold(cloud)]
+            raise ValueError(f"cloud without fields {', '.join(missing)}: a lidar that moves is mapped by the time of every beam")
+        order = np.argsort(cloud.times_s, kind="stable")
+        return cls(cloud.points[order].astype(np.float32), cloud.rings[order], cloud.times_s[order])
+
     @property
     def met_nothing(self) -> NDArray[np.bool_]:
         """(N,) whether nothing was in the beam's range."""
@@ -67,6 +78,22 @@ class Revolution:
     def kept(self, rows: NDArray[np.bool_] | NDArray[np.intp]) -> "Revolution":
         """The beams where `rows` (N,) is true, or whose numbers they are."""
         return Revolution(self.points[rows], self.rings[rows], self.times_s[rows])
+
+
+def _untold(cloud: BeamCloud) -> list[Use]:
+    return ([Use.RING] if cloud.rings is None else []) + ([Use.TIME, Use.TIME_OF_DAY] if cloud.times_s is None else [])
+
+
+def counted_from_below(revolution: Revolution, config: LidarConfig) -> Revolution:
+    """The same with rings that count upwards, as some drivers count downwards; ValueError for more rings than the lidar has."""
+    if len(revolution.rings) and revolution.rings.max() >= config.rings:
+        raise ValueError(f"cloud of ring {revolution.rings.max()}, of a lidar with {config.rings} rings: set lidar/rings and its angles")
+    seen = np.flatnonzero(~revolution.met_nothing)[:: 1 + int((~revolution.met_nothing).sum()) // ENOUGH_TO_FIT]
+    rings = revolution.rings[seen].astype(np.float64)
+    heights = revolution.points[seen, 2] / np.linalg.norm(revolution.points[seen], axis=1)
+    if not len(seen) or ((rings - rings.mean()) * heights).sum() >= 0.0:
+        return revolution
+    return Revolution(revolution.points, config.rings - 1 - revolution.rings, revolution.times_s)
 
 
 def free_directions(revolution: Revolution, config: LidarConfig) -> FloatArray:

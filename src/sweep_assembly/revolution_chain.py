@@ -11,19 +11,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer, as_transform, interpolate_transforms, inverse
+from rigid_geometry import JUMP_BACK_S, STAMP_TOLERANCE_S, Arrival, StampedBuffer, as_transform, interpolate_transforms, inverse
 from robot_body import RobotBody
 from sweep_assembly.assembler import along_nodes
 from sweep_assembly.geometry import FloatArray, TiltGeometry
-from sweep_assembly.revolution import LidarConfig, Revolution, free_directions
+from sweep_assembly.revolution import LidarConfig, Revolution, counted_from_below, free_directions
 from sweep_assembly.revolution_filter import RevolutionFilter
 from sweep_assembly.scan_filter import ScanFilterConfig
 from sweep_assembly.tilt_history import TiltHistory
 
-JUMP_BACK_S = 0.5
 BUFFER_S = 5.0
 MOST_TICKS = 100
-KEPT_TILTS = 1000  # a mount whose joint is sampled a thousand times a second takes a hundred in a revolution
 TURN_SLACK_S = 0.002  # by which a turn may begin before its stamp
 LONGEST_TURNS = 1.05  # a motor's speed is not exact
 POSES = 21  # of the laser in a revolution, and linear between: 1 rad/s bends a 2.5 m beam by 0.01 mm
@@ -57,7 +55,7 @@ class RevolutionChain:
         self._reset()
 
     def _reset(self) -> None:
-        self._tilts = TiltHistory(KEPT_TILTS)
+        self._tilts = TiltHistory()
         self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", JUMP_BACK_S, BUFFER_S, self.dropped)
         self._waiting: StampedBuffer[Revolution] = StampedBuffer("revolution", JUMP_BACK_S, BUFFER_S, self.dropped)
         self._ticks: list[float] = []
@@ -75,16 +73,23 @@ class RevolutionChain:
             self._ticks = [*self._ticks[-MOST_TICKS:], stamp_s]
 
     def add_revolution(self, stamp_s: float, revolution: Revolution) -> None:
-        """Takes a revolution with the stamp of its first beam; ValueError when its beams' times are not of the turn after it.
+        """Takes a revolution as its driver stamps it, with its first beam or its last; ValueError when it is not one turn around the stamp.
 
         What is late is dropped and counted.
         """
-        times_s, longest_s = revolution.times_s, LONGEST_TURNS * self._lidar.duration_s
-        if times_s.size and not (times_s.min() > -TURN_SLACK_S and times_s.max() < longest_s):
-            said = f"{times_s.min():.4f} to {times_s.max():.4f} s"
-            raise ValueError(f"beams of a revolution are 0 to {self._lidar.duration_s:.3f} s after its stamp, not {said}")
+        stamp_s, turn = self._from_first_beam(stamp_s, counted_from_below(revolution, self._lidar))
         if self._arrives(self._waiting, stamp_s):
-            self._waiting.append(stamp_s, revolution)
+            self._waiting.append(stamp_s, turn)
+
+    def _from_first_beam(self, stamp_s: float, revolution: Revolution) -> tuple[float, Revolution]:
+        times_s, longest_s = revolution.times_s, LONGEST_TURNS * self._lidar.duration_s
+        if not times_s.size or (times_s.min() > -TURN_SLACK_S and times_s.max() < longest_s):
+            return stamp_s, revolution
+        if np.ptp(times_s) < longest_s and abs(times_s.min()) < longest_s:
+            first_s = float(times_s.min())
+            return stamp_s + first_s, Revolution(revolution.points, revolution.rings, times_s - first_s)
+        said = f"{times_s.min():.4f} to {times_s.max():.4f} s"
+        raise ValueError(f"beams of a revolution are within one turn, {self._lidar.duration_s:.3f} s, of its stamp, not {said} after it")
 
     def _arrives(self, buffer: StampedBuffer[FloatArray] | StampedBuffer[Revolution], stamp_s: float) -> bool:
         arrival = buffer.judge(stamp_s)

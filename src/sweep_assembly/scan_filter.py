@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from robot_body import RobotBody
 from stage_config import check_ranges, parameter
 from sweep_assembly.geometry import FloatArray, ScanGeometry, TiltGeometry
+from sweep_assembly.scan import Ranges, Scan
 
-Ranges = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 NOTHING_IN_RANGE_M = 1e6  # stands for +inf where differences of ranges are taken
 
@@ -59,86 +59,72 @@ class NeighbourLimits:
 
 
 class ScanFilter:
-    """Filters of one laser on one tilting mount; holds no state between scans."""
+    """Filters of a laser on a tilting mount; holds no state between scans, which may differ in layout and limits."""
 
-    def __init__(self, config: ScanFilterConfig, geometry: ScanGeometry, tilt_geometry: TiltGeometry, robot: RobotBody) -> None:
+    def __init__(self, config: ScanFilterConfig, tilt_geometry: TiltGeometry, robot: RobotBody) -> None:
         """ValueError when the configuration is wrong."""
         problems = config.validate()
         if problems:
             raise ValueError("; ".join(problems))
-        self._config, self._robot = config, robot
-        self._geometry = geometry
-        self._mount = tilt_geometry.T_base_mount
-        T = tilt_geometry.T_tilt_laser
-        self._directions_tilt = geometry.directions @ T[:3, :3].T
-        self._laser_in_tilt = T[:3, 3]
+        self._config, self._robot, self._mount = config, robot, tilt_geometry
         self._body_reach_m = body_reach(robot, tilt_geometry)
-        increment = abs(geometry.angle_increment)
-        self._limits = NeighbourLimits(
-            np.float32(math.sin(increment)),
-            np.float32(math.cos(increment)),
-            np.float32(math.tan(config.veiling_angle_rad)),
-            np.float32(config.veiling_min_jump_m),
-        )
 
-    def filter(self, ranges: ArrayLike, tilt_at_beam: ArrayLike) -> Ranges:
+    def filter(self, scan: Scan, tilt_at_beam: ArrayLike) -> Ranges:
         """(n,) float32 ranges in metres with NaN where the reading is no surface, +inf where nothing is in range (REP 117).
 
-        `ranges` is (n,); `tilt_at_beam` the tilt in radians, (n,) or a scalar. Where it is NaN the robot's body cannot be told
-        from obstacles, so readings near enough to be the body become NaN. ValueError on another number of beams.
+        `tilt_at_beam` is the tilt in radians, (n,) or a scalar. Where it is NaN the robot's body cannot be told from obstacles, so
+        readings near enough to be the body become NaN. ValueError on another number of tilts.
         """
-        limited = self._limit(self._checked(ranges))
-        veiled = self._veiled(limited)
-        body = self._on_body(limited, self._tilts(tilt_at_beam))
+        limited = self._limited(scan)
+        veiled = veiled_points(limited, self._limits(scan.geometry), self._config.veiling_max_points)
+        body = self._on_body(scan.geometry, limited, _tilts(scan, tilt_at_beam))
         limited[veiled] = np.nan
         limited[body] = np.nan
         return limited
 
-    def horizontal(self, ranges_filtered: ArrayLike, tilt: ArrayLike) -> Ranges:
-        """(n,) float32 ranges for the obstacle layer: all NaN unless the laser is horizontal, +inf beyond the short range.
+    def horizontal(self, filtered: Scan, tilt: ArrayLike) -> Scan:
+        """The scan for the obstacle layer: all NaN unless the laser is horizontal, +inf beyond the short range.
 
-        `ranges_filtered` is what `filter` returned, `tilt` (n,) or a scalar in radians. ValueError on another number of beams.
+        `filtered` has the ranges that `filter` returned; `tilt` (n,) or a scalar in radians. ValueError on another number of tilts.
         """
-        ranges = self._checked(ranges_filtered)
-        if not bool(np.all(np.abs(self._tilts(tilt)) <= self._config.horizontal_tolerance_rad)):
-            return np.full_like(ranges, np.nan)
-        ranges[ranges > self._config.horizontal_max_range_m] = np.inf
-        return ranges
+        tilts, reach_m = _tilts(filtered, tilt), min(self._config.horizontal_max_range_m, filtered.range_max_m)
+        ranges = filtered.ranges.copy()
+        if bool(np.all(np.abs(tilts) <= self._config.horizontal_tolerance_rad)):
+            ranges[ranges > reach_m] = np.inf
+        else:
+            ranges[:] = np.nan
+        return Scan(filtered.geometry, ranges, min(filtered.range_min_m, 0.5 * reach_m), reach_m, filtered.period_s)
 
-    def _checked(self, ranges: ArrayLike) -> Ranges:
-        copied = np.array(ranges, dtype=np.float32)
-        if copied.shape != (self._geometry.count,):
-            raise ValueError(f"a scan of this laser has shape ({self._geometry.count},), not {copied.shape}")
-        return copied
-
-    def _tilts(self, tilt: ArrayLike) -> FloatArray:
-        tilts = np.asarray(tilt, dtype=np.float64)
-        if tilts.shape not in ((), (self._geometry.count,)):
-            raise ValueError(f"tilt is a scalar or one value a beam ({self._geometry.count},), not {tilts.shape}")
-        return tilts
-
-    def _limit(self, ranges: Ranges) -> Ranges:
+    def _limited(self, scan: Scan) -> Ranges:
+        ranges = scan.readings()
         ranges[ranges > self._config.max_range_m] = np.inf
         ranges[ranges < self._config.min_range_m] = np.nan
         return ranges
 
-    def _veiled(self, ranges: Ranges) -> Mask:
-        return veiled_points(ranges, self._limits, self._config.veiling_max_points)
+    def _limits(self, geometry: ScanGeometry) -> NeighbourLimits:
+        increment = abs(geometry.angle_increment)
+        return NeighbourLimits(
+            np.float32(math.sin(increment)),
+            np.float32(math.cos(increment)),
+            np.float32(math.tan(self._config.veiling_angle_rad)),
+            np.float32(self._config.veiling_min_jump_m),
+        )
 
-    def _on_body(self, ranges: Ranges, tilts: FloatArray) -> NDArray[np.intp]:
+    def _on_body(self, geometry: ScanGeometry, ranges: Ranges, tilts: FloatArray) -> NDArray[np.intp]:
         """Indices of readings inside the body's box; only those in reach of the box are moved to base_link."""
         near = np.flatnonzero(ranges < self._body_reach_m)
         if near.size == 0:
             return near
         tilt = tilts[near] if tilts.ndim else np.broadcast_to(tilts, near.shape)
-        points = self._points_in_base(near, ranges, tilt)
+        points = self._mount.points_in_base(ranges[near, None] * geometry.directions[near], tilt)
         return near[in_body(points, self._robot)]
 
-    def _points_in_base(self, beams: NDArray[np.intp], ranges: Ranges, tilt: FloatArray) -> FloatArray:
-        x, y, z = (self._laser_in_tilt + ranges[beams, None] * self._directions_tilt[beams]).T
-        cosine, sine = np.cos(tilt), np.sin(tilt)
-        turned = np.column_stack([cosine * x + sine * z, y, cosine * z - sine * x])
-        return np.asarray(turned @ self._mount[:3, :3].T + self._mount[:3, 3])
+
+def _tilts(scan: Scan, tilt: ArrayLike) -> FloatArray:
+    tilts = np.asarray(tilt, dtype=np.float64)
+    if tilts.shape not in ((), (scan.geometry.count,)):
+        raise ValueError(f"tilt is a scalar or one value a beam ({scan.geometry.count},), not {tilts.shape}")
+    return tilts
 
 
 def in_body(points_base: FloatArray, robot: RobotBody) -> Mask:

@@ -5,24 +5,28 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-KEPT_SAMPLES = 100
+from rigid_geometry import JUMP_BACK_S
+
+KEPT_SAMPLES = 1000  # a mount whose joint is sampled a thousand times a second takes a hundred in a revolution
 
 
 class TiltHistory:
     """The newest joint samples; answers for times that lie between them and for no others."""
 
-    def __init__(self, kept: int = KEPT_SAMPLES) -> None:
-        """Holds so many samples: they must last for a scan and for what it waits for."""
-        self._stamps: deque[float] = deque(maxlen=kept)
-        self._tilts: deque[float] = deque(maxlen=kept)
+    def __init__(self) -> None:
+        self._stamps: deque[float] = deque(maxlen=KEPT_SAMPLES)
+        self._tilts: deque[float] = deque(maxlen=KEPT_SAMPLES)
 
     def add(self, stamp_s: float, tilt_rad: float) -> None:
-        """Takes a sample; ValueError when it is not finite. One older than the last means that time jumped: start afresh."""
+        """Takes a sample; ValueError when it is not finite.
+
+        One that is late or doubled is left out. A much older one means that time jumped: start afresh.
+        """
         if not np.isfinite([stamp_s, tilt_rad]).all():
             raise ValueError(f"tilt {tilt_rad} rad at {stamp_s} s: both must be finite")
-        if self._stamps and stamp_s == self._stamps[-1]:
-            return
-        if self._stamps and stamp_s < self._stamps[-1]:
+        if self._stamps and stamp_s <= self._stamps[-1]:
+            if stamp_s > self._stamps[-1] - JUMP_BACK_S:
+                return
             self._stamps.clear()
             self._tilts.clear()
         self._stamps.append(stamp_s)

@@ -73,8 +73,9 @@ class SweepAssemblyTest(unittest.TestCase):
         self.assertNotIn(round(end_s, 6), self.clouds.stamps())
         self.clouds.wait_for_stamp(round(self.sweep(), 6))
 
-    def test_scan_of_another_laser_is_counted_and_dropped(self) -> None:
-        self.scans.publish(scan(self.clock_s + 1.0, beams=100))
+    def test_scan_of_another_layout_counts_and_one_without_is_counted_and_dropped(self) -> None:
+        self.scans.publish(scan(self.clock_s + 0.9, beams=100))
+        self.scans.publish(scan(self.clock_s + 1.0, beams=0))
         self.clouds.wait_for_stamp(round(self.sweep(), 6))
         self.diagnostics.wait_for_dropped("bad LaserScan")
 

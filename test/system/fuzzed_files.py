@@ -26,6 +26,7 @@ from terrain_maps import floor, octree_file
 from explore_command.parameters import override_problems, read_profile
 from mapping_tools import map_bag, register_clouds
 from mapping_tools.cloud_files import read_cloud
+from mapping_tools.configuration import configured
 from mapping_tools.pose_files import read_poses
 from pose_graph_mapping.graph.graph_files import g2o_text, read_graph_file
 from pose_graph_mapping.graph.graph_measurements import Edge, EdgeKind
@@ -79,7 +80,7 @@ def _read_octree(path: Path) -> object:
 
 def _read_recording(path: Path) -> object:
     options = map_bag.parser().parse_args([str(path), "--out", "nowhere"])
-    return list(map_bag.source_of(options).sweeps())
+    return list(map_bag.recorded(options, configured([]).sensors).sweeps())
 
 
 def _read_guess(path: Path) -> object:

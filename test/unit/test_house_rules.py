@@ -19,10 +19,11 @@ ORDER: dict[str, set[str]] = {
     "stage_config": set(),
     "rigid_geometry": set(),
     "robot_body": {"rigid_geometry", "stage_config"},
+    "point_cloud2": set(),
     # stages
     "pybullet_simulation": BASE,
     "odometry_fusion": BASE,
-    "sweep_assembly": BASE,
+    "sweep_assembly": BASE | {"point_cloud2"},
     "pose_graph_mapping": {"stage_config"},  # what its rooms are configured by
     "pose_graph_mapping.registration": BASE | {"pose_graph_mapping"},
     "pose_graph_mapping.graph": BASE | {"pose_graph_mapping", "pose_graph_mapping.registration"},
@@ -37,18 +38,21 @@ ORDER: dict[str, set[str]] = {
     "stop_scan_and_go": BASE,
     "exploration_evaluation": BASE,  # the judge knows no stage that it judges
     # between the stages and ROS
-    ADAPTERS: BASE | MAPPING | TERRAIN | {"exploration_evaluation", "path_following", "pybullet_simulation", "sweep_assembly"},
+    ADAPTERS: BASE
+    | MAPPING
+    | TERRAIN
+    | {"exploration_evaluation", "path_following", "point_cloud2", "pybullet_simulation", "sweep_assembly"},
     # programs: they use stages, and no stage uses them
     "roslaunch_process": set(),
     "explore_command": BASE | {"pose_graph_mapping.session", "pybullet_simulation", "roslaunch_process"},
-    "mapping_tools": BASE | MAPPING | {"explore_command"},
+    "mapping_tools": BASE | MAPPING | {"explore_command", "odometry_fusion", "point_cloud2", "sweep_assembly"},
     "terrain_tools": BASE | TERRAIN | {"explore_command", "mapping_tools"},
     "run_replay": BASE | MAPPING | {"exploration_evaluation", "explore_command", "octomap_server_3dnav.terrain", "roslaunch_process"},
     "evaluation_report": BASE | {"exploration_evaluation"},
     "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "roslaunch_process"},
 }
 """Every package and what it may import, earlier ones only. Rooms count as packages."""
-SHARED = BASE
+SHARED = BASE | {"point_cloud2"}
 PROGRAMS = set(list(ORDER)[list(ORDER).index(ADAPTERS) + 1 :])
 STAGES = {name.partition(".")[0] for name in ORDER} - SHARED - PROGRAMS - {ADAPTERS}
 ROS = {

@@ -15,7 +15,7 @@ from rosbags.rosbag1 import Writer
 
 from mapping_tools import map_bag
 from mapping_tools.bag_records import BagRecords
-from mapping_tools.bag_sweeps import cloud_columns, gravity_of
+from mapping_tools.bag_sweeps import gravity_of
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session.session_store import NotOnDiskError, SessionStore
 from rigid_geometry import inverse, transform_from_rpy, transform_points, translation_distance
@@ -128,8 +128,11 @@ def test_wrong_recordings_and_arguments_are_refused_with_the_reason(tmp_path, cl
         ((tmp_path / "no.bag", *out), "no such bag"),
         ((tmp_path / "text.bag", *out), "not a rosbag of version 2.0"),
         ((tmp_path / "empty", *out), "no .ply or .pcd or .vtk or .xyz or .npz files"),
-        ((bag, *out, "--cloud-topic", "/points"), "no cloud on topic /points; topics in it: /odom, /sweep_cloud"),
-        ((bag, *out, "--odom-topic", "/o"), "no odometry on topic /o"),
+        (
+            (bag, *out, "--cloud-topic", "/points"),
+            "no sensor_msgs/msg/PointCloud2 on topic /points; topics in it: /odom (nav_msgs/msg/Odometry), /sweep_cloud",
+        ),
+        ((bag, *out, "--odom-topic", "/o"), "no nav_msgs/msg/Odometry on topic /o; topics in it: /odom"),
         ((odd, *out), "topic /sweep_cloud holds nav_msgs/msg/Odometry"),
         ((bag,), "--out"),
         ((bag, *out, "--set", "vertex_voxel=1"), "did you mean vertex_voxel_m?"),
@@ -286,20 +289,22 @@ def test_progress_names_share_sweep_and_verdict(tmp_path, bag, capsys):
     assert "vertex 4, accepted" in lines[4] and "5 vertices" in lines[-1]
 
 
-def test_cloud_is_read_with_gaps_rows_and_doubles():
-    points = np.arange(24.0).reshape(8, 3)
-    message = cloud_message(0.0, points, None, kind="<f8")
-    np.testing.assert_array_equal(cloud_columns(message)[0], points)
-    padded = np.zeros((2, 4 * 24 + 10), np.uint8)
-    padded[:, : 4 * 24] = message.data.reshape(2, -1)
-    message.height, message.width, message.row_step, message.data = 2, 4, padded.shape[1], padded.ravel()
-    np.testing.assert_array_equal(cloud_columns(message)[0], points)
-    message.data = padded.ravel()[:50]
-    with pytest.raises(ValueError, match="in 50 bytes"):
-        cloud_columns(message)
-    message.fields = message.fields[1:]
-    with pytest.raises(ValueError, match="without float fields x"):
-        cloud_columns(message)
+def as_driver_writes(message, dialect):
+    """The same cloud, big-endian, or with the whole cloud's bytes for a row's and in two rows."""
+    if dialect == "big-endian":
+        message.is_bigendian, message.data = True, message.data.view("<f4").astype(">f4").view(np.uint8)
+        return message
+    half = message.width // 2
+    message.data, message.height, message.width = message.data[: 2 * half * message.point_step], 2, half
+    message.row_step = len(message.data)
+    return message
+
+
+@pytest.mark.parametrize("dialect", ["big-endian", "total row_step"])
+def test_clouds_are_read_as_drivers_write_them(tmp_path, clouds, dialect):
+    messages = [(topic, as_driver_writes(m, dialect) if topic == "/sweep_cloud" else m) for topic, m in drive(clouds[:2], odometry()[:2])]
+    code, summary = mapped(write_bag(tmp_path / "run.bag", messages), tmp_path / "out")
+    assert (code, summary["vertices"]) == (0, 2) and error_of(tmp_path / "out", TRUTH[:2]) < 0.03
 
 
 def test_gravity_is_unknown_where_the_odometry_s_covariance_is():

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pybullet_simulation import ScanGeometry, SimulationConfig
+from pybullet_simulation import IDEAL, ScanGeometry, SimulationConfig
 from pybullet_simulation.drive import Drive, SlipModel
 from pybullet_simulation.imu import Imu
 from pybullet_simulation.laser import Laser, Motion
@@ -19,7 +19,7 @@ from rigid_geometry import rotation_from_rpy, transform_from_rpy
 from robot_body import RobotBody
 from stage_config import ConfigError, load_config
 
-EXACT = SimulationConfig(range_sigma_m=0.0, range_sigma_far_m=0.0, veiling_probability=0.0)
+EXACT = replace(IDEAL, range_sigma_m=0.0, range_sigma_far_m=0.0, veiling_probability=0.0)
 HUSKY = RobotBody()
 ROBOT = read_robot_model(HUSKY)
 
@@ -132,7 +132,7 @@ def test_turning_robot_turns_its_beams():
 
 
 def test_range_noise_has_the_configured_spread_and_limits_are_reported_as_rep_117_says():
-    config = SimulationConfig(range_sigma_m=0.02, veiling_probability=0.0)
+    config = replace(EXACT, range_sigma_m=0.02)
     laser = Laser(config, ROBOT, world_of(WALL), np.random.default_rng(1))
     middle = np.concatenate([laser.scans(standing(0.0), np.array([0.0]))[0][530:551] for _ in range(60)])
     assert middle.std() == pytest.approx(0.02, rel=0.1)
@@ -145,7 +145,7 @@ def test_range_noise_has_the_configured_spread_and_limits_are_reported_as_rep_11
 def test_veiling_returns_ranges_between_both_surfaces_only_at_edges():
     world = world_of(WALL, box("post", (2.0, -0.2, 0.0), (2.2, 0.2, 2.0)))
     exact = scan(world, standing(0.0))
-    veiled = scan(world, standing(0.0), SimulationConfig(range_sigma_m=0.0, range_sigma_far_m=0.0, veiling_probability=1.0))
+    veiled = scan(world, standing(0.0), replace(EXACT, veiling_probability=1.0))
     changed = np.flatnonzero(exact != veiled)
     assert 2 <= changed.size <= 4
     for i in changed:

@@ -1,11 +1,12 @@
 """The spinning lidar by itself and in the simulation: where its beams point, when, and what they bring back."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pybullet_simulation import Simulation, SimulationConfig, SpinningLidarConfig, load_world
+from pybullet_simulation import IDEAL, IDEAL_TIMING, Simulation, SimulationConfig, SpinningLidarConfig, load_world
 from pybullet_simulation.beam_casting import Motion
 from pybullet_simulation.records import LidarGeometry
 from pybullet_simulation.robot_model import read_robot_model
@@ -16,12 +17,11 @@ from pybullet_simulation.world import World, joined, nearest_hits, raycasting_sc
 from rigid_geometry import rotation_from_rpy
 from robot_body import RobotBody
 
-EXACT = SimulationConfig(range_sigma_m=0.0, range_sigma_far_m=0.0, veiling_probability=0.0)
+EXACT = replace(IDEAL, range_sigma_m=0.0, range_sigma_far_m=0.0, veiling_probability=0.0)
 HUSKY = RobotBody()
 ROBOT = read_robot_model(HUSKY)
 HALL = box("hall", (-6.0, -6.0, -0.0), (6.0, 6.0, 4.0))
 LASER_ABOVE_GROUND_M = 0.132 + 0.75 + 0.04
-TICK_S = 0.05
 
 
 def world_of(*solids):
@@ -29,17 +29,14 @@ def world_of(*solids):
     return World("test", tuple(solids), (), vertices, triangles, np.array([vertices.min(0), vertices.max(0)]), (0.0, 0.0, 0.0), 0.0)
 
 
-def standing(tilt=0.0, steps=10):
+def standing(tilt=0.0, steps=20):
     positions = np.tile((0.0, 0.0, HUSKY.base_height_m), (steps + 1, 1))
-    return Motion(np.tile(np.eye(3), (steps + 1, 1, 1)), positions, np.full(steps + 1, tilt), TICK_S / steps)
+    return Motion(np.tile(np.eye(3), (steps + 1, 1, 1)), positions, np.full(steps + 1, tilt), 0.1 / steps)
 
 
-def turn(world, first, second=None, config=EXACT, **lidar):
+def turn(world, motion, config=EXACT, **lidar):
     sensor = SpinningLidar(config, SpinningLidarConfig(**lidar), ROBOT, world, np.random.default_rng(1))
-    assert sensor.half_turn(first, 1.0) is None
-    revolution = sensor.half_turn(second or first, 1.0 + TICK_S)
-    assert revolution is not None and revolution.stamp_s == 1.0
-    return revolution
+    return sensor.revolution(motion, 0.0, 1.0)
 
 
 def test_rings_lie_two_degrees_apart_and_turn_clockwise_from_the_back():
@@ -93,14 +90,13 @@ def test_level_lidar_sees_nothing_of_its_robot_and_tilted_it_does():
     assert np.isinf(nearest_hits(raycasting_scene(ROBOT.body.vertices, ROBOT.body.triangles), rays)).all()
 
 
-def test_beams_use_the_pose_at_their_own_time_in_both_halves():
+def test_beams_use_the_pose_at_their_own_time():
     """A robot that turns about its lidar at 1 rad/s: the wall that it turns to lies where it did, as seen from each beam's own heading."""
-    motions = [standing(), standing()]
-    for part, motion in enumerate(motions):
-        for i in range(11):
-            motion.rotations[i] = rotation_from_rpy(0.0, 0.0, 1.0 * (part * TICK_S + i * TICK_S / 10))
-        motion.positions[:] -= motion.rotations @ np.array([0.23, 0.0, 0.0])
-    seen = turn(world_of(HALL), *motions)
+    motion = standing()
+    for i in range(21):
+        motion.rotations[i] = rotation_from_rpy(0.0, 0.0, 1.0 * i * 0.005)
+    motion.positions[:] -= motion.rotations @ np.array([0.23, 0.0, 0.0])
+    seen = turn(world_of(HALL), motion)
     yaw = seen.times_s.astype(float)
     x = np.cos(yaw) * seen.points[:, 0] - np.sin(yaw) * seen.points[:, 1]
     y = np.sin(yaw) * seen.points[:, 0] + np.cos(yaw) * seen.points[:, 1]
@@ -109,7 +105,7 @@ def test_beams_use_the_pose_at_their_own_time_in_both_halves():
 
 
 def test_range_noise_is_the_laser_s():
-    config = SimulationConfig(range_sigma_m=0.02, veiling_probability=0.0)
+    config = replace(EXACT, range_sigma_m=0.02)
     noisy, exact = (turn(world_of(HALL), standing(), config=c) for c in (config, EXACT))
     errors = np.linalg.norm(noisy.points, axis=1) - np.linalg.norm(exact.points, axis=1)
     near = np.linalg.norm(exact.points, axis=1) < 9.0
@@ -136,28 +132,32 @@ def rooms():
     return load_world("rooms", 1)
 
 
-def test_simulation_gives_a_revolution_every_second_tick_and_no_scans(rooms):
-    simulation = Simulation(SimulationConfig(), rooms, 1, lidar=SpinningLidarConfig())
+def test_ideal_simulation_gives_a_revolution_every_second_tick_and_no_scans(rooms):
+    simulation = Simulation(IDEAL, rooms, 1, lidar=SpinningLidarConfig(), timing=IDEAL_TIMING)
     data = [simulation.tick(0.0, 0.0) for _ in range(6)]
     simulation.close()
-    assert [d.revolution is not None for d in data] == [False, True] * 3
+    assert [len(d.revolutions) for d in data] == [0, 1] * 3
     assert all(d.scans == () for d in data)
-    assert [d.revolution.stamp_s for d in data if d.revolution] == pytest.approx([0.95, 1.05, 1.15])
-    assert data[1].revolution.stamp_s + 0.1 == pytest.approx(data[1].stamp_s)
+    assert [turn.stamp_s for d in data for turn in d.revolutions] == [0.95, 1.05, 1.15]
+
+
+def test_revolution_that_began_two_ticks_ago_is_measured_along_all_of_the_way(rooms):
+    """A turning robot, on whose revolutions the same wall lies where it did, although each begins at an instant of its own."""
+    simulation = Simulation(replace(EXACT, tilt_encoder_sigma_rad=0.0), rooms, 1, lidar=SpinningLidarConfig(columns=360))
+    data = [simulation.tick(0.0, 0.8) for _ in range(24)]
+    simulation.close()
+    stamps = np.array([turn.stamp_s for d in data for turn in d.revolutions])
+    assert len(stamps) >= 9 and np.diff(stamps) == pytest.approx(0.1, rel=0.06)
+    assert len(set(np.round((stamps / 0.05) % 1.0, 6))) == len(stamps)
 
 
 def test_same_seed_gives_the_same_revolutions(rooms):
     def run():
         simulation = Simulation(SimulationConfig(), rooms, 3, lidar=SpinningLidarConfig(columns=180))
         simulation.start_sweep()
-        found = [simulation.tick(0.3, 0.4).revolution for _ in range(8)]
+        found = [simulation.tick(0.3, 0.4) for _ in range(8)]
         simulation.close()
-        return [one for one in found if one]
+        return [turn for data in found for turn in data.revolutions]
 
     for a, b in zip(run(), run(), strict=True):
         assert a.points.tobytes() == b.points.tobytes() and a.times_s.tobytes() == b.times_s.tobytes()
-
-
-def test_lidar_whose_columns_do_not_fit_two_ticks_is_refused(rooms):
-    with pytest.raises(ValueError, match="columns = 901 is not even"):
-        Simulation(SimulationConfig(), rooms, 1, lidar=SpinningLidarConfig(columns=901))

@@ -49,6 +49,12 @@ def test_time_that_jumped_back_starts_afresh() -> None:
         poses.at(10.5)
 
 
+def test_pose_that_is_late_or_doubled_is_left_out() -> None:
+    poses = history(1.0, 2.0, 1.9, 2.0, 3.0)
+    assert poses.at(1.5)[0, 3] == pytest.approx(1.5) and poses.at(2.5)[0, 3] == pytest.approx(2.5)
+    assert not poses.add(2.99, transform_from_rpy((9.0, 0.0, 0.0))) and poses.add(3.1, transform_from_rpy((3.1, 0.0, 0.0)))
+
+
 def test_pose_that_is_not_rigid_is_refused_and_changes_nothing() -> None:
     poses = history(1.0, 2.0)
     with pytest.raises(ValueError):

@@ -61,7 +61,7 @@ def test_point_that_is_half_a_number_counts_as_none() -> None:
 
 
 def test_clouds_that_are_none_of_a_lidar_are_refused() -> None:
-    with pytest.raises(ValueError, match="without fields ring, time"):
+    with pytest.raises(ValueError, match="without fields ring or line or channel, time or t or"):
         revolution_of(driver_s(names=("x", "y", "z", "intensity")), "laser")
     cut = driver_s()
     cut.data = cut.data[:-1]

@@ -9,11 +9,10 @@ from visualization_msgs.msg import Marker
 
 from octomap_server_3dnav.octree.octree import OctreeMap
 from rigid_geometry import transform_from_rpy
-from robot_body import SensorMount
+from robot_body import SensorMount, mount_from_urdf
 from ros_adapters.graph_markers import graph_markers, trajectory_message
 from ros_adapters.matching import refused_response
 from ros_adapters.octomap_messages import Octomap, octomap_bytes, octomap_message
-from ros_adapters.urdf_mount import mount_from_urdf
 
 ROOT = Path(__file__).resolve().parents[3]
 

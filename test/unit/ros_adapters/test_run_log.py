@@ -9,7 +9,7 @@ from explore_3dnav.msg import Contact, ExplorationDecision, RunEvent
 from nav_msgs.msg import Odometry
 
 from rigid_geometry import transform_from_rpy
-from robot_body import RobotBody, load_robot, robot_from_mapping
+from robot_body import DESCRIPTION, RobotBody, load_robot, robot_from_mapping
 from ros_adapters.conversions import header
 from ros_adapters.run_log import RunLog
 
@@ -22,7 +22,8 @@ def odometry(stamp_s: float, x: float) -> Odometry:
 
 def finished_at_2(out: Path, *, judged: bool) -> str:
     """What a run says at its end that finished at 2 s and was told of until 3 s."""
-    log = RunLog(out, {"exploration_monitor_node": {"world": "rooms", "seed": 4}, "sensor": "tilting"}, RobotBody(), judged=judged)
+    parameters = {"exploration_monitor_node": {"world": "rooms", "seed": 4}, "sensor": "tilting", "robot_description": "<robot/>"}
+    log = RunLog(out, parameters, RobotBody(), judged=judged)
     for tick in range(20, 61):
         stamp_s = 0.05 * tick
         if tick == 40:
@@ -62,6 +63,7 @@ def test_run_that_ended_before_there_was_a_world_is_no_success(tmp_path: Path) -
 def test_robot_that_drove_is_saved_with_the_results(tmp_path: Path) -> None:
     finished_at_2(tmp_path, judged=True)
     assert load_robot(tmp_path / "robot.yaml") == RobotBody()
+    assert (tmp_path / DESCRIPTION).read_text() == "<robot/>"
     assert robot_from_mapping(read_summary(tmp_path)["config"]["robot"]) == RobotBody()
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rigid_geometry import inverse, transform_from_rpy, transform_points
-from sweep_assembly import ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
+from sweep_assembly import LaserScans, Scan, ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
 
 GEOMETRY = ScanGeometry(math.radians(-135.0), math.radians(3.0), 0.025 / 120, 91)
 TILT = TiltGeometry(transform_from_rpy((0.20, 0.0, 0.75)), transform_from_rpy((0.03, 0.0, 0.04)))
@@ -45,7 +45,7 @@ def messages(pose=still, begin=1.5, end=4.3) -> dict[str, list[tuple[float, obje
     for stamp in ticks:
         times = stamp + GEOMETRY.beam_times
         T = np.stack([pose(t) @ TILT.base_from_laser(tilt_at(t))[0] for t in times])
-        scans.append((float(stamp), room_ranges(T, GEOMETRY.directions).astype(np.float32)))
+        scans.append((float(stamp), Scan(GEOMETRY, room_ranges(T, GEOMETRY.directions))))
     return {
         "joint": [(float(t), tilt_at(t)) for t in ticks],
         "odometry": [(float(t), pose(t)) for t in ticks[::2]],
@@ -55,7 +55,7 @@ def messages(pose=still, begin=1.5, end=4.3) -> dict[str, list[tuple[float, obje
 
 def make(**changes) -> SweepAssembler:
     """For a laser of few beams, whose points lie far apart: none of them is taken for stray."""
-    return SweepAssembler(SweepAssemblyConfig(**{"stray_neighbours": 0, **changes}), GEOMETRY, TILT)
+    return SweepAssembler(SweepAssemblyConfig(**{"stray_neighbours": 0, **changes}), LaserScans(), TILT)
 
 
 def feed(assembler: SweepAssembler, topic: str, stamp: float, value: object) -> None:
@@ -101,7 +101,7 @@ def test_origins_are_where_the_beam_started():
     index = 40 * GEOMETRY.count + 5
     np.testing.assert_allclose(sweep.origins[index], T[:3, 3], atol=1e-5)
     ranges = np.linalg.norm(sweep.points - sweep.origins, axis=1)[40 * GEOMETRY.count : 41 * GEOMETRY.count]
-    np.testing.assert_allclose(ranges, dict(MOVING["scan"])[3.0], rtol=1e-4)
+    np.testing.assert_allclose(ranges, dict(MOVING["scan"])[3.0].ranges, rtol=1e-4)
 
 
 def test_tilt_with_roll_in_its_mount_is_carried_through():
@@ -142,7 +142,7 @@ def test_order_between_topics_does_not_matter(random):
 def test_invalid_readings_and_empty_directions_give_no_points():
     inputs = dict(STILL)
     blank = np.where(np.arange(GEOMETRY.count) % 2, np.nan, np.inf)
-    inputs["scan"] = [(stamp, blank if 2.5 <= stamp < 3.0 else ranges) for stamp, ranges in STILL["scan"]]
+    inputs["scan"] = [(stamp, Scan(GEOMETRY, blank) if 2.5 <= stamp < 3.0 else scan) for stamp, scan in STILL["scan"]]
     (sweep,) = run(make(), inputs)
     assert np.isfinite(sweep.points).all()
     assert sweep.points.shape[0] == 60 * GEOMETRY.count + 1
@@ -201,20 +201,20 @@ def test_repeated_and_unreadable_messages_are_dropped_and_counted():
     assembler.add_joint(1.1, math.nan)
     assembler.add_odometry(1.0, np.full((4, 4), np.nan))
     assembler.add_odometry(math.nan, np.eye(4))
-    assembler.add_scan(math.inf, np.ones(GEOMETRY.count))
+    assembler.add_scan(math.inf, Scan(GEOMETRY, np.ones(GEOMETRY.count)))
     reasons = ("joint_late", "joint_not_finite", "odometry_not_rigid", "odometry_not_finite", "scan_not_finite")
     assert assembler.dropped == dict.fromkeys(reasons, 1)
-    with pytest.raises(ValueError, match=r"\(91,\)"):
+    with pytest.raises(ValueError, match="is a Scan, not ndarray"):
         assembler.add_scan(1.0, np.ones(3))
 
 
 def test_memory_stays_bounded_while_driving_and_when_a_topic_is_silent():
     driving, silent = make(), make(buffer_s=31.0)
-    ranges = np.ones(GEOMETRY.count, dtype=np.float32)
+    scan = Scan(GEOMETRY, np.ones(GEOMETRY.count))
     for i in range(4000):
         driving.add_joint(i * 0.025, 0.0)
         for assembler in (driving, silent):
-            assembler.add_scan(i * 0.025, ranges)
+            assembler.add_scan(i * 0.025, scan)
             assembler.add_odometry(i * 0.025, np.eye(4))
     assert driving.buffered < 12
     assert silent.buffered <= 2 * 1242
@@ -244,8 +244,28 @@ def test_configuration_is_checked():
 def test_beam_that_ended_in_mid_air_is_left_out():
     """One reading of 1 m where all around it see walls; the sweep is otherwise the same."""
     laser = ScanGeometry(math.radians(-30.0), math.radians(0.5), 0.025 / 120, 121)
-    scans = [(float(stamp), np.full(laser.count, 3.0, dtype=np.float32)) for stamp, _ in STILL["scan"]]
-    scans[80][1][60] = 1.0
-    found = [run(SweepAssembler(SweepAssemblyConfig(stray_neighbours=k), laser, TILT), {**STILL, "scan": scans})[0] for k in (0, 2)]
+    scans = [(float(stamp), Scan(laser, np.full(laser.count, 3.0))) for stamp, _ in STILL["scan"]]
+    scans[80][1].ranges[60] = 1.0
+    found = [run(SweepAssembler(SweepAssemblyConfig(stray_neighbours=k), LaserScans(), TILT), {**STILL, "scan": scans})[0] for k in (0, 2)]
     ranges = [np.linalg.norm(sweep.points - sweep.origins, axis=1) for sweep in found]
     assert [np.count_nonzero(r < 2.0) for r in ranges] == [1, 0] and len(ranges[0]) == len(ranges[1]) + 1
+
+
+def test_scans_of_varying_layout_give_the_same_walls():
+    rng, scans = np.random.default_rng(5), []
+    for k, (stamp, _) in enumerate(MOVING["scan"]):
+        count = 40 if k == 0 else 91 + int(rng.integers(-2, 3))
+        layout = ScanGeometry(
+            GEOMETRY.angle_min, GEOMETRY.angle_increment * (1 + 1e-6 * rng.normal()), 0.025 / 120 * rng.uniform(0.99, 1.01), count
+        )
+        T = np.stack([moving(t) @ TILT.base_from_laser(tilt_at(t))[0] for t in stamp + layout.beam_times])
+        scans.append((stamp, Scan(layout, room_ranges(T, layout.directions))))
+    (sweep,) = run(make(), {**MOVING, "scan": scans})
+    assert sweep.scans == 81 and wall_error(sweep, moving).max() < 1e-3
+
+
+def test_beams_that_met_nothing_are_free_no_farther_than_their_scan_reaches():
+    blank = np.full(GEOMETRY.count, np.inf)
+    scans = [(stamp, Scan(GEOMETRY, blank, 0.1, 4.0) if 2.5 <= stamp < 3.0 else scan) for stamp, scan in STILL["scan"]]
+    (sweep,) = run(make(), {**STILL, "scan": scans})
+    np.testing.assert_allclose(np.linalg.norm(sweep.free_ends - sweep.free_origins, axis=1), 4.0, rtol=1e-5)

@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from lidar_in_a_room import LIDAR, ROOM_HIGH, ROOM_LOW, TILT, beams, revolution, room_ranges, with_points
 
+from point_cloud2 import BeamCloud
 from rigid_geometry import transform_from_rpy
 from robot_body import RobotBody
 from sweep_assembly import LEVEL_BEAMS, LidarConfig, Revolution, RevolutionChain, RevolutionFilter, ScanFilterConfig
-from sweep_assembly.revolution import free_directions
+from sweep_assembly.revolution import counted_from_below, free_directions
 
 FAR_SIGHTED = ScanFilterConfig(horizontal_max_range_m=20.0)
 
@@ -213,11 +214,36 @@ def test_mount_that_is_sampled_a_thousand_times_a_second_is_known_for_the_whole_
     assert len(ranges) == 2 and all(np.isfinite(r).sum() > 100 for r in ranges)
 
 
-def test_revolution_whose_times_are_not_of_its_turn_is_refused():
+def test_driver_may_stamp_with_the_last_beam():
+    one, (answer, *_) = revolution(1.0, still, level), [a for a in run(chain(), inputs(still, turns=1)) if a.revolution is not None]
+    given_ = inputs(still, turns=1) | {"revolution": [(1.1, Revolution(one.points, one.rings, one.times_s - 0.1))]}
+    (last,) = [a for a in run(chain(), given_) if a.revolution is not None]
+    assert last.end_stamp_s == pytest.approx(answer.end_stamp_s)
+    np.testing.assert_array_equal(last.level_ranges, answer.level_ranges)
+
+
+@pytest.mark.parametrize(("shift_s", "stretch"), [(-0.2, 1.0), (0.2, 1.0), (0.0, 3.0)])
+def test_revolution_whose_times_are_not_of_a_turn_around_its_stamp_is_refused(shift_s, stretch):
     one = revolution(1.0, still, level)
-    before = Revolution(one.points, one.rings, one.times_s - 0.1)
-    with pytest.raises(ValueError, match=r"0 to 0\.100 s after its stamp, not -0\.1000"):
-        chain().add_revolution(1.0, before)
+    with pytest.raises(ValueError, match=r"within one turn, 0\.100 s, of its stamp, not"):
+        chain().add_revolution(1.0, Revolution(one.points, one.rings, stretch * one.times_s + shift_s))
+
+
+def test_rings_that_count_downwards_are_turned_round():
+    one = revolution(1.0, still, level)
+    downwards = Revolution(one.points, (LIDAR.rings - 1 - one.rings).astype(np.uint16), one.times_s)
+    for given_ in (one, downwards):
+        np.testing.assert_array_equal(counted_from_below(given_, LIDAR).rings, one.rings)
+    with pytest.raises(ValueError, match="cloud of ring 15, of a lidar with 8 rings"):
+        counted_from_below(one, LidarConfig(rings=8))
+
+
+def test_driver_s_cloud_becomes_beams_in_the_order_of_their_times():
+    cloud = BeamCloud(np.eye(3), np.array([0, 1, 2]), np.array([0.02, 0.0, 0.01]))
+    one = Revolution.of(cloud)
+    assert one.rings.tolist() == [1, 2, 0] and one.points[0].tolist() == [0.0, 1.0, 0.0]
+    with pytest.raises(ValueError, match="without fields ring or line or channel: a lidar that moves"):
+        Revolution.of(BeamCloud(np.eye(3), None, np.zeros(3)))
 
 
 def test_late_revolution_is_counted_and_time_that_jumps_back_starts_afresh():

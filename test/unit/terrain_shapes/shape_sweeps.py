@@ -22,7 +22,7 @@ from pybullet_simulation.sweep_profile import sweep_profile
 from pybullet_simulation.world import World, joined
 from rigid_geometry import transform_from_rpy
 from robot_body import RobotBody
-from sweep_assembly import ScanFilter, ScanFilterConfig, ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
+from sweep_assembly import LaserScans, Scan, ScanFilter, ScanFilterConfig, ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
 
 Array = NDArray[np.float64]
 
@@ -43,23 +43,27 @@ class StandingLaser:
         layout = self._laser.geometry
         self._geometry = ScanGeometry(layout.angle_min, layout.angle_increment, layout.time_increment, layout.beams)
         self._tilt_geometry = TiltGeometry(robot.T_base_mount, robot.T_tilt_laser)
-        self._filter = ScanFilter(ScanFilterConfig(), self._geometry, self._tilt_geometry, RobotBody())
+        self._filter = ScanFilter(ScanFilterConfig(), self._tilt_geometry, RobotBody())
 
     def sweep(self, T_map_base: Array) -> Beams:
         """One sweep in base_link."""
         ticks = math.ceil((self._profile.duration_s + 2 * START_S) / SCAN_S)
         stamps = np.arange(ticks + 1) * SCAN_S
         measured = self._profile.tilt_at(stamps - START_S) + self._sigma_rad * self._rng.standard_normal(ticks + 1)
-        assembler = SweepAssembler(SweepAssemblyConfig(), self._geometry, self._tilt_geometry)
+        assembler = SweepAssembler(SweepAssemblyConfig(), LaserScans(), self._tilt_geometry)
         for stamp, tilt, scan in zip(stamps, measured, self._scans(T_map_base, stamps[:-1]), strict=False):
             tilts = np.interp(stamp + self._geometry.beam_times, stamps, measured)
             assembler.add_odometry(stamp, np.eye(4))
             assembler.add_joint(stamp, tilt)
-            assembler.add_scan(stamp, self._filter.filter(scan, tilts))
+            assembler.add_scan(stamp, self._filtered(scan, tilts))
         found = assembler.poll()
         if found is None:
             raise RuntimeError(f"no sweep came out of {ticks} scans: {assembler.dropped}")
         return Beams(found.points, found.origins, found.free_ends, found.free_origins)
+
+    def _filtered(self, ranges: NDArray[np.float32], tilts: Array) -> Scan:
+        scan = Scan(self._geometry, ranges)
+        return scan.with_ranges(self._filter.filter(scan, tilts))
 
     def _scans(self, T_map_base: Array, starts_s: Array) -> list[NDArray[np.float32]]:
         motion = self._motion(T_map_base, len(starts_s))

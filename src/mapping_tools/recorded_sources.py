@@ -1,0 +1,65 @@
+"""What ./map_bag maps of a recording: clouds of a folder, finished clouds of a bag, or what a robot's drivers sent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mapping_tools.bag_sweeps import BagSweeps, BagTopics
+from mapping_tools.folder_sweeps import FolderSweeps
+from mapping_tools.raw_sweeps import DescribedRobot, RawSweeps, RawTopics
+from mapping_tools.recording import Recording, bags_of
+from mapping_tools.sensor_chain import SensorConfig
+from mapping_tools.sweep_sources import SweepSource
+from robot_body import DESCRIPTION, contradictions, load_robot, urdf_file
+
+Array = NDArray[np.float64]
+
+ROBOT_FILE = "robot.yaml"
+
+
+@dataclass(frozen=True, eq=False)
+class Wanted:
+    """What is asked of a recording: `cloud` None where no topic of finished clouds was named; T_base_cloud (4, 4); `sensor` (3,)."""
+
+    recording: Path
+    cloud: str | None
+    odometry: str | None
+    raw: RawTopics
+    from_raw: bool
+    robot: Path | None
+    T_base_cloud: Array | None
+    sensor: Array | None
+
+
+def source_of(wanted: Wanted, config: SensorConfig) -> SweepSource:
+    """The sweeps of a recording. ValueError when it is none that can be mapped, OSError when it cannot be opened."""
+    bags = bags_of(wanted.recording)
+    if not bags:
+        return FolderSweeps(wanted.recording, np.eye(4) if wanted.T_base_cloud is None else wanted.T_base_cloud, wanted.sensor)
+    recording = Recording(bags)
+    if wanted.from_raw or (wanted.cloud is None and _is_raw(recording, wanted.raw)):
+        return RawSweeps(recording, wanted.raw, _robot_of(wanted), config)
+    topics = BagTopics(wanted.cloud or BagTopics.cloud, wanted.odometry)
+    return BagSweeps(recording, topics, wanted.T_base_cloud, wanted.sensor)
+
+
+def _is_raw(recording: Recording, raw: RawTopics) -> bool:
+    return BagTopics.cloud not in recording.topics and bool({raw.scan, raw.points} & recording.topics.keys())
+
+
+def _robot_of(wanted: Wanted) -> DescribedRobot:
+    """The robot of --robot, or the one whose files lie beside the recording; ValueError when there is none, or it contradicts its URDF."""
+    folder = wanted.recording if wanted.recording.is_dir() else wanted.recording.parent
+    path = wanted.robot or folder / ROBOT_FILE
+    if not path.is_file():
+        raise ValueError(f"--robot FILE.yaml has to say how the sensors are mounted: there is no {path}")
+    body, beside = load_robot(path), path.parent / DESCRIPTION
+    description = beside if beside.is_file() else urdf_file(body)
+    urdf = description.read_text(encoding="utf-8")
+    if found := contradictions(body, urdf):
+        raise ValueError(f"{path} contradicts {description}: {'; '.join(found)}")
+    return DescribedRobot(body, urdf)

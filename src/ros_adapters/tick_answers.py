@@ -1,0 +1,37 @@
+"""What came back for the ticks of the simulator: commands, and which tick was answered after how many of them."""
+
+from collections.abc import Sequence
+
+COMMAND_TOPIC = "/cmd_vel"
+
+
+class TickAnswers:
+    """Counts, without a lock of its own. Ticks are numbered from 1, the first."""
+
+    def __init__(self) -> None:
+        self._newest: tuple[float, float] | None = None
+        self._received = self._answered = self._needed = 0
+
+    def __str__(self) -> str:
+        return f"tick {self._answered} answered last, {self._received} of its {self._needed} commands received"
+
+    def add_command(self, v: float, w: float) -> None:
+        """A command (m/s, rad/s) came."""
+        self._newest = (v, w)
+        self._received += 1
+
+    def add_answer(self, tick: int, topics: Sequence[str], counts: Sequence[int]) -> None:
+        """A tick was answered, when so many messages had been sent on each topic. ValueError when it says nothing of commands."""
+        if len(topics) != len(counts) or COMMAND_TOPIC not in topics:
+            raise ValueError(f"answer to tick {tick} counts {list(topics)}, expected {COMMAND_TOPIC} among them")
+        if tick >= self._answered:
+            self._answered, self._needed = tick, int(counts[list(topics).index(COMMAND_TOPIC)])
+
+    def holds(self, tick: int) -> bool:
+        """Whether the tick was answered, and all commands have come that were sent before the newest answer."""
+        return self._answered >= tick and self._received >= self._needed
+
+    def take_command(self) -> tuple[float, float] | None:
+        """The newest command, once; None when none has come since."""
+        newest, self._newest = self._newest, None
+        return newest

@@ -1,0 +1,183 @@
+"""What a robot's drivers sent becomes a map: bags of ROS 1 and ROS 2, split or not; what is missing is named."""
+
+import json
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import raw_recordings as raw
+import yaml
+from rosbags.rosbag2 import StoragePlugin
+
+from mapping_tools import map_bag
+from mapping_tools.recording import Recording
+from mapping_tools.sensor_chain import Pose, SensorChain, SensorConfig
+from pose_graph_mapping.session.session_store import SessionStore
+from rigid_geometry import transform_from_rpy
+from robot_body import DESCRIPTION, RobotBody, robot_mapping, urdf_file
+from sweep_assembly import SweepAssemblyConfig
+
+sys.path.append(str(Path(__file__).parents[1] / "sweep_assembly"))
+
+from lidar_in_a_room import LIDAR, TILT, revolution  # noqa: E402
+
+
+@pytest.fixture(scope="session")
+def drive() -> raw.Messages:
+    return raw.raw_messages()
+
+
+@pytest.fixture(scope="session")
+def drive_ros2() -> raw.Messages:
+    return raw.raw_messages(raw.ROS2)
+
+
+def robot_beside(folder: Path) -> Path:
+    """robot.yaml and the description, as --record leaves them."""
+    (folder / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(RobotBody())))
+    (folder / DESCRIPTION).write_text(urdf_file(RobotBody()).read_text())
+    return folder
+
+
+def mapped(recording: Path, out: Path, *words: str) -> dict[str, Any]:
+    assert map_bag.main([str(recording), "--out", str(out), "--quiet", *words]) == 0
+    return json.loads((out / map_bag.SUMMARY).read_text())
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    assert map_bag.main([str(word) for word in words]) == 2
+    text = capsys.readouterr().err
+    assert text.startswith("./map_bag: ") and text.count("\n") == 1
+    return text
+
+
+@pytest.fixture(scope="session")
+def one_bag(tmp_path_factory: pytest.TempPathFactory, drive: raw.Messages) -> Path:
+    return raw.write_ros1(robot_beside(tmp_path_factory.mktemp("raw")) / "run.bag", drive)
+
+
+@pytest.fixture(scope="session")
+def one_map(tmp_path_factory: pytest.TempPathFactory, one_bag: Path) -> Path:
+    out = tmp_path_factory.mktemp("map")
+    summary = mapped(one_bag, out)
+    assert (summary["vertices"], summary["not_placed"], summary["notes"]) == (2, [], [])
+    return out
+
+
+def trajectory(out: Path) -> np.ndarray:
+    return np.loadtxt(out / "trajectory.txt")
+
+
+def test_sweeps_of_the_drive_lie_where_they_were_made(one_map: Path) -> None:
+    first, second = trajectory(one_map)
+    np.testing.assert_allclose(second[1:4] - first[1:4], [raw.DISTANCE_M, 0.0, 0.0], atol=0.01)
+    assert [first[0], second[0]] == pytest.approx([t + raw.SWEEP_S for t in raw.SWEEPS_S], abs=0.03)
+    points = SessionStore(one_map).load_sweep(0).points
+    assert np.minimum(np.abs(points - raw.ROOM_LOW), np.abs(points - raw.ROOM_HIGH)).min(axis=1).max() < 0.02 and len(points) > 20_000
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.SQLITE3, StoragePlugin.MCAP])
+@pytest.mark.parametrize("named", ["folder", "file"])
+def test_ros_2_gives_the_same_map(tmp_path: Path, one_map: Path, drive_ros2: raw.Messages, storage: StoragePlugin, named: str) -> None:
+    folder = raw.write_ros2(tmp_path / "run", drive_ros2, storage)
+    if named == "file":
+        (folder,) = (path for path in folder.iterdir() if path.suffix in (".db3", ".mcap"))
+    robot_beside(tmp_path)
+    mapped(folder, tmp_path / "out", "--robot", str(tmp_path / "robot.yaml"))
+    np.testing.assert_allclose(trajectory(tmp_path / "out"), trajectory(one_map), atol=1e-6)
+
+
+def test_split_bags_are_one_in_the_order_of_time_whatever_their_names(tmp_path: Path, one_map: Path, drive: raw.Messages) -> None:
+    parts, third = robot_beside(tmp_path), len(drive) // 3
+    for name, part in {"run_9": drive[:third], "run_10": drive[third : 2 * third], "run_1": drive[2 * third :]}.items():
+        raw.write_ros1(parts / f"{name}.bag", part)
+    (parts / "cloud.ply").write_text("not a sweep: the folder holds bags")
+    mapped(parts, tmp_path / "out")
+    np.testing.assert_allclose(trajectory(tmp_path / "out"), trajectory(one_map), atol=1e-9)
+
+
+def test_odometry_of_the_robot_s_own_stands_in_for_imu_and_wheels(tmp_path: Path, one_map: Path, drive: raw.Messages) -> None:
+    messages = [message for message in drive if message[0] != "/imu/data"] + raw.poses()
+    messages.sort(key=lambda message: (message[2].header.stamp.sec, message[2].header.stamp.nanosec))
+    mapped(raw.write_ros1(robot_beside(tmp_path) / "run.bag", messages), tmp_path / "out")
+    np.testing.assert_allclose(trajectory(tmp_path / "out"), trajectory(one_map), atol=0.01)
+
+
+def test_finished_clouds_come_first_unless_raw_is_asked_for(
+    tmp_path: Path, drive: raw.Messages, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cloud = ("/sweep_cloud", "nav_msgs/msg/Odometry", raw.Drivers(raw.ROS1).pose(raw.BEGIN_S))
+    path = raw.write_ros1(robot_beside(tmp_path) / "both.bag", [cloud, *drive])
+    assert "topic /sweep_cloud holds nav_msgs/msg/Odometry" in refusal(capsys, path, "--out", tmp_path / "out")
+    assert mapped(path, tmp_path / "out", "--raw")["vertices"] == 2
+
+
+@pytest.mark.parametrize(
+    ("topic", "reason"),
+    [
+        ("/scan", "no sensor_msgs/msg/PointCloud2 on topic /sweep_cloud; topics in it: /imu/data (sensor_msgs/msg/Imu), /joint_states"),
+        ("/joint_states", "no sensor_msgs/msg/JointState on topic /joint_states; topics in it: /imu/data (sensor_msgs/msg/Imu), /scan"),
+        ("/imu/data", "no sensor_msgs/msg/Imu on topic /imu/data; topics in it: /joint_states (sensor_msgs/msg/JointState), /scan"),
+        ("/wheel_odom", "no nav_msgs/msg/Odometry on topic /wheel_odom; topics in it: /imu/data"),
+    ],
+)
+def test_what_is_missing_is_named(tmp_path: Path, drive: raw.Messages, capsys: pytest.CaptureFixture[str], topic: str, reason: str) -> None:
+    path = raw.write_ros1(robot_beside(tmp_path) / "run.bag", [message for message in drive if message[0] != topic])
+    assert reason in refusal(capsys, path, "--out", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_robot_is_needed_and_must_not_contradict_its_description(tmp_path: Path, one_bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "run.bag"
+    shutil.copy(one_bag, path)
+    assert "--robot FILE.yaml has to say how the sensors are mounted" in refusal(capsys, path, "--out", tmp_path / "out")
+    robot_beside(tmp_path)
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(RobotBody()) | {"length_m": 3.0}))
+    assert "contradicts" in refusal(capsys, path, "--out", tmp_path / "out")
+
+
+def test_messages_that_cannot_be_used_are_counted_with_the_reason(
+    tmp_path: Path, drive: raw.Messages, capsys: pytest.CaptureFixture[str]
+) -> None:
+    messages = [(topic, kind, replace(m, header=replace(m.header, frame_id="hokuyo"))) for topic, kind, m in drive]
+    text = refusal(capsys, raw.write_ros1(robot_beside(tmp_path) / "run.bag", messages), "--out", tmp_path / "out")
+    assert "no sweep came out" in text and "frame 'hokuyo', the robot's laser is 'laser': mounts/laser/frame of robot.yaml" in text
+
+
+def test_bag_that_was_cut_gives_the_sweep_that_it_holds(tmp_path: Path, one_bag: Path) -> None:
+    cut = robot_beside(tmp_path) / "cut.bag"
+    cut.write_bytes(one_bag.read_bytes()[: int(0.7 * one_bag.stat().st_size)])
+    assert map_bag.main([str(cut), "--out", str(tmp_path / "out"), "--quiet"]) == 1
+    summary = json.loads((tmp_path / "out" / map_bag.SUMMARY).read_text())
+    assert summary["vertices"] == 1 and "breaks off" in summary["problems"][0]
+
+
+@pytest.mark.parametrize("suffix", [".db3", ".mcap"])
+def test_file_that_is_no_ros_2_bag_is_refused(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"run{suffix}"
+    path.write_bytes(b"no bag" * 100)
+    with pytest.raises(ValueError, match="not a ROS 2 bag that can be read"):
+        Recording([path])
+
+
+def test_spinning_lidar_s_sweep_comes_out_with_odometry_at_its_stamp() -> None:
+    def tilt(t: float) -> float:
+        return float(np.interp(t, [2.0, 2.5, 3.8, 4.0], [0.0, 0.8, -0.61, 0.0]))
+
+    chain = SensorChain(SensorConfig(lidar=LIDAR, assembly=SweepAssemblyConfig(stray_neighbours=0)), RobotBody(), TILT, spinning=True)
+    found = []
+    for k in range(120):
+        t = round(1.5 + 0.03 * k, 6)
+        chain.add_joint(t, tilt(t))
+        chain.add_pose(Pose(t, transform_from_rpy((0.01 * t, 0.0, 0.0)), np.eye(6)))
+        if k % 4 == 0:
+            t = 1.5 + 0.1 * (k // 4)
+            chain.add_reading(t, revolution(t, lambda t: transform_from_rpy((0.01 * t, 0.0, 0.0)), tilt))
+        found += list(chain.poll())
+    (one,) = found
+    assert one.sweep.stamp_s == pytest.approx(4.0, abs=0.04) and len(one.sweep.points) > 3000
+    assert one.T_odom_base[0, 3] == pytest.approx(0.01 * one.sweep.stamp_s)
