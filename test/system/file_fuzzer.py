@@ -97,7 +97,8 @@ def fault(kind: Kind, path: Path) -> str | None:
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         said = _said(kind, path)
-    return said or next((f"{w.category.__name__}: {w.message} in {w.filename}, line {w.lineno}" for w in heard), None)
+    shown = [w for w in heard if not issubclass(w.category, ResourceWarning)]  # which Python does not show either
+    return said or next((f"{w.category.__name__}: {w.message} in {w.filename}, line {w.lineno}" for w in shown), None)
 
 
 def _said(kind: Kind, path: Path) -> str | None:
