@@ -102,7 +102,7 @@ class Ground:
     """Answers where the robot can stand in a world, and how."""
 
     def __init__(self, world: World) -> None:
-        self._test = StandingTest(world.vertices, world.triangles, closed=True, robot=RobotBody())
+        self._test = StandingTest(world.vertices, world.triangles, RobotBody())
         self._scene = raycasting_scene(world.vertices, world.triangles)
         self._base_m = RobotBody().base_height_m
 

@@ -1,6 +1,7 @@
 """Arguments of ./explore, and what is wrong with them before anything is started."""
 
 import argparse
+import math
 import os
 import shutil
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from explore_command.sessions import NO_RUN, earlier_run
 
 NAMED_WORLDS = ("rooms", "doors", "ramp", "moon")
 SENSORS = ("tilting", "spinning")
+UPS = ("x", "y", "z")
 REALISMS = ("hardware", "ideal")
 _RUN_FILES: tuple[str, ...] = (
     "run.json",
@@ -35,6 +37,7 @@ _RUN_FILES += (
     "map_top.png",
     "map_angle.png",
     "world.ply",
+    "world_origin.json",
     "config.yaml",
     "robot.yaml",
     "robot.urdf",
@@ -64,7 +67,9 @@ class ExploreArguments:
     sensor: str
     realism: str
     seed: int
-    start: tuple[float, float, float] | None
+    start: tuple[float, ...] | None
+    scale: float | None
+    up: str | None
     size: tuple[float, float, float] | None
     area: tuple[float, float] | None
     out: Path
@@ -99,7 +104,17 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--area", nargs=2, type=float, metavar=("X", "Y"), help="explore only X by Y metres of a FILE, around the start, behind walls"
     )
-    p.add_argument("--start", nargs=3, type=float, metavar=("X", "Y", "YAW"), help="where the robot starts; default: chosen by the seed")
+    p.add_argument(
+        "--start",
+        nargs="+",
+        type=float,
+        metavar="X Y [Z] YAW",
+        help="where the robot starts, in the world's coordinates; Z tells storeys apart; default: chosen by the seed",
+    )
+    p.add_argument(
+        "--scale", type=float, metavar="M", help="metres a unit of a mesh FILE: 0.001 for millimetres; default 1, or as a .dae says"
+    )
+    p.add_argument("--up", choices=UPS, help="the axis of a mesh FILE that points up; default z, or as a .dae says")
     p.add_argument(
         "--sensor",
         choices=SENSORS,
@@ -172,6 +187,8 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         realism=a.realism,
         seed=a.seed,
         start=tuple(a.start) if a.start else None,
+        scale=a.scale,
+        up=a.up,
         size=tuple(a.size) if a.size else None,
         area=tuple(a.area) if a.area else None,
         out=out,
@@ -207,6 +224,12 @@ def _check_numbers(a: argparse.Namespace) -> None:
         raise ArgumentProblem(f"--port {a.port}: expected 1024 to 65535")
     if a.rate < 0 or a.max_sim_time <= 0 or a.seed < 0:
         raise ArgumentProblem("--rate must not be negative, --max-sim-time must be positive, --seed must not be negative")
+    if a.start is not None and len(a.start) not in (3, 4):
+        raise ArgumentProblem(f"--start: {len(a.start)} numbers where X Y YAW or X Y Z YAW are wanted")
+    if a.scale is not None and not 0.0 < a.scale < math.inf:
+        raise ArgumentProblem(f"--scale {a.scale:g}: expected a positive number of metres a unit")
+    if (a.scale is not None or a.up) and (a.world in NAMED_WORLDS or Path(a.world).suffix.lower() == ".png"):
+        raise ArgumentProblem(f"--scale and --up are for meshes: {a.world} is in metres with z up")
     for name in ("size", "area"):
         if any(v <= 0 for v in getattr(a, name) or ()):
             raise ArgumentProblem(f"--{name}: lengths must be positive")

@@ -8,6 +8,7 @@ import yaml
 
 from explore_command.arguments import NAMED_WORLDS, ArgumentProblem, ExploreArguments
 from explore_command.parameters import ROBOT, all_overrides, override_problems, robot_of
+from rigid_geometry import origin_text
 from robot_body import RobotBody, robot_mapping, urdf_file
 from roslaunch_process import free_port, hand_on_signals, shown_lines, start_launch
 from stage_config import ConfigError
@@ -17,15 +18,18 @@ _MONITOR_MARK = "[explore]"
 
 
 def world_problem(arguments: ExploreArguments, robot: RobotBody) -> str | None:
-    """Why the world or the start cannot be used, or None; named worlds with their own start need no look."""
+    """Why the world or the start cannot be used, or None; it says where a far one lies. Named ones with their own start need no look."""
     if arguments.world in NAMED_WORLDS and arguments.start is None:
         return None
-    from pybullet_simulation import load_world
+    from pybullet_simulation import MeshFrame, load_world
 
+    frame = None if arguments.scale is None and arguments.up is None else MeshFrame(arguments.scale, arguments.up)
     try:
-        load_world(arguments.world, arguments.seed, arguments.size, arguments.area, arguments.start, robot)
+        world = load_world(arguments.world, arguments.seed, arguments.size, arguments.area, arguments.start, robot, frame)
     except ValueError as error:
         return f"--world {arguments.world}: {error}"
+    if any(world.origin):
+        print(f"{arguments.world}: {origin_text(world.origin)}, which world_origin.json keeps", flush=True)
     return None
 
 
@@ -47,7 +51,7 @@ def effective_robot(arguments: ExploreArguments) -> RobotBody:
 
 
 def _joined(values: tuple[float, ...] | None) -> str:
-    return " ".join(f"{v:g}" for v in values) if values else ""
+    return " ".join(f"{v:.12g}" for v in values) if values else ""
 
 
 def launch_arguments(arguments: ExploreArguments, robot: RobotBody, overrides: Path, clock_start_s: float = 0.0) -> dict[str, object]:
@@ -60,6 +64,8 @@ def launch_arguments(arguments: ExploreArguments, robot: RobotBody, overrides: P
         "realism": arguments.realism,
         "seed": arguments.seed,
         "start": _joined(arguments.start),
+        "scale": _joined((arguments.scale,)) if arguments.scale else "",
+        "up": arguments.up or "",
         "size": _joined(arguments.size),
         "area": _joined(arguments.area),
         "out": arguments.out,

@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.bag_sweeps import BagTopics
+from mapping_tools.cloud_files import SUFFIXES
 from mapping_tools.configuration import ToolConfig, configured
+from mapping_tools.map_origin import ORIGIN, MapOrigin
 from mapping_tools.mapping_run import MappingRun
+from mapping_tools.pose_files import FORMS
 from mapping_tools.raw_sweeps import RawTopics
 from mapping_tools.recorded_sources import Wanted, source_of
 from mapping_tools.sensor_chain import SensorConfig
@@ -27,17 +30,20 @@ from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import SessionStore, write_atomically
-from rigid_geometry import transform_from_rpy
+from rigid_geometry import origin_text, transform_from_rpy
 from stage_config import to_mapping
 
 Array = NDArray[np.float64]
 
 SUMMARY = "map_summary.json"
-_DESCRIPTION = """Maps a bag, or a folder of .pcd, .ply or .npz sweeps in the order of their names. A bag is a file of ROS 1, a file or
-folder of ROS 2 (.db3, .mcap), or a folder of bags, which are read as one in the order of time. It holds PointCloud2 sweeps and Odometry; or
-what a robot's drivers sent: LaserScan, or PointCloud2 of a lidar on the tilting mount, with JointState, Imu and Odometry of the wheels.
-A folder of sweeps may hold poses.txt, a TUM trajectory (stamp x y z qx qy qz qw) with the odometry pose of every sweep; without it, each
-sweep is looked for around the last one. Every sweep should be taken while the sensor stands, or be de-skewed."""
+_POSE_FORMS = "; or ".join(FORMS.values())
+_DESCRIPTION = f"""Maps a bag, or a folder of sweeps ({" ".join(SUFFIXES)}) in the order of their names, 9 before 10. A bag is a file of
+ROS 1, a file or folder of ROS 2 (.db3, .mcap), or a folder of bags, which are read as one in the order of time. It holds PointCloud2 sweeps
+and Odometry; or what a robot's drivers sent: LaserScan, or PointCloud2 of a lidar on the tilting mount, with JointState, Imu and Odometry
+of the wheels. A folder of sweeps may hold poses.txt with the odometry pose of every sweep, z up: {_POSE_FORMS}.
+Poses with stamps go with files whose names are these stamps, others by their order. Without poses.txt each sweep is looked for around
+the last one. Every sweep should be taken while the sensor stands, or be de-skewed. Where odometry is far from 0 0 0, as in UTM, the map
+gets an origin of its own ({ORIGIN}). Points at 0 0 0, or where their beam starts, are beams without an echo."""
 _EPILOG = f"""DIR then holds sweeps/, graph.g2o, trajectory.txt (TUM), cloud.ply, cloud.pcd and {SUMMARY}. A run that was killed goes on
 with --resume. Exit code: 0 mapped, 1 some sweeps could not be placed, the recording breaks off, or it was stopped, 2 wrong file or
 argument."""
@@ -116,9 +122,10 @@ def map_recording(a: argparse.Namespace) -> int:
     config = configured(a.set, use_gravity=not a.no_gravity)
     source, match = recorded(a, config.sensors), create_registration(config.registration).match
     store, mapper, notes = open_session(a, config, match)
+    origin = _origin(a)
     for note in notes:
         _say(note)
-    run = MappingRun(mapper, match, store, (lambda _: None) if a.quiet else _say, min_travel_m=a.min_travel)
+    run = MappingRun(mapper, match, store, origin, (lambda _: None) if a.quiet else _say, min_travel_m=a.min_travel)
     stopped = _mapped(run, source, a)
     for note in source.notes:
         _say(note)
@@ -133,6 +140,7 @@ def map_recording(a: argparse.Namespace) -> int:
         "vertices": len(mapper.stamps_s),
         "edges": len(mapper.graph.edges()),
         "edges_left_out": [[e.i, e.j, e.kind.value] for e in mapper.graph.rejected()],
+        "origin_m": origin.xyz.tolist(),
         "not_on_disk": store.not_on_disk,
         **dataclasses.asdict(run.account),
         "wall_time_s": round(time.monotonic() - begun, 3),
@@ -141,12 +149,19 @@ def map_recording(a: argparse.Namespace) -> int:
     return _ended(a, summary)
 
 
+def _origin(a: argparse.Namespace) -> MapOrigin:
+    try:
+        return MapOrigin(a.out, goes_on=a.resume)
+    except ValueError as error:
+        raise ArgumentProblem(f"{a.out}: {error}") from error
+
+
 def _mapped(run: MappingRun, source: SweepSource, a: argparse.Namespace) -> str | None:
     """Maps the recording; why it was stopped before its end, or None. Ctrl-C and SIGTERM end it after the sweep that it is at."""
     before = {number: signal.signal(number, lambda *_: run.stop()) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         whole = run.map(source, moved=a.moved)
-    except ValueError as error:
+    except (ValueError, OSError) as error:
         raise ArgumentProblem(f"{a.recording}: {error}") from error
     finally:
         for number, handler in before.items():
@@ -159,16 +174,18 @@ def _saved(store: SessionStore, mapper: PoseGraphMapper, config: ToolConfig) -> 
     mapper.graph.solve()
     try:
         return store.save(mapper.graph, config.mapping.map_voxel_m), None
-    except OSError as error:
+    except (OSError, ValueError, MemoryError) as error:
         return (), f"graph, trajectory and cloud could not be saved: {error}"
 
 
 def _ended(a: argparse.Namespace, summary: dict[str, object]) -> int:
     """Writes the summary, says how it ended, and returns the exit code."""
-    problems, missing = summary["problems"], summary["not_placed"]
-    assert isinstance(problems, list) and isinstance(missing, list)
+    problems, missing, origin = summary["problems"], summary["not_placed"], summary["origin_m"]
+    assert isinstance(problems, list) and isinstance(missing, list) and isinstance(origin, list)
     for text in problems:
         _say(f"{a.recording}: {text}")
+    if any(origin):
+        _say(f"{a.out}: {origin_text(origin)} ({ORIGIN})")
     if missing:
         _say(f"{len(missing)} sweeps could not be placed: {', '.join(str(entry['sweep']) for entry in missing)}")
     _say(f"{a.out}: {summary['vertices']} vertices, {summary['edges']} edges, {summary['loop_closures']} loops closed")
@@ -189,8 +206,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return map_recording(parser().parse_args(argv))
     except ArgumentProblem as error:
-        _say(f"./map_bag: {error}")
-        return 2
+        problem = str(error)
+    except (ValueError, OSError, MemoryError) as error:
+        problem = str(error) or type(error).__name__
+    _say(f"./map_bag: {' '.join(problem.split())}")
+    return 2
 
 
 if __name__ == "__main__":

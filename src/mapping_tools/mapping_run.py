@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mapping_tools.map_origin import MapOrigin
 from mapping_tools.sweep_sources import SourceSweep, SweepSource, Unreadable
 from pose_graph_mapping.graph.localisation import localise
 from pose_graph_mapping.graph.loop_closure import Match
@@ -48,9 +49,12 @@ class Account:
 class MappingRun:
     """Owns the account of one recording; the mapper and its session belong to the caller."""
 
-    def __init__(self, mapper: PoseGraphMapper, match: Match, store: SessionStore, say: Say, *, min_travel_m: float = 0.0) -> None:
-        """say: one line of progress a sweep; min_travel_m: sweeps taken nearer to the last one, by odometry, are passed by."""
-        self._mapper, self._match, self._store, self._say = mapper, match, store, say
+    def __init__(
+        self, mapper: PoseGraphMapper, match: Match, store: SessionStore, origin: MapOrigin, say: Say, *, min_travel_m: float = 0.0
+    ) -> None:
+        """origin: what odometry is relative to; say: one line of progress a sweep; min_travel_m: sweeps taken nearer to the last one, by
+        odometry, are passed by."""
+        self._mapper, self._match, self._store, self._origin, self._say = mapper, match, store, origin, say
         self._min_travel_m = min_travel_m
         self._last: SourceSweep | None = None
         self._stopping = False
@@ -73,6 +77,8 @@ class MappingRun:
             self.account.read += 1
             if sweep.stamp_s is not None:
                 self.account.read_until_s = sweep.stamp_s
+            if isinstance(sweep, SourceSweep):
+                sweep = self._near(sweep)
             if sweep.stamp_s is not None and sweep.stamp_s <= last_s + 1e-6:
                 self.account.known += 1
             elif isinstance(sweep, Unreadable):
@@ -82,6 +88,10 @@ class MappingRun:
             elif self._placed(sweep, source.progress, lost):
                 self._last, lost = sweep, False
         return True
+
+    def _near(self, sweep: SourceSweep) -> SourceSweep:
+        """The sweep with its odometry relative to the origin."""
+        return sweep if sweep.T_odom_base is None else replace(sweep, T_odom_base=self._origin.relative(sweep.T_odom_base))
 
     def _is_near(self, sweep: SourceSweep) -> bool:
         if self._last is None or self._last.T_odom_base is None or sweep.T_odom_base is None:

@@ -109,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             _write_json(options.json, {"solved": False, "reason": str(error)})
         return NOT_SOLVABLE
     except OSError as error:
-        _say(f"./optimize_graph: {error.filename}: {error.strerror or error}")
+        _say(f"./optimize_graph: {error.filename or (options and options.graph)}: {error.strerror or error}")
     except (ArgumentProblem, ValueError) as error:
         _say(f"./optimize_graph: {' '.join(str(error).split())}")
     except KeyboardInterrupt:

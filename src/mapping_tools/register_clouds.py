@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +18,21 @@ import yaml
 from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
-from mapping_tools.centred_match import centre_of, match_centred
-from mapping_tools.cloud_files import VIEWPOINT_FIELDS, CloudFile, read_cloud
+from mapping_tools.centred_match import carried, centre_of, match_centred
+from mapping_tools.cloud_files import VIEWPOINT_FIELDS, CloudFile, brought_near, read_cloud
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud, merged, viewpoints, voxel_downsample
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_files import write_atomically
-from rigid_geometry import as_transform, quat_xyzw_from_transform, rpy_from_rotation, transform_from_rpy
+from rigid_geometry import (
+    FAR_M,
+    as_transform,
+    inverse,
+    quat_xyzw_from_transform,
+    rpy_from_rotation,
+    transform_from_rpy,
+)
 from stage_config import load_config
 
 Array = NDArray[np.float64]
@@ -36,8 +45,8 @@ def parser() -> argparse.ArgumentParser:
     p = OneLineParser(
         prog="./register_clouds",
         description="Finds how the cloud READING lies in the cloud REFERENCE: the transform that takes points of the reading to the "
-        "reference, how sure it is, and whether it can be trusted. Both have z roughly upwards, in metres. Files: .ply, .pcd, or a sweep "
-        "(.npz) of a session folder.",
+        "reference, how sure it is, and whether it can be trusted. Both have z roughly upwards, in metres. Files: .ply, .pcd, .vtk, "
+        ".xyz, or a sweep (.npz) of a session folder.",
         epilog="Without a guess the reading is looked for within a few metres of where it lies, at every heading; so it is with a guess of "
         "which no sigma is given. Exit code: 0 there is a transform to use, 1 refused or ambiguous (the reason is printed, and FILE has "
         "no transform), 2 a file or argument is wrong.",
@@ -88,7 +97,8 @@ def guess_of(options: argparse.Namespace) -> tuple[Array, Array | None]:
     try:
         as_transform(T)
     except ValueError as error:
-        raise ArgumentProblem(f"the guess is {' '.join(str(error).split())}") from error
+        where = f"--guess-file {options.guess_file}: " if options.guess_file else ""
+        raise ArgumentProblem(f"{where}the guess is {' '.join(str(error).split())}") from error
     if options.guess_sigma:
         if not all(math.isfinite(s) and s > 0 for s in options.guess_sigma):
             raise ArgumentProblem("--guess-sigma: expected two positive numbers, in m and rad")
@@ -116,9 +126,20 @@ def _checked_covariance(values: Any) -> Array:
     return covariance
 
 
-def prepared(path: Path, origins: str | None, min_range_m: float, voxel_m: float) -> PointCloud:
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A cloud to be matched, relative to `origin` (3,) of its file's coordinates, which is 0 0 0 unless these are far away."""
+
+    cloud: PointCloud
+    origin: Array
+
+
+def prepared(path: Path, origins: str | None, min_range_m: float, voxel_m: float) -> Prepared:
     """The finite points of a file as voxel means, with origins as asked for; ValueError when there are none. Says what it did."""
-    found = read_cloud(path)
+    found, origin = _near(path)
+    if origins is None and found.origins is None and np.abs(found.sensor).max() > FAR_M:
+        origins = "none"
+        _say(f"{path}: lies far from 0 0 0 and does not say where its beams started: free space is not known")
     if origins == "fields" and found.origins is None:
         raise ArgumentProblem(f"--origins fields: {path} has no {', '.join(VIEWPOINT_FIELDS)}")
     cloud = PointCloud.of_finite(found.points, found.origins if origins in (None, "fields") else None)
@@ -132,8 +153,18 @@ def prepared(path: Path, origins: str | None, min_range_m: float, voxel_m: float
     except ValueError as error:
         raise ArgumentProblem(f"{path}: {error}") from error
     dropped = f", {cloud.dropped:,} not finite left out" if cloud.dropped else ""
-    print(f"{path}: {len(cloud):,} points{dropped}; {len(means):,} means of voxels of {voxel_m:g} m", file=sys.stderr, flush=True)
-    return _with_sensor(means, found) if means.origins is None and origins != "none" else means
+    zeros = f", {found.no_returns:,} beams without an echo left out" if found.no_returns else ""
+    far = f"; matched around {' '.join(f'{v:.0f}' for v in origin)}" if origin.any() else ""
+    _say(f"{path}: {len(cloud):,} points{dropped}{zeros}; {len(means):,} means of voxels of {voxel_m:g} m{far}")
+    return Prepared(_with_sensor(means, found) if means.origins is None and origins != "none" else means, origin)
+
+
+def _near(path: Path) -> tuple[CloudFile, Array]:
+    found = read_cloud(path)
+    try:
+        return brought_near(found)
+    except ValueError as error:
+        raise ArgumentProblem(f"{path}: {error}") from error
 
 
 def _averaged(cloud: PointCloud, voxel_m: float) -> PointCloud:
@@ -195,20 +226,36 @@ def _numbers(values: Array) -> str:
     return " ".join(f"{v:.3g}" for v in values)
 
 
+def _check_writable(path: Path) -> None:
+    """ArgumentProblem when a file cannot be written there, before anything is matched."""
+    if path.is_dir() or not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
+        raise ArgumentProblem(f"--out {path}: cannot be written: expected a file in a folder that is there and may be written to")
+
+
 def register(options: argparse.Namespace) -> int:
     """Reads, matches, writes and prints; the exit code."""
     config = configured(options.set)
+    if options.out:
+        _check_writable(options.out)
     T_guess, covariance = guess_of(options)
     reference, reading = (
         prepared(path, options.origins, options.min_range, config.voxel_m) for path in (options.reference, options.reading)
     )
     matcher = create_registration(config)
     start = time.perf_counter()
-    result = match_centred(matcher, reference, reading, T_guess, covariance)
+    T_file_reference, T_file_reading = transform_from_rpy(reference.origin), transform_from_rpy(reading.origin)
+    near_covariance = None if covariance is None else carried(inverse(T_file_reading), covariance)
+    result = match_centred(matcher, reference.cloud, reading.cloud, inverse(T_file_reference) @ T_guess @ T_file_reading, near_covariance)
+    result = replace(
+        result,
+        T_reference_reading=T_file_reference @ result.T_reference_reading @ inverse(T_file_reading),
+        covariance=carried(T_file_reading, result.covariance),
+        rivals=T_file_reference @ result.rivals @ inverse(T_file_reading),
+    )
     seconds = time.perf_counter() - start
     print(summary(result, seconds))
     if options.out:
-        found = {**report(result, seconds), "degenerate_directions_about": _plain(centre_of(reading))}
+        found = {**report(result, seconds), "degenerate_directions_about": _plain(centre_of(reading.cloud) + reading.origin)}
         write_atomically(options.out, (json.dumps(found, indent=1) + "\n").encode("ascii"))
     return USABLE if result.usable else NOT_USABLE
 
@@ -223,8 +270,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         problem = f"{error.filename}: {error.strerror or error}" if error.filename else str(error)
     except (ValueError, MemoryError) as error:
         problem = str(error) or type(error).__name__
-    print(f"./register_clouds: {problem}", file=sys.stderr)
+    _say(f"./register_clouds: {' '.join(problem.split())}")
     return BAD_INPUT
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

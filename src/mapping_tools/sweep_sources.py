@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigid_geometry import transform_points
+from rigid_geometry import FAR_M, transform_points
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -50,14 +50,20 @@ class Mount:
     sensor: Array
 
     def placed(self, points: ArrayLike, origins: ArrayLike | None) -> tuple[Singles, Singles]:
-        """Finite points and origins in base_link, float32 as a session keeps them; ValueError when no point is finite."""
+        """Finite points and origins in base_link, float32 as a session keeps them.
+
+        ValueError when no point is finite, or when they lie too far from base_link to be told apart in float32.
+        """
         points = np.asarray(points, dtype=np.float64)
         starts = np.broadcast_to(self.sensor, points.shape) if origins is None else np.asarray(origins, dtype=np.float64)
         finite = np.isfinite(points).all(axis=1) & np.isfinite(starts).all(axis=1)
         if not finite.any():
             raise ValueError(f"none of its {len(points)} points is finite")
-        placed = (np.asarray(transform_points(self.T_base_cloud, rows[finite]), dtype=np.float32) for rows in (points, starts))
-        return next(placed), next(placed)
+        placed = [np.asarray(transform_points(self.T_base_cloud, rows[finite]), dtype=np.float64) for rows in (points, starts)]
+        away = float(np.abs(np.median(placed[0], axis=0)).max())
+        if away > FAR_M:
+            raise ValueError(f"its points lie {away:,.0f} m from base_link: give clouds in the sensor's frame, and its pose as odometry")
+        return placed[0].astype(np.float32), placed[1].astype(np.float32)
 
 
 class SweepSource(Protocol):

@@ -85,7 +85,8 @@ def _vectors(message: CloudMessage, field: DriverField) -> Floats:
 
 def _is_return(message: CloudMessage, points: Floats) -> NDArray[np.bool_]:
     """(N,) whether the beam met something: drivers write NaN, or zeros, where it did not."""
-    found = np.isfinite(points).all(axis=1) & points.any(axis=1)
+    with np.errstate(invalid="ignore"):  # of bits that are no number
+        found = np.isfinite(points).all(axis=1) & points.any(axis=1)
     if field := _first(message, Use.RANGE):
         found &= columns(message, field.names)[field.names[0]] != 0
     return np.asarray(found)

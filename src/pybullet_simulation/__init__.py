@@ -5,6 +5,7 @@
 
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.lidar_config import SpinningLidarConfig
+from pybullet_simulation.mesh_file import MeshFrame
 from pybullet_simulation.realism import HARDWARE_OR_IDEAL, IDEAL, IDEAL_TIMING, realistic
 from pybullet_simulation.records import (
     Contact,
@@ -46,6 +47,7 @@ __all__ = [
     "Truth",
     "WheelOdometry",
     "World",
+    "MeshFrame",
     "load_world",
     "realistic",
 ]

@@ -1,57 +1,119 @@
-"""Meshes from files (.dae, .obj, .stl, .ply) as one surface in metres with z up, and cutting one to a rectangle."""
+"""Meshes from files (.dae, .obj, .stl, .ply) as one surface in metres with z up near the origin, and cutting one to a rectangle."""
 
+import logging
 import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from pybullet_simulation.closed_solids import closed_solids
 from pybullet_simulation.world import Surface
+from rigid_geometry import lost_digits_m, origin_near
 
 Array = NDArray[np.float64]
 
 MESH_SUFFIXES = (".dae", ".obj", ".stl", ".ply")
-UP_FROM_AXIS = {
-    "X_UP": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
-    "Y_UP": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
-    "Z_UP": np.eye(3),
+UPS = {
+    "x": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
+    "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+    "z": np.eye(3),
 }
+_HEADER_BYTES = 1 << 14
+_SLIVER_M2 = 1e-9
+_FARTHEST_M = 1e9  # what no place on earth is away
+logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it prints tracebacks of what it then raises
 
 
-def read_mesh(path: Path) -> Surface:
-    """All of a mesh file; a .dae by its own unit and up axis, other formats as metres with z up.
+@dataclass(frozen=True)
+class MeshFrame:
+    """How a mesh is to be read: metres a unit, and the axis that points up ("x", "y", "z"); None: as the file says, else 1 and z."""
+
+    scale: float | None = None
+    up: str | None = None
+
+    def checked(self) -> "MeshFrame":
+        """Itself; ValueError when it makes no sense."""
+        if self.scale is not None and not 0.0 < self.scale < np.inf:
+            raise ValueError(f"scale {self.scale:g} is not a positive number of metres a unit")
+        if self.up is not None and self.up not in UPS:
+            raise ValueError(f"up {self.up!r} is none of {', '.join(UPS)}")
+        return self
+
+
+@dataclass(frozen=True)
+class Mesh(Surface):
+    """A surface, with the number of the closed solid that each triangle bounds (T,), OPEN where none, and where its origin lies (3,)."""
+
+    solid: NDArray[np.int32]
+    origin: Array
+
+
+def read_mesh(path: Path, frame: MeshFrame | None = None) -> Mesh:
+    """All of a mesh file, brought near the origin where it lies far away.
 
     ValueError when it cannot be read, holds no triangle or is not finite.
     """
+    given = (frame or MeshFrame()).checked()
     try:
-        loaded = trimesh.load(path, process=False)
-        mesh = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
-        R_metres = _dae_to_metres(path) if path.suffix.lower() == ".dae" else np.eye(3)
+        with np.errstate(all="ignore"):
+            loaded = trimesh.load(path, process=False)
+            mesh = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
+        scale, up = _dae_frame(path) if path.suffix.lower() == ".dae" else (1.0, "z")
     except Exception as error:  # the readers raise whatever they stumble over
-        raise ValueError(f"cannot read the mesh {path}: {type(error).__name__}: {error}") from error
+        raise ValueError(f"cannot read the mesh {path}: {type(error).__name__}: {' '.join(str(error).split())}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise ValueError(f"the mesh {path} is empty: it has no triangles")
-    vertices = np.asarray(mesh.vertices, np.float64) @ R_metres.T
-    if not np.isfinite(vertices).all():
+    given_scale = given.scale or scale
+    R_metres = given_scale * UPS[given.up or up]
+    triangles, corners = np.asarray(mesh.faces, np.int64), np.asarray(mesh.vertices, np.float64)
+    if corners.ndim != 2 or corners.shape[1] != 3 or triangles.shape[1:] != (3,):
+        raise ValueError(f"the mesh {path} has vertices of {corners.shape[-1]} coordinates, or faces that are no triangles")
+    if triangles.min() < 0 or triangles.max() >= len(corners):
+        raise ValueError(f"the mesh {path} has triangles of vertices that it does not have")
+    with np.errstate(all="ignore"):
+        vertices = corners @ R_metres.T
+    if not (np.abs(vertices) < _FARTHEST_M).all():
         raise ValueError(f"the mesh {path} has vertices that are not finite")
-    return without_slivers(vertices, np.asarray(mesh.faces, np.int32))
+    if _is_float32(path) and (apart := lost_digits_m(corners, given_scale)) is not None:
+        raise ValueError(f"the mesh {path} is far from 0 0 0 in float32, told apart to {apart:g} m only: write it relative, or as .obj")
+    return _near_origin(vertices, triangles.astype(np.int32))
 
 
-def _dae_to_metres(path: Path) -> Array:
-    """(3, 3) scale and rotation to metres with z up, by the asset block of a COLLADA file; its defaults are metres and y up."""
+def _is_float32(path: Path) -> bool:
+    """Whether a file keeps its coordinates so: STL always does, PLY unless it says double."""
+    with path.open("rb") as file:
+        head = file.read(_HEADER_BYTES)
+    return path.suffix.lower() == ".stl" or (path.suffix.lower() == ".ply" and b"property double x" not in head)
+
+
+def _near_origin(vertices: Array, triangles: NDArray[np.int32]) -> Mesh:
+    """Solids are told before slivers go, which may close them."""
+    origin = origin_near((vertices.min(axis=0) + vertices.max(axis=0)) / 2)
+    near = vertices - origin
+    solid, kept = closed_solids(near, triangles), has_area(near, triangles)
+    return Mesh(near, triangles[kept], solid[kept], origin)
+
+
+def _dae_frame(path: Path) -> tuple[float, str]:
+    """Metres a unit and the axis upwards, by the asset block of a COLLADA file; its defaults are metres and y up."""
     asset = ElementTree.parse(path).getroot().find("{*}asset")
     unit = None if asset is None else asset.find("{*}unit")
     axis = None if asset is None else asset.findtext("{*}up_axis")
     scale = 1.0 if unit is None else float(unit.get("meter", "1"))
-    return np.asarray(scale * UP_FROM_AXIS[(axis or "Y_UP").strip()])
+    up = (axis or "Y_UP").strip().removesuffix("_UP").lower()
+    if up not in UPS or not 0.0 < scale < np.inf:
+        raise ValueError(f"up_axis {axis!r} with {scale:g} m a unit")
+    return scale, up
 
 
-def without_slivers(vertices: Array, triangles: NDArray[np.int32]) -> Surface:
-    """The surface without triangles that have no area, on which physics engines choke."""
+def has_area(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """(T,) false for triangles on which physics engines choke."""
     corners = vertices[triangles]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    return Surface(vertices, triangles[area > 1e-9])
+    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return np.asarray(doubled / 2 > _SLIVER_M2)
 
 
 def cut_to(surface: Surface, low_xy: Array, high_xy: Array) -> Surface:
@@ -65,4 +127,5 @@ def cut_to(surface: Surface, low_xy: Array, high_xy: Array) -> Surface:
                 vertices, triangles, _ = trimesh.intersections.slice_faces_plane(vertices, triangles, normal, origin)  # type: ignore[no-untyped-call]
     if len(triangles) == 0:
         raise ValueError(f"the mesh has nothing between x, y {low_xy.tolist()} and {high_xy.tolist()}")
-    return without_slivers(np.asarray(vertices, np.float64), np.asarray(triangles, np.int32))
+    whole = np.asarray(vertices, np.float64), np.asarray(triangles, np.int32)
+    return Surface(whole[0], whole[1][has_area(*whole)])

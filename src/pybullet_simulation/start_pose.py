@@ -1,12 +1,14 @@
 """Where the robot can stand: ground under all of it, nothing inside or too near. Chooses the start, or judges the one asked for."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
+from pybullet_simulation.closed_solids import OPEN, closed_solids
 from pybullet_simulation.world import nearest_hits, raycasting_scene
 from robot_body import RobotBody
 
@@ -14,6 +16,8 @@ Array = NDArray[np.float64]
 
 HEADROOM_MARGIN_M = 0.2
 UP = np.array([0.0, 0.0, 1.0])
+_SAME_HEIGHT_M = 1e-3
+_ASIDE_M = (1.7e-4, 0.9e-4)  # off the edges of triangles, which a ray meets twice or not at all
 
 
 @dataclass(frozen=True)
@@ -30,34 +34,46 @@ FLATTISH = Demand(around_m=0.5, max_slope_rad=math.radians(6.0), max_roughness_m
 ASKED_FOR = Demand(around_m=None, max_slope_rad=math.radians(20.0), max_roughness_m=0.10)
 
 
+class NoStartError(ValueError):
+    """There is no ground to start on, or not where it was asked for."""
+
+
 class StandingTest:
     """Answers whether, and at which height, the robot can stand at (x, y, yaw) in a mesh."""
 
-    def __init__(self, vertices: Array, triangles: NDArray[np.int32], closed: bool, robot: RobotBody) -> None:
-        """`closed`: all triangles face outwards from solids, so that the inside of a solid can be told from the space above ground."""
+    def __init__(self, vertices: Array, triangles: NDArray[np.int32], robot: RobotBody, solid: NDArray[np.int32] | None = None) -> None:
+        """`solid` (T,): the number of the closed solid that each triangle bounds, OPEN where it bounds none; None: found here."""
         self._scene = raycasting_scene(vertices, triangles)
-        corners = vertices[triangles]
-        self._normals_z = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
         self._top = float(vertices[:, 2].max()) + 1.0
-        self._closed, self._robot = closed, robot
+        self._solid, self._robot = closed_solids(vertices, triangles) if solid is None else solid, robot
+
+    @property
+    def height_tolerance_m(self) -> float:
+        """How far the z of a start may be off the ground."""
+        return self._robot.standing_tolerance_m
 
     def ground_levels(self, x: float, y: float) -> list[float]:
         """Heights of the surfaces at (x, y) with headroom above them, lowest first; empty when there is none."""
         ray = np.array([[x, y, self._top, 0.0, 0.0, -1.0]], np.float32)
         found = self._scene.list_intersections(o3d.core.Tensor.from_numpy(ray))
         heights = self._top - found["t_hit"].numpy().astype(float)
-        order = np.argsort(heights, kind="stable")
-        normals_z = self._normals_z[found["primitive_ids"].numpy()]
-        return self._with_headroom([(float(heights[i]), float(normals_z[i])) for i in order])
+        heights.sort()
+        return [z for z in self._with_headroom(heights.tolist()) if not self._is_inside(x, y, z)]
 
-    def _with_headroom(self, surfaces: list[tuple[float, float]]) -> list[float]:
+    def _with_headroom(self, heights: list[float]) -> list[float]:
         levels = []
-        for i, (z, normal_z) in enumerate(surfaces):
-            above = next((s for s in surfaces[i + 1 :] if s[0] > z + 1e-3), None)
-            inside = self._closed and (normal_z < 0.0 or (above is not None and above[1] > 0.0))
-            if not inside and (above is None or above[0] > z + self._robot.height_m + HEADROOM_MARGIN_M):
+        for i, z in enumerate(heights):
+            above = next((higher for higher in heights[i + 1 :] if higher > z + _SAME_HEIGHT_M), math.inf)
+            if above > z + self._robot.height_m + HEADROOM_MARGIN_M:
                 levels.append(z)
         return levels
+
+    def _is_inside(self, x: float, y: float, z: float) -> bool:
+        """Whether a closed solid is around the space above a level: a ray upwards leaves it once more often than it enters."""
+        ray = np.array([[x + _ASIDE_M[0], y + _ASIDE_M[1], z + _SAME_HEIGHT_M, 0.0, 0.0, 1.0]], np.float32)
+        met = self._scene.list_intersections(o3d.core.Tensor.from_numpy(ray))["primitive_ids"].numpy()
+        solids = self._solid[met]
+        return bool((np.bincount(solids[solids != OPEN]) % 2 == 1).any())
 
     def obstruction(self, x: float, y: float, z: float, yaw: float, demand: Demand) -> str | None:
         """Why the robot cannot stand on the ground at (x, y, z), or None when it can."""
@@ -105,24 +121,55 @@ def _offsets(robot: RobotBody, yaw: float, around_m: float | None) -> Array:
     return np.column_stack([u * math.cos(yaw) - v * math.sin(yaw), u * math.sin(yaw) + v * math.cos(yaw), np.zeros(u.size)])
 
 
-def check_start(test: StandingTest, start: tuple[float, float, float], ground_z: tuple[float, float] | None = None) -> float:
-    """Height of the ground at a start (x, y, yaw) that somebody asked for, the lowest level that will do.
+@dataclass(frozen=True)
+class AskedStart:
+    """Where somebody wants the robot to start, in m and rad; z: the height of the ground, None where any will do."""
 
-    `ground_z`: the range of heights in which ground may lie, if known. ValueError when there is no ground or the robot does not fit.
+    x: float
+    y: float
+    yaw: float
+    z: float | None = None
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __str__(self) -> str:
+        """In the coordinates that it was asked for in."""
+        x, y, z = self.origin
+        return f"x {self.x + x:.12g} y {self.y + y:.12g}" + ("" if self.z is None else f" z {self.z + z:.12g}")
+
+    @classmethod
+    def of(cls, numbers: Sequence[float]) -> "AskedStart":
+        """From x y yaw, or x y z yaw; ValueError for anything else."""
+        if len(numbers) not in (3, 4) or not all(math.isfinite(v) for v in numbers):
+            raise ValueError(f"start {tuple(numbers)} is not three or four finite numbers x y yaw, or x y z yaw")
+        x, y, *z, yaw = numbers
+        return cls(x, y, yaw, z[0] if z else None)
+
+    def relative_to(self, origin: Array) -> "AskedStart":
+        """The same start, seen from an origin (3,), which is kept for what is said of it."""
+        x, y, z = origin.tolist()
+        return AskedStart(self.x - x, self.y - y, self.yaw, None if self.z is None else self.z - z, (x, y, z))
+
+
+def check_start(test: StandingTest, start: AskedStart, ground_z: tuple[float, float] | None = None) -> float:
+    """Height of the ground at a start that somebody asked for, the lowest level that will do, or the nearest to its z.
+
+    `ground_z`: the range of heights in which ground may lie, if known. NoStartError when there is no ground or the robot does not fit.
     """
-    x, y, yaw = start
-    if not all(math.isfinite(v) for v in start):
-        raise ValueError(f"start {start!r} is not three finite numbers x y yaw")
+    x, y = start.x, start.y
     levels = test.ground_levels(x, y)
     usable = [z for z in levels if ground_z is None or ground_z[0] <= z <= ground_z[1]]
+    if (asked_z := start.z) is not None:
+        usable = sorted((z for z in usable if abs(z - asked_z) <= test.height_tolerance_m), key=lambda z: abs(z - asked_z))
     reasons = []
     for z in usable:
-        reason = test.obstruction(x, y, z, yaw, ASKED_FOR)
+        reason = test.obstruction(x, y, z, start.yaw, ASKED_FOR)
         if reason is None:
             return z
         reasons.append(reason)
-    why = reasons[0] if reasons else ("it is inside a wall or obstacle" if levels else "there is no ground with headroom")
-    raise ValueError(f"the robot cannot start at x {x:g} y {y:g}: {why}")
+    found = ", ".join(f"{z + start.origin[2]:.2f}" for z in levels)
+    no_level = f"the ground with headroom there lies at z {found}" if start.z is not None else "it is inside a wall or obstacle"
+    why = reasons[0] if reasons else (no_level if levels else "there is no ground with headroom")
+    raise NoStartError(f"the robot cannot start at {start}: {why}")
 
 
 def choose_start(
@@ -130,7 +177,7 @@ def choose_start(
 ) -> tuple[tuple[float, float, float], float]:
     """A start (x, y, yaw) on flat free ground in `area` (2, 2) (low xy, high xy), and its height: the flattest kind that is found.
 
-    `ground_z`: the range of heights in which ground may lie, if known. ValueError when nothing will do.
+    `ground_z`: the range of heights in which ground may lie, if known. NoStartError when nothing will do.
     """
     for demand in (FLAT, FLATTISH):
         for _ in range(tries):
@@ -139,4 +186,4 @@ def choose_start(
             for z in test.ground_levels(x, y):
                 if (ground_z is None or ground_z[0] <= z <= ground_z[1]) and test.obstruction(x, y, z, yaw, demand) is None:
                     return (x, y, yaw), z
-    raise ValueError(f"no flat ground with room around the robot and headroom to start on was found in {2 * tries} tries; give a start")
+    raise NoStartError(f"no flat ground with room around the robot and headroom to start on was found in {2 * tries} tries; give a start")

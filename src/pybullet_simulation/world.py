@@ -9,8 +9,11 @@ import open3d as o3d
 from numpy.typing import NDArray
 
 from pybullet_simulation.solids import Solid
+from rigid_geometry import origin_bytes
 
 Array = NDArray[np.float64]
+
+WORLD_ORIGIN = "world_origin.json"
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,8 @@ class World:
     """All of a world in world coordinates (m, z up): its parts, their joint mesh, and where the robot starts.
 
     `vertices` (V, 3) float64 and `triangles` (T, 3) int32 hold everything; the physics takes `solids` and `surfaces`.
-    `extent` (2, 3) is the lowest and highest corner, walls included; `start_z` the height of the ground at the start.
+    `extent` (2, 3) is the lowest and highest corner, walls included; `start_z` the height of the ground at the start; `origin` where the
+    world's own lies in the coordinates of its file, 0 0 0 unless that is far away.
     """
 
     name: str
@@ -48,12 +52,17 @@ class World:
     start_xyyaw: tuple[float, float, float]
     start_z: float
     heightfield: HeightField | None = None
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def write_mesh(self, path: Path) -> None:
-        """Writes the joint mesh (.ply, .obj, .stl), for the judge; OSError when it cannot be written."""
+        """Writes the joint mesh (.ply, .obj, .stl), for the judge, and beside it the origin of a far world; OSError when it cannot be."""
         mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(self.vertices), o3d.utility.Vector3iVector(self.triangles))
-        if not o3d.io.write_triangle_mesh(path, mesh):
+        if any(self.origin):
+            path.with_name(WORLD_ORIGIN).write_bytes(origin_bytes(self.origin))
+        part = path.with_name(f".part_{path.name}")
+        if not o3d.io.write_triangle_mesh(part, mesh):
             raise OSError(f"the world's mesh could not be written to {path}")
+        part.replace(path)
 
 
 def joined(parts: Sequence[Solid | Surface]) -> tuple[Array, NDArray[np.int32]]:

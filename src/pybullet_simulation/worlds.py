@@ -9,23 +9,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pybullet_simulation import doors_world, ramp_world, rooms_world
+from pybullet_simulation.closed_solids import OPEN
 from pybullet_simulation.height_map import HeightMap, read_height_map, terrain_between
-from pybullet_simulation.mesh_file import MESH_SUFFIXES, cut_to, read_mesh
+from pybullet_simulation.mesh_file import MESH_SUFFIXES, Mesh, MeshFrame, cut_to, read_mesh
+from pybullet_simulation.mesh_guess import fits_as_it_is, question, size_problem, size_text
 from pybullet_simulation.moon_world import SIDE_M as MOON_SIDE_M
 from pybullet_simulation.moon_world import moon
 from pybullet_simulation.solids import Solid, walls_around
-from pybullet_simulation.start_pose import StandingTest, check_start, choose_start
+from pybullet_simulation.start_pose import AskedStart, NoStartError, StandingTest, check_start, choose_start
 from pybullet_simulation.terrain import surface_from_heights
 from pybullet_simulation.world import HeightField, Surface, World, joined
 from robot_body import RobotBody
 
 Array = NDArray[np.float64]
-Start = tuple[float, float, float]
+Start = AskedStart
 Size = tuple[float, float, float]
 Area = tuple[float, float]
 
 FILE_WALL_BELOW_M, FILE_WALL_ABOVE_M = 0.5, 1.5
 GENTLE_RAD = math.radians(6.0)
+SAME_LEVEL_M = 0.01
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class Parts:
     """What a world is made of before its start is known.
 
     `start_area` (2, 2), low and high x, y, is where a start may be chosen; `ground_z` the range of heights in which the start's
-    ground lies, if known; `closed` whether all triangles face outwards from solids.
+    ground lies, if known; `origin` where its own origin lies, in the coordinates of its file.
     """
 
     solids: list[Solid]
@@ -41,7 +44,7 @@ class Parts:
     surfaces: list[Surface] = field(default_factory=list)
     heightfield: HeightField | None = None
     ground_z: tuple[float, float] | None = None
-    closed: bool = True
+    origin: Array = field(default_factory=lambda: np.zeros(3))
 
 
 def _rooms(rng: np.random.Generator, start: Start | None) -> Parts:
@@ -58,9 +61,9 @@ def _ramp(rng: np.random.Generator, start: Start | None) -> Parts:
 
 def _moon(rng: np.random.Generator, start: Start | None) -> Parts:
     half = MOON_SIDE_M / 2
-    if start is not None and max(abs(start[0]), abs(start[1])) > half - 1.0:
-        raise ValueError(f"the robot cannot start at x {start[0]:g} y {start[1]:g}: moon ends in walls at {-half:g} and {half:g} m")
-    terrain, surface, solids, spot = moon(rng, None if start is None else start[:2])
+    if start is not None and max(abs(start.x), abs(start.y)) > half - 1.0:
+        raise ValueError(f"the robot cannot start at x {start.x:g} y {start.y:g}: moon ends in walls at {-half:g} and {half:g} m")
+    terrain, surface, solids, spot = moon(rng, None if start is None else (start.x, start.y))
     return Parts(solids, np.array([spot, spot]), [surface], terrain)
 
 
@@ -73,50 +76,72 @@ def load_world(
     seed: int,
     size_xyz: Size | None = None,
     area_xy: Area | None = None,
-    start: Start | None = None,
+    start: tuple[float, ...] | None = None,
     robot: RobotBody | None = None,
+    frame: MeshFrame | None = None,
 ) -> World:
     """The world of a name (`WORLDS`) or a file, in metres with z up; the seed sets clutter, terrain and start.
 
     `size_xyz`: size in m over which a height map (.png) is laid, only for those. `area_xy`: bounds a file to so many metres around the
-    start, or fewer where the file ends, with walls added. `start`: (x, y, yaw) to start from instead of one chosen by the seed.
+    start, or fewer where the file ends, with walls added. `start`: (x, y, yaw) or (x, y, z, yaw) to start from instead of one chosen by the
+    seed, in the coordinates of the file; z tells storeys apart. `frame`: how a mesh is to be read. What lies far away is brought near the
+    world's `origin`.
     ValueError when the world is unknown, unreadable or empty, an argument does not fit it, or the robot cannot stand at the start.
     """
     body = robot or RobotBody()
     if seed < 0:
         raise ValueError(f"seed {seed} is negative; expected 0 or more")
-    if start is not None and not all(math.isfinite(v) for v in start):
-        raise ValueError(f"start {start!r} is not three finite numbers x y yaw")
+    asked = None if start is None else AskedStart.of(start)
     terrain_rng, start_rng = (np.random.default_rng([seed, stream]) for stream in (1, 2))
     if name_or_path not in WORLDS:
-        parts = _from_file(name_or_path, size_xyz, area_xy, start, start_rng, body)
-        return _with_start(name_or_path, parts, start, start_rng, body)
-    if size_xyz is not None or area_xy is not None:
-        raise ValueError(f"size and area are for files; the world {name_or_path} has its own")
-    return _with_start(name_or_path, WORLDS[name_or_path](terrain_rng, start), start, start_rng, body)
+        request = _Request(area_xy, asked, start_rng, body)
+        try:
+            return _with_start(name_or_path, _from_file(name_or_path, size_xyz, frame, request), request)
+        except NoStartError as error:
+            path = Path(name_or_path)
+            if frame is not None or path.suffix.lower() not in MESH_SUFFIXES or fits_as_it_is(path, body):
+                raise
+            raise ValueError(f"{error}. It is {size_text(read_mesh(path))} m large{question(path, body)}") from error
+    if size_xyz is not None or area_xy is not None or frame is not None:
+        raise ValueError(f"size, area, scale and up are for files; the world {name_or_path} has its own")
+    return _with_start(name_or_path, WORLDS[name_or_path](terrain_rng, asked), _Request(None, asked, start_rng, body))
 
 
-def _with_start(name: str, parts: Parts, start: Start | None, rng: np.random.Generator, robot: RobotBody) -> World:
+@dataclass(frozen=True)
+class _Request:
+    """What a start, and the area around it, are chosen by."""
+
+    area_xy: Area | None
+    start: Start | None
+    rng: np.random.Generator
+    robot: RobotBody
+
+
+def _with_start(name: str, parts: Parts, by: _Request) -> World:
     vertices, triangles = joined([*parts.solids, *parts.surfaces])
-    test = StandingTest(vertices, triangles, parts.closed, robot)
-    if start is None:
-        start, start_z = choose_start(test, parts.start_area, rng, parts.ground_z)
+    test = StandingTest(vertices, triangles, by.robot, _solids_of(parts))
+    if by.start is None:
+        start, start_z = choose_start(test, parts.start_area, by.rng, parts.ground_z)
     else:
-        start_z = check_start(test, start, parts.ground_z)
+        asked = by.start.relative_to(parts.origin)
+        start, start_z = (asked.x, asked.y, asked.yaw), check_start(test, asked, parts.ground_z)
     extent = np.array([vertices.min(axis=0), vertices.max(axis=0)])
     solids, surfaces = tuple(parts.solids), tuple(parts.surfaces)
-    return World(name, solids, surfaces, vertices, triangles, extent, start, start_z, parts.heightfield)
+    x, y, z = parts.origin.tolist()
+    return World(name, solids, surfaces, vertices, triangles, extent, start, start_z, parts.heightfield, (x, y, z))
 
 
-def _from_file(
-    text: str,
-    size_xyz: Size | None,
-    area_xy: Area | None,
-    start: Start | None,
-    rng: np.random.Generator,
-    robot: RobotBody,
-) -> Parts:
-    path = Path(text)
+def _solids_of(parts: Parts) -> NDArray[np.int32]:
+    """(T,) the number of the solid of every triangle of the joined parts, OPEN for those of surfaces; a mesh knows its own."""
+    of_solids = [np.full(len(solid.triangles), k) for k, solid in enumerate(parts.solids)]
+    of_surfaces = [
+        s.solid + (s.solid != OPEN) * len(parts.solids) if isinstance(s, Mesh) else np.full(len(s.triangles), OPEN) for s in parts.surfaces
+    ]
+    return np.concatenate([*of_solids, *of_surfaces]).astype(np.int32)
+
+
+def _from_file(text: str, size_xyz: Size | None, frame: MeshFrame | None, by: _Request) -> Parts:
+    path, area_xy = Path(text), by.area_xy
     if area_xy is not None and not all(math.isfinite(v) and v >= 3.0 for v in area_xy):
         raise ValueError(f"area {area_xy!r} is not two lengths of 3 m or more")
     suffix = path.suffix.lower()
@@ -128,24 +153,33 @@ def _from_file(
     if suffix == ".png":
         if size_xyz is None:
             raise ValueError(f"the height map {text} needs a size x y z in metres")
-        return _from_height_map(read_height_map(path, size_xyz), area_xy, start, rng)
+        if frame is not None:
+            raise ValueError(f"scale and up are for meshes; the height map {text} has a size")
+        return _from_height_map(read_height_map(path, size_xyz), area_xy, by.start, by.rng)
     if size_xyz is not None:
         raise ValueError(f"a size is for height maps (.png); the mesh {text} has its own")
-    return _from_mesh(read_mesh(path), area_xy, start, rng, robot)
+    mesh = read_mesh(path, frame)
+    if problem := size_problem(path, mesh, frame, area_xy is not None):
+        raise ValueError(f"{problem}{question(path, by.robot)}")
+    return _from_mesh(mesh, by)
 
 
-def _from_mesh(surface: Surface, area_xy: Area | None, start: Start | None, rng: np.random.Generator, robot: RobotBody) -> Parts:
-    bounds = np.array([surface.vertices[:, :2].min(axis=0), surface.vertices[:, :2].max(axis=0)])
-    if area_xy is None:
-        return Parts([], bounds, [surface], closed=False)
-    centre = start
-    if centre is None:
-        centre, _ = choose_start(StandingTest(surface.vertices, surface.triangles, closed=False, robot=robot), bounds, rng)
-    low, high = _area_around(centre, area_xy)
+def _from_mesh(mesh: Mesh, by: _Request) -> Parts:
+    """The mesh, or the area of it around a start that is found on the whole: what is cut is closed no more."""
+    bounds = np.array([mesh.vertices[:, :2].min(axis=0), mesh.vertices[:, :2].max(axis=0)])
+    if by.area_xy is None:
+        return Parts([], bounds, [mesh], origin=mesh.origin)
+    test = StandingTest(mesh.vertices, mesh.triangles, by.robot, mesh.solid)
+    if by.start is None:
+        start, start_z = choose_start(test, bounds, by.rng)
+    else:
+        asked = by.start.relative_to(mesh.origin)
+        start, start_z = (asked.x, asked.y, asked.yaw), check_start(test, asked)
+    around, level = np.array([start[:2], start[:2]]), (start_z - SAME_LEVEL_M, start_z + SAME_LEVEL_M)
+    low, high = _area_around(start, by.area_xy)
     low, high = np.maximum(low, bounds[0]), np.minimum(high, bounds[1])
-    surface = cut_to(surface, low, high)
-    # the start was chosen on the whole mesh, so it is the middle of the area; only its neighbourhood is searched again
-    return Parts(_walls(low, high, surface), np.array([centre[:2], centre[:2]]), [surface], closed=False)
+    cut = cut_to(mesh, low, high)
+    return Parts(_walls(low, high, cut), around, [cut], ground_z=level, origin=mesh.origin)
 
 
 def _from_height_map(height_map: HeightMap, area_xy: Area | None, start: Start | None, rng: np.random.Generator) -> Parts:
@@ -153,7 +187,7 @@ def _from_height_map(height_map: HeightMap, area_xy: Area | None, start: Start |
     if area_xy is None:
         terrain = terrain_between(height_map, -half, half)
         return Parts([], np.array([-half, half]), [surface_from_heights(terrain)], terrain)
-    centre = start if start is not None else _gentle_spot(height_map, area_xy, rng)
+    centre = (start.x, start.y) if start is not None else _gentle_spot(height_map, area_xy, rng)
     low, high = _area_around(centre, area_xy)
     terrain = terrain_between(height_map, low, high)
     low = np.array([terrain.x0, terrain.y0])

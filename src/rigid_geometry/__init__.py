@@ -5,6 +5,7 @@ A transform `T_a_b` is a (4, 4) float64 array that takes coordinates in frame b 
 fixed-axis x, y, z, and quaternions are x, y, z, w (REP 103).
 """
 
+from rigid_geometry.far_origin import FAR_M, lost_digits_m, origin_bytes, origin_near, origin_text, read_origin
 from rigid_geometry.pose_history import PoseHistory
 from rigid_geometry.skid_steering import slide_per_rad
 from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S, Arrival, StampedBuffer
@@ -30,6 +31,7 @@ from rigid_geometry.transforms import (
 )
 
 __all__ = [
+    "FAR_M",
     "JUMP_BACK_S",
     "STAMP_TOLERANCE_S",
     "Arrival",
@@ -41,7 +43,12 @@ __all__ = [
     "as_transforms",
     "interpolate_transforms",
     "inverse",
+    "lost_digits_m",
+    "origin_bytes",
+    "origin_near",
+    "origin_text",
     "quat_xyzw_from_transform",
+    "read_origin",
     "rotation_angle",
     "rotation_angles",
     "rotation_from_quat",

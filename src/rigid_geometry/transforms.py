@@ -19,7 +19,8 @@ def as_transform(matrix: ArrayLike) -> Transform:
     if T.shape != (4, 4) or not np.isfinite(T).all():
         raise ValueError(f"a transform is a finite 4x4 matrix, not shape {T.shape}: {matrix!r}")
     R = T[:3, :3]
-    orthonormal = np.abs(R @ R.T - _IDENTITY_3).max() <= _RIGID_TOLERANCE
+    with np.errstate(invalid="ignore", over="ignore"):
+        orthonormal = np.abs(R @ R.T - _IDENTITY_3).max() <= _RIGID_TOLERANCE
     if not orthonormal or _triple_product(R) < 0 or np.abs(T[3] - _LAST_ROW).max() > _RIGID_TOLERANCE:
         raise ValueError(f"not a rigid transform (rotation not orthonormal, or last row not 0 0 0 1): {matrix!r}")
     return T

@@ -8,8 +8,12 @@ import signal
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from octomap_server_3dnav.exploration import first_decision
@@ -18,16 +22,20 @@ from octomap_server_3dnav.terrain.classify import Terrain
 from terrain_tools import octree_survey
 from terrain_tools.analysis import Analysis, analyse
 from terrain_tools.criteria import Criteria, read_criteria
+from terrain_tools.ground import Point
 from terrain_tools.map_source import CLOUDS, OCTREES, ORIGINS, read_map
 from terrain_tools.results import CLASSES, NUMBERS, PATH, PICTURE, csv_bytes, json_bytes, numbers, ply_bytes, prepare_folder
 
+Array = NDArray[np.float64]
+
 FOUND, NOT_FOUND, BAD_INPUT = 0, 1, 2
 _USABLE_SHARE = 0.8  # of the memory that is free
-_FARTHEST_M = 1e6
+_FARTHEST_M = 1e8  # what no place on earth is away
 _DEFAULTS = Criteria()
 _DESCRIPTION = f"""Tells the ground that a robot can drive on from obstacles, cliffs and what was not seen, in a map that is a file,
 and finds a way over it. FILE is an octomap octree ({" ".join(OCTREES)}), or a cloud ({" ".join(CLOUDS)}) whose points are put into
-voxels; z is up, in metres. The robot stands level at the start, and what it cannot reach from there is not classified."""
+voxels; z is up, in metres. The robot stands level at the start, and what it cannot reach from there is not classified. A cloud far from
+0 0 0, as in UTM, is brought near: start and goal are in its coordinates, all that is written is relative to origin_m of {NUMBERS}."""
 _EPILOG = f"""DIR then holds {CLASSES} (classes in colours), {PATH}, {NUMBERS} and {PICTURE} (from above, storey by storey).
 Exit code: 0 all was found, 1 there is no ground to start from or no path (it says why, and where the nearest ground is), 2 a file or
 argument is wrong, or the map takes too much memory."""
@@ -86,15 +94,33 @@ def classify_map(options: argparse.Namespace) -> int:
     for module in (octree_survey, first_decision):
         module.compile_kernels()  # loads them: the times are those of the map
     begun = time.perf_counter()
-    octree = read_map(options.map, by, options.resolution, options.origins, _allowed_bytes(options.max_memory), _say)
+    found_map = read_map(options.map, by, options.resolution, options.origins, _allowed_bytes(options.max_memory), _say)
     read_s = time.perf_counter() - begun
-    found = analyse(octree, by, tuple(options.start), tuple(options.goal) if options.goal else None, options.goal_tolerance)
-    _write(options, by, found, {"reading": round(read_s, 4)})
+    start, goal = (_near(point, found_map.origin) for point in (options.start, options.goal))
+    assert start is not None
+    found = analyse(found_map.octree, by, start, goal, options.goal_tolerance)
+    _write(options, by, found, Asked(start, goal, found_map.origin.tolist()), {"reading": round(read_s, 4)})
     if found.terrain is not None:
         print(summary(found, found.terrain))
     if found.problem:
         _say(f"./classify_map: {found.problem}")
     return NOT_FOUND if found.problem else FOUND
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Start and goal relative to the map's origin, and that origin in the coordinates of the file."""
+
+    start: Point
+    goal: Point | None
+    origin: list[float]
+
+
+def _near(point: list[float] | None, origin: Array) -> Point | None:
+    if point is None:
+        return None
+    x, y, z = (np.array(point) - origin).tolist()
+    return x, y, z
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -119,17 +145,18 @@ def _allowed_bytes(max_memory_gb: float | None) -> float:
     return _USABLE_SHARE * 1024 * free_kib
 
 
-def _write(options: argparse.Namespace, by: Criteria, found: Analysis, time_s: dict[str, float]) -> None:
+def _write(options: argparse.Namespace, by: Criteria, found: Analysis, asked: Asked, time_s: dict[str, float]) -> None:
     if found.terrain is not None:
         from terrain_tools.picture import png_bytes  # loads matplotlib: only where there is something to draw
 
-        replace_file(options.out / CLASSES, ply_bytes(found.terrain))
+        replace_file(options.out / CLASSES, ply_bytes(found.terrain, asked.origin))
         begun = time.perf_counter()
-        replace_file(options.out / PICTURE, png_bytes(found, found.terrain, options.map.name, tuple(options.start), options.goal))
+        replace_file(options.out / PICTURE, png_bytes(found, found.terrain, options.map.name, asked.start, asked.goal))
         time_s["picture"] = round(time.perf_counter() - begun, 4)
     if found.path is not None:
         replace_file(options.out / PATH, csv_bytes(found.path))
-    content: dict[str, Any] = {"file": str(options.map), "start_m": options.start, "goal_m": options.goal, **numbers(found, by)}
+    places = {"origin_m": asked.origin, "start_m": asked.start, "goal_m": asked.goal}
+    content: dict[str, Any] = {"file": str(options.map), **places, **numbers(found, by)}
     content["time_s"] = {**time_s, **content["time_s"]}
     replace_file(options.out / NUMBERS, json_bytes(content))
 

@@ -1,19 +1,25 @@
-"""The map of a file: an octree as it is, or a cloud made into one. Each is measured before anything large is made of it."""
+"""The map of a file: an octree as it is, or a cloud made into one. Each is measured before anything large is made of it.
+
+A cloud that lies far away, as in map coordinates, is brought near the origin of the map that is made of it.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem
+from mapping_tools.cloud_files import SUFFIXES, VIEWPOINT_FIELDS, brought_near, no_return_text, read_cloud
 from octomap_server_3dnav.octree.column_runs import KEY_OFFSET
 from octomap_server_3dnav.octree.map_builder import MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.octree.octree_files import parsed_file
+from rigid_geometry import FAR_M, origin_text
 from terrain_tools.criteria import Criteria
 from terrain_tools.octree_survey import Survey, survey
 
@@ -21,7 +27,7 @@ Array = NDArray[np.float64]
 Say = Callable[[str], None]
 
 OCTREES = (".bt", ".ot")
-CLOUDS = (".ply", ".pcd", ".npz")
+CLOUDS = SUFFIXES
 ORIGINS = ("fields", "sensor", "none")
 _FILE_BYTES_A_BYTE = 12  # of a compressed cloud: packed to a third, and four copies of its points on the way
 _POINT_BYTES = 200  # of the octree, a point and voxel
@@ -29,8 +35,16 @@ _BLOCK_BYTES = 1500  # of the octree, 8^3 voxels that beams passed
 _REGION_BYTES, _REGION_VOXELS = 1 << 16, 64
 
 
-def read_map(path: Path, by: Criteria, resolution: float | None, origins: str | None, max_bytes: float, say: Say) -> OctreeMap:
-    """The map in a .bt, .ot, .ply, .pcd or .npz file.
+@dataclass(frozen=True, eq=False)
+class FileMap:
+    """A map, and where its origin (3,) lies in the coordinates of its file: 0 0 0 unless these are far away."""
+
+    octree: OctreeMap
+    origin: Array = field(default_factory=lambda: np.zeros(3))
+
+
+def read_map(path: Path, by: Criteria, resolution: float | None, origins: str | None, max_bytes: float, say: Say) -> FileMap:
+    """The map in a file of OCTREES or CLOUDS.
 
     `resolution` in metres and `origins`, one of ORIGINS, are for clouds only. ValueError names the file and what is wrong with it, or
     that it takes more than `max_bytes`; OSError when it cannot be read.
@@ -50,7 +64,7 @@ def read_map(path: Path, by: Criteria, resolution: float | None, origins: str | 
     found = survey(data, full=header.kind == ".ot")
     if found.nodes == header.nodes:  # else it is refused by its reader, which builds nothing
         _allow_map(path, found, max_bytes, say)
-    return _with_usable_voxels(path, OctreeMap.read(path, by.sensor_model))
+    return FileMap(_with_usable_voxels(path, OctreeMap.read(path, by.sensor_model)))
 
 
 def _allow(path: Path, count: int, what: str, need: float, max_bytes: float) -> None:
@@ -75,12 +89,12 @@ def _with_usable_voxels(path: Path, octree: OctreeMap) -> OctreeMap:
     return octree
 
 
-def _map_of_cloud(path: Path, by: Criteria, resolution: float, origins: str | None, max_bytes: float, say: Say) -> OctreeMap:
+def _map_of_cloud(path: Path, by: Criteria, resolution: float, origins: str | None, max_bytes: float, say: Say) -> FileMap:
     if problems := MapConfig(resolution=resolution).validate():
         raise ArgumentProblem(f"--resolution: {'; '.join(problems)}")
     size = path.stat().st_size
     _allow(path, size, "bytes of a cloud", _FILE_BYTES_A_BYTE * size, max_bytes)
-    points, starts = _beams(path, resolution, origins, say)
+    points, starts, origin = _beams(path, resolution, origins, say)
     need = cloud_bytes(points, starts, resolution)
     rays = "occupied voxels only, free space is not known" if starts is None else "with free space along the beams"
     say(
@@ -90,18 +104,26 @@ def _map_of_cloud(path: Path, by: Criteria, resolution: float, origins: str | No
     octree = OctreeMap(resolution, by.sensor_model)
     octree.insert_sweep(points.astype(np.float32), (points if starts is None else starts).astype(np.float32))
     _allow_map(path, survey(octree.to_binary()), max_bytes, say)
-    return octree
+    return FileMap(octree, origin)
 
 
-def _beams(path: Path, resolution: float, origins: str | None, say: Say) -> tuple[Array, Array | None]:
-    """Points (N, 3) that the octree can hold, and where their beams started, None when that is not known."""
-    from mapping_tools.cloud_files import VIEWPOINT_FIELDS, read_cloud  # loads open3d: only for clouds
-
-    cloud = read_cloud(path)
+def _beams(path: Path, resolution: float, origins: str | None, say: Say) -> tuple[Array, Array | None, Array]:
+    """Points (N, 3) that the octree can hold, where their beams started, None when that is not known, and what both are relative to."""
+    found = read_cloud(path)
+    try:
+        cloud, origin = brought_near(found)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+    if found.no_returns:
+        say(f"{path}: {no_return_text(found.no_returns)}")
+    if origin.any():
+        say(f"{path}: {origin_text(origin)}")
     if origins == "fields" and cloud.origins is None:
         raise ArgumentProblem(f"--origins fields: {path} has no {', '.join(VIEWPOINT_FIELDS)}")
     starts = cloud.origins if origins in (None, "fields") else None
     if origins == "sensor":
+        if np.abs(cloud.sensor).max() > FAR_M:
+            raise ArgumentProblem(f"--origins sensor: {path} does not say where its beams started, and its points lie far from 0 0 0")
         starts = np.broadcast_to(cloud.sensor, cloud.points.shape)
     reach = (KEY_OFFSET - 1) * resolution
     is_finite = np.asarray(np.isfinite(cloud.points if starts is None else np.hstack([cloud.points, starts])).all(axis=1))
@@ -113,7 +135,7 @@ def _beams(path: Path, resolution: float, origins: str | None, say: Say) -> tupl
         raise ValueError(f"{path}: none of its {len(usable):,} points can be used: {reasons}")
     if not usable.all():
         say(f"{path}: points left out: {reasons}")
-    return cloud.points[usable], None if starts is None else starts[usable]
+    return cloud.points[usable], None if starts is None else starts[usable], origin
 
 
 def cloud_bytes(points: Array, starts: Array | None, resolution: float) -> float:

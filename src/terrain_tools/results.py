@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -31,8 +32,11 @@ def prepare_folder(folder: Path) -> None:
     probe.unlink()
 
 
-def ply_bytes(terrain: Terrain) -> bytes:
-    """The centres of the classified voxels as a binary PLY: x y z in metres, red green blue as in rviz, label as in its comments."""
+def ply_bytes(terrain: Terrain, origin: Sequence[float] = (0.0, 0.0, 0.0)) -> bytes:
+    """The centres of the classified voxels as a binary PLY: x y z in metres, red green blue as in rviz, label as in its comments.
+
+    origin: what they are relative to, in metres, as a comment.
+    """
     kinds = {"x": ("<f4", "float"), "y": ("<f4", "float"), "z": ("<f4", "float")}
     kinds |= dict.fromkeys(("red", "green", "blue", "label"), ("u1", "uchar"))
     rows = np.empty(terrain.label.size, dtype=[(name, kind) for name, (kind, _) in kinds.items()])
@@ -43,7 +47,11 @@ def ply_bytes(terrain: Terrain) -> bytes:
     rows["red"], rows["green"], rows["blue"] = colours[terrain.label].T
     rows["label"] = terrain.label
     header = ["ply", "format binary_little_endian 1.0", *(f"comment label {int(c)} {c.name.lower()}" for c in TerrainClass)]
-    header += [f"comment voxels of {terrain.resolution:g} m", f"element vertex {len(rows)}"]
+    header += [
+        "comment origin_m " + " ".join(f"{v:.0f}" for v in origin),
+        f"comment voxels of {terrain.resolution:g} m",
+        f"element vertex {len(rows)}",
+    ]
     header += [f"property {kind} {name}" for name, (_, kind) in kinds.items()] + ["end_header\n"]
     return "\n".join(header).encode("ascii") + rows.tobytes()
 

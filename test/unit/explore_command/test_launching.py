@@ -45,6 +45,23 @@ def test_unknown_sensor_is_refused() -> None:
 
 def test_start_is_joined_by_spaces() -> None:
     assert launched("--start", "1", "-2.5", "0.3")["start"] == "1 -2.5 0.3"
+    assert launched("--start", "448262.25", "5412345.5", "412", "0.3")["start"] == "448262.25 5412345.5 412 0.3"
+
+
+def test_unit_and_upward_axis_of_a_mesh_reach_the_simulator(tmp_path: Path) -> None:
+    (tmp_path / "hall.stl").touch()
+    values = launched("--world", str(tmp_path / "hall.stl"), "--scale", "0.001", "--up", "y")
+    assert (values["scale"], values["up"]) == ("0.001", "y")
+    assert (launched()["scale"], launched()["up"]) == ("", "")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(["--start", "1", "2"], "X Y Z YAW"), (["--scale", "-1"], "--scale"), (["--up", "y"], "for meshes"), (["--scale", "2"], "for meshes")],
+)
+def test_start_scale_and_up_that_do_not_fit_are_refused(words: list[str], said: str) -> None:
+    with pytest.raises(ArgumentProblem, match=said):
+        parse(words)
 
 
 def test_overrides_are_read_as_yaml_by_node() -> None:

@@ -58,6 +58,30 @@ def test_other_byte_order_and_other_elements_of_a_ply_are_read(tmp_path, points)
     np.testing.assert_array_equal(read_cloud(path).points, points)
 
 
+@pytest.mark.parametrize("form", ["ASCII", "BINARY"])
+def test_points_of_a_vtk_are_read(tmp_path, points, form):
+    rows = points.round(3).astype(">f4")
+    data = rows.tobytes() if form == "BINARY" else "\n".join(" ".join(map(str, nine)) for nine in rows.reshape(-1, 6).tolist()).encode()
+    head = f"# vtk DataFile Version 3.0\nby hand\n{form}\nDATASET POLYDATA\nPOINTS {len(rows)} float\n".encode()
+    path = tmp_path / "scan.vtk"
+    path.write_bytes(head + data + b"\nVERTICES 1 2\n1 0\n")
+    np.testing.assert_array_equal(read_cloud(path).points, rows)
+    path.write_bytes(head + data[:-40] + b"\nVERTICES 1 2\n1 0\n" * (form == "ASCII"))
+    with pytest.raises(CloudFileError, match=r"scan.vtk: is cut off: 19\d of 200 points"):
+        read_cloud(path)
+
+
+def test_points_of_text_are_read(tmp_path, points):
+    path = tmp_path / "scan.xyz"
+    np.savetxt(path, np.column_stack([points, points]), header="x y z red green blue")
+    np.testing.assert_array_equal(read_cloud(path).points, points)
+
+
+def test_format_that_no_library_reads_names_what_converts_it(tmp_path):
+    with pytest.raises(CloudFileError, match="convert it, as by pdal"):
+        read_cloud(tmp_path / "scan.las")
+
+
 def test_viewpoint_of_a_pcd_is_where_all_was_seen_from(tmp_path, points):
     path = written(tmp_path / "seen.pcd", points)
     path.write_bytes(path.read_bytes().replace(b"VIEWPOINT 0 0 0", b"VIEWPOINT 1.5 -2 0.25"))
@@ -73,6 +97,13 @@ def test_sweep_of_a_session_has_its_origins(tmp_path, points):
     "name, content",
     [
         ("absent.ply", None),
+        (
+            "comma.ply",
+            b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n0,1 2 3\n",
+        ),
+        ("twice.ply", b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float x\nend_header\n1 2\n"),
+        ("huge.ply", b"ply\nformat ascii 1.0\nelement vertex 999999999999999\nproperty float x\nend_header\n1\n"),
+        ("grid.vtk", b"# vtk DataFile Version 3.0\n\nASCII\nDATASET STRUCTURED_GRID\nPOINTS 1 float\n1 2 3\n"),
         ("cloud.txt", b"1 2 3\n"),
         ("prose.ply", b"to whom it may concern"),
         ("prose.pcd", b"to whom it may concern"),

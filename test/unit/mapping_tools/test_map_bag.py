@@ -16,7 +16,6 @@ from rosbags.rosbag1 import Writer
 from mapping_tools import map_bag
 from mapping_tools.bag_records import BagRecords
 from mapping_tools.bag_sweeps import gravity_of
-from mapping_tools.folder_sweeps import read_poses
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session.session_store import NotOnDiskError, SessionStore
 from rigid_geometry import inverse, transform_from_rpy, transform_points, translation_distance
@@ -128,7 +127,7 @@ def test_wrong_recordings_and_arguments_are_refused_with_the_reason(tmp_path, cl
     cases = [
         ((tmp_path / "no.bag", *out), "no such bag"),
         ((tmp_path / "text.bag", *out), "not a rosbag of version 2.0"),
-        ((tmp_path / "empty", *out), "no .ply or .pcd or .npz files"),
+        ((tmp_path / "empty", *out), "no .ply or .pcd or .vtk or .xyz or .npz files"),
         (
             (bag, *out, "--cloud-topic", "/points"),
             "no sensor_msgs/msg/PointCloud2 on topic /points; topics in it: /odom (nav_msgs/msg/Odometry), /sweep_cloud",
@@ -203,14 +202,33 @@ def test_poses_that_do_not_fit_are_refused(tmp_path, clouds, capsys):
     assert "poses.txt, line 2" in refusal(capsys, folder, "--out", tmp_path / "out")
 
 
-def test_poses_skip_comments_and_must_go_forward(tmp_path):
-    path = tmp_path / "poses.txt"
-    path.write_text("# stamp x y z qx qy qz qw\n\n1 4 5 6 0 0 0 1\n")
-    (stamp, T), *_ = read_poses(path)
-    assert stamp == 1.0 and T[:3, 3].tolist() == [4, 5, 6]
-    path.write_text("1 4 5 6 0 0 0 1\n1 4 5 6 0 0 0 1\n")
-    with pytest.raises(ValueError, match="line 2"):
-        read_poses(path)
+@pytest.mark.parametrize("form", ["TUM", "KITTI"])
+def test_poses_far_from_their_origin_make_a_map_with_one_of_its_own(tmp_path, clouds, capsys, form):
+    sensor = transform_from_rpy(clouds[0][1].mean(axis=0))
+    poses = [transform_from_rpy((448260.4, 5412345.2, 412.0)) @ T @ sensor for T in odometry()[:3]]
+    folder = write_folder(tmp_path / "scans", clouds[:3], poses=poses)
+    if form == "KITTI":
+        np.savetxt(folder / "poses.txt", [T[:3].ravel() for T in poses])
+    code, summary = mapped(folder, tmp_path / "out")
+    assert (code, summary["vertices"], summary["by_odometry_alone"]) == (0, 3, [])
+    assert error_of(tmp_path / "out", [T @ sensor for T in TRUTH[:3]]) < 0.03
+    assert summary["origin_m"] == json.loads((tmp_path / "out" / "map_origin.json").read_text())["origin_m"] == [448258, 5412344, 413]
+    assert np.abs(np.loadtxt(tmp_path / "out" / "trajectory.txt")[:, 1:4]).max() < 10
+    assert "relative to the origin 448258 5412344 413 m" in capsys.readouterr().err
+    assert mapped(folder, tmp_path / "out", "--resume")[1]["origin_m"] == [448258, 5412344, 413]
+
+
+def test_clouds_that_lie_far_away_themselves_are_named(tmp_path, clouds):
+    folder = write_folder(tmp_path / "scans", [(points + np.float32(5e5), origins) for points, origins in clouds[:1]])
+    code, summary = mapped(folder, tmp_path / "out")
+    assert code == 1 and "give clouds in the sensor's frame" in summary["not_placed"][0]["reason"]
+
+
+def test_beams_without_an_echo_are_counted_and_no_hits(tmp_path, clouds, capsys):
+    with_zeros = [(np.vstack([points, np.tile(origins.mean(axis=0), (100, 1))]), origins) for points, origins in clouds[:2]]
+    code, summary = mapped(write_folder(tmp_path / "scans", with_zeros, poses=odometry()[:2]), tmp_path / "out", *FAST)
+    assert code == 0 and summary["notes"][0] in capsys.readouterr().err and summary["notes"][0].startswith("200 points at 0 0 0")
+    assert len(SessionStore(tmp_path / "out").load_sweep(0)) == len(clouds[0][0])
 
 
 def test_run_that_was_killed_goes_on_and_ends_like_one_that_was_not(tmp_path, bag):

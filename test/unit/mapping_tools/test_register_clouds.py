@@ -105,6 +105,34 @@ def test_clouds_in_coordinates_far_from_their_origin_are_matched(tmp_path, scans
     assert np.linalg.eigvalsh(sigmas_at_points).min() > 0.0 and sigmas_at_points[3:, 3:].max() > 0.1  # metres, 2 km from the points
 
 
+def test_clouds_in_map_coordinates_are_matched_near_them(tmp_path, scans, capsys):
+    far = np.array([448262.0, 5412345.0, 412.0])
+    shapes = scan(room(), T_ROOM_A), scan(room(), T_ROOM_B, seed=2)
+    for name, points in zip("ab", shapes, strict=True):
+        np.savetxt(tmp_path / f"{name}.xyz", points + far, fmt="%.4f")
+    near = outcome(tmp_path, *scans, "--set", "verdict=match_ratio", "--origins", "none")[1]
+    code, found = outcome(tmp_path, tmp_path / "a.xyz", tmp_path / "b.xyz", "--set", "verdict=match_ratio", "--origins", "none")
+    T_far = transform_from_rpy(far)
+    off = inverse(np.array(near["transform"])) @ inverse(T_far) @ np.array(found["transform"]) @ T_far
+    assert code == 0 and np.linalg.norm(off[:3, 3]) < 0.01 and np.degrees(rotation_angle(off)) < 0.1
+    code, found = outcome(tmp_path, tmp_path / "a.xyz", scans[1], "--guess", *far, 0.0, 0.0, 0.0)
+    assert "does not say where its beams started" in capsys.readouterr().err
+    off = inverse(T_A_B) @ inverse(T_far) @ np.array(found["transform"]) if code == 0 else np.eye(4)
+    assert np.linalg.norm(off[:3, 3]) < 0.03
+
+
+def test_far_cloud_whose_digits_are_lost_is_refused(tmp_path, scans, capsys):
+    lost = written(tmp_path / "lost.ply", scan(room(), T_ROOM_A) + [448262.0, 5412345.0, 412.0])
+    assert main([lost, scans[1]]) == 2
+    assert "lost.ply: its points, far from 0 0 0 in float32, are told apart to 0.5 m only" in capsys.readouterr().err
+
+
+def test_place_for_the_result_is_looked_at_before_the_match(tmp_path, scans, capsys):
+    assert main([*scans, "--out", str(tmp_path / "none" / "T.json")]) == 2
+    text = capsys.readouterr().err
+    assert text.startswith("./register_clouds: --out") and text.count("\n") == 1
+
+
 def test_another_room_is_refused_and_leaves_no_transform(tmp_path, scans, capsys):
     other = written(tmp_path / "other.ply", scan(room((3.1, 2.7, 2.2)), transform_from_rpy((0.5, 0.4, 0.9), (0, 0, 2.0))))
     code, found = outcome(tmp_path, scans[0], other)

@@ -10,9 +10,10 @@ import trimesh
 import trimesh.exchange.dae
 from PIL import Image
 
-from pybullet_simulation import WORLDS, load_world
+from pybullet_simulation import WORLDS, MeshFrame, load_world
 from pybullet_simulation.start_pose import StandingTest
 from pybullet_simulation.world import nearest_hits, raycasting_scene
+from rigid_geometry import read_origin
 from robot_body import RobotBody
 
 
@@ -30,7 +31,7 @@ def test_chosen_start_is_flat_and_clear_all_around(name, seed):
     x, y, _ = world.start_xyyaw
     around = np.linspace(0.0, 2.0 * math.pi, 36, endpoint=False)
     ring = np.column_stack([x + np.cos(around), y + np.sin(around)])
-    test = StandingTest(world.vertices, world.triangles, closed=True, robot=RobotBody())
+    test = StandingTest(world.vertices, world.triangles, RobotBody())
     lowest = [test.ground_levels(float(a), float(b))[0] for a, b in ring]
     assert np.abs(np.array(lowest) - world.start_z).max() < 0.05
     level = np.column_stack([np.tile((x, y, world.start_z + 0.5), (36, 1)), np.cos(around), np.sin(around), np.zeros(36)])
@@ -57,7 +58,7 @@ def test_triangles_index_vertices_and_all_solids_face_outwards(name):
 def test_plateau_is_reached_by_the_ramp_and_has_headroom_below():
     world = load_world("ramp", 1, start=(5.0, 1.0, 0.0))  # under the plateau
     assert world.start_z == pytest.approx(0.0, abs=1e-5)
-    levels = StandingTest(world.vertices, world.triangles, closed=True, robot=RobotBody()).ground_levels(5.0, 1.0)
+    levels = StandingTest(world.vertices, world.triangles, RobotBody()).ground_levels(5.0, 1.0)
     assert levels == pytest.approx([0.0, 2.3], abs=1e-4)
     along = np.column_stack([np.arange(-6.5, 2.5, 0.1), np.full(90, 1.0)])
     steps = np.diff(columns(world, along))
@@ -202,3 +203,96 @@ def stands(name: str, start: tuple[float, float, float], length_m: float) -> boo
     except ValueError:
         return False
     return True
+
+
+def hall(path, *, scale=1.0, axes=(0, 1, 2), offset=(0.0, 0.0, 0.0), flip=False):
+    """Walls and a cube on a closed base whose top is z = 0 and which is two metres thick; the file of it."""
+    boxes = [((0, 0, -1), (10, 10, 2)), ((-5, 0, 1.25), (0.2, 10, 2.5)), ((5, 0, 1.25), (0.2, 10, 2.5)), ((2, 2, 0.5), (1, 1, 1))]
+    boxes += [((0, -5, 1.25), (10, 0.2, 2.5)), ((0, 5, 1.25), (10, 0.2, 2.5))]
+    mesh = trimesh.util.concatenate([trimesh.creation.box(size, trimesh.transformations.translation_matrix(at)) for at, size in boxes])
+    mesh.vertices = (np.asarray(mesh.vertices) * scale + offset)[:, axes]
+    if flip:
+        mesh.invert()
+    mesh.export(path)
+    return str(path)
+
+
+@pytest.mark.parametrize("flip", [False, True])
+@pytest.mark.parametrize("suffix", [".stl", ".obj", ".ply"])
+def test_robot_starts_on_top_of_a_closed_solid_whichever_way_it_faces(tmp_path, suffix, flip):
+    path = hall(tmp_path / f"hall{suffix}", flip=flip)
+    for arguments in ({}, {"start": (0.0, 0.0, 0.0)}, {"area_xy": (6.0, 6.0)}, {"area_xy": (6.0, 6.0), "start": (0.0, 0.0, 0.0)}):
+        assert load_world(path, 1, **arguments).start_z == pytest.approx(0.0, abs=1e-4), arguments
+    with pytest.raises(ValueError, match="headroom|inside"):
+        load_world(path, 1, start=(2.0, 2.0, 0.0), robot=replace(RobotBody(), length_m=1.5))
+
+
+def test_open_shell_has_an_inside_to_start_in(tmp_path):
+    shell = trimesh.creation.box((10.0, 10.0, 3.0))
+    shell.update_faces(shell.face_normals[:, 2] < 0.5)  # a box without its lid
+    shell.export(tmp_path / "box.stl")
+    assert load_world(str(tmp_path / "box.stl"), 1).start_z == pytest.approx(-1.5, abs=1e-4)
+
+
+def test_height_of_a_start_tells_storeys_apart(tmp_path):
+    floors = [trimesh.creation.box((10.0, 10.0, 0.2), trimesh.transformations.translation_matrix((0, 0, z))) for z in (-0.1, 2.9)]
+    trimesh.util.concatenate(floors).export(tmp_path / "house.stl")
+    path = str(tmp_path / "house.stl")
+    assert load_world(path, 1, start=(0.0, 0.0, 0.3)).start_z == pytest.approx(0.0, abs=1e-4)
+    assert load_world(path, 1, start=(0.0, 0.0, 3.2, 0.3)).start_z == pytest.approx(3.0, abs=1e-4)
+    assert load_world(path, 1, area_xy=(6, 6), start=(0.0, 0.0, 3.2, 0.3)).start_z == pytest.approx(3.0, abs=1e-4)
+    with pytest.raises(ValueError, match=r"at x 0 y 0 z 1.5: the ground with headroom there lies at z 0.00, 3.00"):
+        load_world(path, 1, start=(0.0, 0.0, 1.5, 0.3))
+
+
+def test_mesh_far_away_is_the_same_as_near_with_an_origin(tmp_path):
+    near, far = hall(tmp_path / "near.obj"), hall(tmp_path / "far.obj", offset=(448262.0, 5412345.0, 412.0))
+    a, b = load_world(near, 1), load_world(far, 1)
+    assert a.origin == (0.0, 0.0, 0.0) and b.origin == pytest.approx((448262, 5412345, 412), abs=1.0)
+    lift = b.origin[2] - 412.0
+    np.testing.assert_allclose(b.vertices + (0, 0, lift), a.vertices, atol=1e-6)
+    asked = load_world(far, 1, start=(448260.5, 5412344.0, 412.0, 0.5))
+    assert asked.start_xyyaw == pytest.approx((-1.5, -1.0, 0.5)) and asked.start_z + lift == pytest.approx(0.0, abs=1e-4)
+    with pytest.raises(ValueError, match="at x 448270 y 5412345: there is no ground"):
+        load_world(far, 1, start=(448270.0, 5412345.0, 0.5))
+    asked.write_mesh(tmp_path / "world.ply")
+    assert read_origin(tmp_path / "world_origin.json").tolist() == list(asked.origin)
+
+
+def test_far_mesh_whose_digits_are_lost_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="far.stl is far from 0 0 0 in float32, told apart to 0.5 m only"):
+        load_world(hall(tmp_path / "far.stl", offset=(448262.0, 5412345.0, 412.0)), 1)
+    with pytest.raises(ValueError, match="told apart to 0.512 m only"):
+        load_world(hall(tmp_path / "mm.stl", scale=1000.0, offset=(448262e3, 5412345e3, 412e3)), 1, frame=MeshFrame(scale=0.001))
+    load_world(hall(tmp_path / "km.stl", scale=1000.0, offset=(1e6, 0.0, 0.0)), 1, frame=MeshFrame(scale=0.001))
+    assert load_world(hall(tmp_path / "here.stl", offset=(4482.0, -5412.0, 412.0)), 1).origin != (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("scale", "axes", "options"),
+    [(1000.0, (0, 1, 2), "--scale 0.001"), (1000.0, (1, 2, 0), "--scale 0.001 --up y"), (100.0, (0, 1, 2), "--scale 0.01")],
+)
+def test_mesh_in_which_no_robot_fits_is_asked_about(tmp_path, scale, axes, options):
+    path = hall(tmp_path / "hall.stl", scale=scale, axes=axes)
+    with pytest.raises(ValueError, match=f"Then say {options}$"):
+        load_world(path, 1)
+    words = options.split()
+    world = load_world(path, 1, frame=MeshFrame(float(words[1]), words[3] if len(words) > 2 else None))
+    assert world.start_z == pytest.approx(0.0, abs=1e-4)
+
+
+def test_mesh_standing_on_its_side_is_asked_about(tmp_path):
+    floor = trimesh.creation.box((20.0, 0.2, 20.0))
+    floor.export(tmp_path / "floor.stl")
+    with pytest.raises(ValueError, match=r"It is 20 x 0.2 x 20 m large. Is it with y up\? Then say --up y"):
+        load_world(str(tmp_path / "floor.stl"), 1)
+    assert load_world(str(tmp_path / "floor.stl"), 1, frame=MeshFrame(up="y")).start_z == pytest.approx(0.1, abs=1e-4)
+
+
+def test_scale_and_up_that_make_no_sense_are_refused(tmp_path):
+    path = hall(tmp_path / "hall.stl")
+    for frame in (MeshFrame(scale=0.0), MeshFrame(scale=math.nan), MeshFrame(up="down")):
+        with pytest.raises(ValueError, match="scale|up"):
+            load_world(path, 1, frame=frame)
+    with pytest.raises(ValueError, match="are for files"):
+        load_world("rooms", 1, frame=MeshFrame(up="y"))

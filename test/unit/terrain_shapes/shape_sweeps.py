@@ -89,7 +89,7 @@ def world_of(solids: Sequence[Solid]) -> World:
 def poses_in(scene: Scene) -> list[Array]:
     """T_shape_base of the robot at every stand of a scene; ValueError where it could not stand."""
     world = world_of([*scene.solids, *scene.mute])
-    test, ground = StandingTest(world.vertices, world.triangles, closed=True, robot=RobotBody()), Ground(world)
+    test, ground = StandingTest(world.vertices, world.triangles, RobotBody()), Ground(world)
     return [_pose(test, ground, stand) for stand in scene.stands]
 
 

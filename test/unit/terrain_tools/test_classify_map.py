@@ -150,6 +150,29 @@ def test_points_that_are_not_finite_or_out_of_reach_are_left_out(tmp_path, capsy
     assert code == 0 and "2 not finite, 1 beyond" in capsys.readouterr().err
 
 
+def test_cloud_in_map_coordinates_is_classified_near_them(tmp_path, capsys):
+    points, far = floor_points(floor()), np.array([448262.0, 5412345.0, 412.0])
+    np.savetxt(tmp_path / "near.xyz", points, fmt="%.4f")
+    np.savetxt(tmp_path / "far.xyz", points + far, fmt="%.4f")
+    start = np.array([2.0, 2.0, 0.1])
+    assert main([str(tmp_path / "near.xyz"), "--start", *map(str, start), "--out", str(tmp_path / "near")]) == 0
+    assert main([str(tmp_path / "far.xyz"), "--start", *map(str, start + far), "--out", str(tmp_path / "far")]) == 0
+    near, found = (json.loads((tmp_path / name / "terrain.json").read_text()) for name in ("near", "far"))
+    assert near["origin_m"] == [0.0, 0.0, 0.0] and np.abs(np.array(found["origin_m"]) - far).max() < 10.0
+    assert "relative to the origin" in capsys.readouterr().err
+    assert found["start_m"] == pytest.approx(start + far - found["origin_m"], abs=1e-6)
+    assert found["terrain"]["reachable_m2"] == pytest.approx(near["terrain"]["reachable_m2"], rel=0.1)
+    assert main([str(tmp_path / "far.xyz"), "--start", *map(str, start + far), "--out", str(tmp_path / "o"), "--origins", "sensor"]) == 2
+    assert "--origins sensor" in capsys.readouterr().err
+
+
+def test_beams_without_an_echo_are_no_ground(tmp_path, capsys):
+    points = floor_points(floor())
+    np.savetxt(tmp_path / "near.xyz", np.vstack([points, np.zeros((500, 3))]), fmt="%.4f")
+    assert main([str(tmp_path / "near.xyz"), "--start", "2", "2", "0.1", "--out", str(tmp_path / "out")]) == 0
+    assert "500 points at 0 0 0" in capsys.readouterr().err
+
+
 def test_files_of_an_earlier_map_do_not_stay(tmp_path, storeys):
     run(tmp_path, storeys, "--start", 4, 5, 0, "--goal", 4, 5, 2)
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == sorted(FILES)
