@@ -89,9 +89,19 @@ class RegistrationConfig:
     min_overlap_unguided: float = parameter(
         0.5, "-", "the same where nothing is known of the guess: the truth may lie where no match looks", low=0.0, high=1.0
     )
-    misfit_m: float = parameter(0.05, "m", "an overlapping point so far off the reference's surface does not lie on it", low=0.001)
+    misfit_m: float = parameter(0.05, "m", "an overlapping point so far off the reference's surface does not lie on it ..", low=0.001)
+    misfit_noise: float = parameter(
+        1.5, "-", ".. unless that is less than so many times what 95 % of a cloud's own points lie off their neighbours' planes", low=0.0
+    )
     max_misfit: float = parameter(0.15, "-", "largest share of such points: similar ground is not the same", low=0.0, high=1.0)
     max_contradiction: float = parameter(0.012, "-", "largest share of points in space the other cloud saw free", low=0.0, high=1.0)
+    max_changed: float = parameter(
+        0.1, "-", "and where things moved between the clouds, if the rest tells: then the two limits below hold", low=0.0, high=1.0
+    )
+    min_explained: float = parameter(
+        0.5, "-", "least share that agrees of the compared points, by what they hold of the motion that they hold least", low=0.0, high=1.0
+    )
+    max_rival_share: float = parameter(0.5, "-", "largest part of what it explains that another placement may explain", low=0.0, high=1.0)
     free_space_margin_m: float = parameter(0.15, "m", "a point contradicts when it is nearer than seen by more than this ..", low=0.0)
     free_space_margin_ratio: float = parameter(0.02, "-", ".. plus this share of the range", low=0.0, high=1.0)
     free_space_least_cos: float = parameter(

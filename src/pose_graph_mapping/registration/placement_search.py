@@ -30,10 +30,11 @@ _ALIKE = 0.002  # contradictions that differ by less say the same
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """What every placement of one match shares; the reading has normals. `covers_truth` as `judge` asks it."""
+    """What every placement of one match shares; the reading has normals and shows `noise_m`. `covers_truth` as `judge` asks it."""
 
     reference: PointCloud
     reading: PointCloud
+    noise_m: float
     free_space: FreeSpace
     T_guess: Array
     guess_covariance: Array | None
