@@ -7,6 +7,7 @@ speaks against it; things that moved speak against a right one too, but not agai
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
@@ -14,6 +15,8 @@ from pose_graph_mapping.registration.cloud import Array, PointCloud
 from pose_graph_mapping.registration.gicp_surface import Surface
 
 SAME_PLANE_COS = 0.5  # of normals; at edges and behind thin walls nearest points are of other surfaces
+_ONE_SURFACE_M, _ONE_SURFACE_COS = 0.1, 0.9  # points on one plane, as far as a voxel tells, are of one surface
+_SURFACE_POINTS = 2000  # enough to tell surfaces
 _NOISE_SHARE = 0.95  # of a cloud's own points that lie nearer to their neighbours' planes than its noise
 _NOISE_POINTS = 2000  # enough to tell it
 _DAMPING = 1e-9  # of a motion that no point feels
@@ -51,3 +54,36 @@ def _hessian(reading: PointCloud, which: NDArray[np.bool_]) -> Array:
     points, normals = reading.points[which], reading.normals[which]
     jacobian = np.hstack([np.cross(points, normals), normals])
     return np.asarray(jacobian.T @ jacobian)
+
+
+def agreeing_surfaces(reading: PointCloud, agrees: NDArray[np.bool_]) -> float:
+    """How many different surfaces agree: points `agrees` (N,), each divided by the number of points on its plane.
+
+    This is the evidence that a match has. Two rooms of one size share six walls by chance, however many points lie on them.
+    """
+    assert reading.normals is not None
+    step = max(1, -(-len(reading) // _SURFACE_POINTS))
+    weights = _surface_weights(np.ascontiguousarray(reading.points[::step]), np.ascontiguousarray(reading.normals[::step]))
+    return float(weights[agrees[::step]].sum())
+
+
+@njit(cache=True)
+def _surface_weights(points: Array, normals: Array) -> Array:
+    """(N,) one over the number of points on the plane of each, itself included; 0 for those without a normal."""
+    weights = np.zeros(len(points))
+    for i in range(len(points)):
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        if nx * nx + ny * ny + nz * nz < 0.25:
+            continue
+        count = 0
+        for j in range(len(points)):
+            if nx * normals[j, 0] + ny * normals[j, 1] + nz * normals[j, 2] > _ONE_SURFACE_COS:
+                x, y, z = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+                count += abs(nx * x + ny * y + nz * z) < _ONE_SURFACE_M
+        weights[i] = 1.0 / max(1, count)
+    return weights
+
+
+def compile_kernels() -> None:
+    """Compiles the kernel of this module for the types that a match passes."""
+    _surface_weights(np.zeros((1, 3)), np.zeros((1, 3)))

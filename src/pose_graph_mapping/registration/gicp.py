@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud, farthest, moved_points, reference_cloud, vertex_cloud, within
 from pose_graph_mapping.registration.correlative import Window, window_of
-from pose_graph_mapping.registration.explanation import least_explained, own_noise
+from pose_graph_mapping.registration.explanation import agreeing_surfaces, least_explained, own_noise
 from pose_graph_mapping.registration.gicp_alignment import Alignment, Stage, align
 from pose_graph_mapping.registration.gicp_surface import Surface, nearest, surface_of, voxel_cloud
 from pose_graph_mapping.registration.match_quality import FreeSpace, degeneracy, keep_guess, known_directions, match_covariance
@@ -136,13 +136,15 @@ class GicpRegistration:
 
     def _despite_changes(self, pair: Pair, refusals: list[RegistrationResult]) -> RegistrationResult:
         """Of refused placements the one that explains most, accepted if no other explains nearly as much; else refused with the reason."""
-        likely = [result for result in refusals if may_have_changed(result, pair.covers_truth, self._config)]
+        config = self._config
+        likely = [result for result in refusals if may_have_changed(result, pair.guess_covariance is not None, config)]
         if not likely:
             return refusals[0]
         explained = [self._explained(pair, result.T_reference_reading) for result in likely]
         best = int(np.argmax([of.reading for of in explained]))
-        rival = self._most_of_rivals(pair, likely[best].T_reference_reading)
-        return judged_despite_changes(likely[best], explained[best], rival, self._config)
+        tells = explained[best].compared >= config.min_explained and explained[best].surfaces >= config.min_surfaces
+        rival = self._most_of_rivals(pair, likely[best].T_reference_reading) if tells else math.nan
+        return judged_despite_changes(likely[best], explained[best], rival, config)
 
     def _most_of_rivals(self, pair: Pair, T: Array) -> float:
         """The most of the reading that any placement but `T`, near it and at every heading, explains."""
@@ -158,9 +160,10 @@ class GicpRegistration:
         """What the reading, placed by `T`, explains by its points on the reference that do not lie in space seen free."""
         fit, _, _ = self._fit(pair, self._target(pair, T), T)
         in_front = pair.free_space.in_reference_free_space(T)
-        agrees, compared = fit.on & ~in_front, fit.on | fit.off | in_front
+        agrees, compared = fit.on_surface(self._config) & ~in_front, fit.level | in_front
         everything = np.ones(len(pair.reading), dtype=np.bool_)
-        return Explained(least_explained(pair.reading, agrees, compared), least_explained(pair.reading, agrees, everything))
+        of_compared, of_reading = (least_explained(pair.reading, agrees, asked) for asked in (compared, everything))
+        return Explained(of_compared, of_reading, agreeing_surfaces(pair.reading, agrees))
 
     def _refined(self, pair: Pair, T_start: Array, coarse_distance_m: float | None) -> RegistrationResult:
         """From `T_start`, with a coarse stage where it is given its distance; in directions that nothing holds the guess stands."""
@@ -175,7 +178,7 @@ class GicpRegistration:
         early = align(target, few, T, Stage(config.fine_distance_m, most, _EARLY_PRECISION))
         if early.inliers < _LEAST_EARLY:
             return refused(pair.T_guess, f"{early.inliers} of {len(few.points)} points within {config.fine_distance_m} m of each other")
-        if pair.free_space.contradiction(early.T, ROUGH_POINTS) > config.search_hopeless_contradiction:
+        if pair.free_space.contradiction(early.T, ROUGH_POINTS) > config.max_changed:
             return self._judged(dataclasses.replace(pair, reading=few), target, early, before + early.iterations)
         last = Stage(config.fine_distance_m, max(1, most - early.iterations), _PRECISION, config.half_weight_m)
         fine = align(target, pair.reading, early.T, last)

@@ -139,7 +139,7 @@ def is_worth_refining(rough: Rough, best: Rough, tried: int, found: Sequence[Reg
     """The first always; then what is not hopeless, nor found already, and, once there is one, only what may rival it."""
     if tried == 0:
         return True
-    if tried == config.search_refined or not rough.contradiction <= config.search_hopeless_contradiction:
+    if tried == config.search_refined or not rough.contradiction <= config.max_changed:
         return False
     if any(is_found(result, rough.T, config) for result in found):
         return False

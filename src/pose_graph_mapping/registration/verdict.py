@@ -25,25 +25,27 @@ Mask = NDArray[np.bool_]
 class Fit:
     """How a placed reading lies on the reference.
 
-    near (N,): its points near a reference point that faces the same way; on, off (N,): those of them on one plane with it that lie within
-    `tolerance_m` of that plane, and farther from it.
+    near (N,): its points near a reference point that faces the same way; level (N,): those of them on one plane with it; off_m (N,): how
+    far points lie off that plane; noise_m: what both clouds show of their own.
     """
 
     near: Mask
-    on: Mask
-    off: Mask
-    tolerance_m: float
+    level: Mask
+    off_m: Array
+    noise_m: float
 
     @property
     def overlap(self) -> float:
         """Share of the reading that is near."""
         return float(np.mean(self.near))
 
-    @property
-    def misfit(self) -> float:
-        """Share of the points that can be compared which lie off the reference's surface; 0 where there are none."""
-        off, compared = np.count_nonzero(self.off), np.count_nonzero(self.on) + np.count_nonzero(self.off)
-        return off / compared if compared else 0.0
+    def misfit(self, most_m: float) -> float:
+        """Share of the level points that lie farther off the reference's surface; 0 where there are none."""
+        return float(np.mean(self.off_m[self.level] > most_m)) if self.level.any() else 0.0
+
+    def on_surface(self, config: RegistrationConfig) -> Mask:
+        """(N,) which level points lie on the reference's surface, as far as the clouds' own noise tells."""
+        return np.asarray(self.level & (self.off_m <= tolerance(self.noise_m, config)))
 
 
 def tolerance(noise_m: float, config: RegistrationConfig) -> float:
@@ -59,13 +61,11 @@ def fit_of(
     `squared` (N,) distances between them. `is_sided`: the normals of both point to the side that was seen. `noise_m` of both clouds.
     """
     assert placed.normals is not None
-    most = tolerance(noise_m, config)
     cosine = np.einsum("ij,ij->i", normals, placed.normals)
     cosine = cosine if is_sided else np.abs(cosine)
     near = (squared <= config.overlap_distance_m**2) & (cosine >= 0.0)
-    level = near & (cosine > SAME_PLANE_COS)
-    is_off = np.abs(np.einsum("ij,ij->i", normals, placed.points - at)) > most
-    return Fit(near, level & ~is_off, level & is_off, most)
+    off_m = np.abs(np.einsum("ij,ij->i", normals, placed.points - at))
+    return Fit(near, near & (cosine > SAME_PLANE_COS), off_m, noise_m)
 
 
 def least_overlap(config: RegistrationConfig, covers_truth: bool) -> float:
@@ -85,10 +85,11 @@ def judge(
         name = "min_overlap" if covers_truth else "min_overlap_unguided"
         beside = "" if covers_truth else ", and the truth may lie where no match looked"
         return Verdict.REFUSED, f"overlap {fit.overlap:.2f} is below {name} = {least} by {least - fit.overlap:.2f}{beside}"
-    if fit.misfit > config.max_misfit:
+    misfit = fit.misfit(config.misfit_m)
+    if misfit > config.max_misfit:
         return Verdict.REFUSED, (
-            f"{100 * fit.misfit:.1f} % of the overlapping points lie {100 * fit.tolerance_m:.1f} cm and more off the surface, "
-            f"{_above(fit.misfit, 'max_misfit', config.max_misfit)}"
+            f"{100 * misfit:.1f} % of the overlapping points lie {100 * config.misfit_m:.1f} cm and more off the surface, "
+            f"{_above(misfit, 'max_misfit', config.max_misfit)}"
         )
     if math.isnan(contradiction):
         return Verdict.REFUSED, "free space cannot be checked: no beam origins, or no common field of view"
@@ -99,27 +100,26 @@ def judge(
         )
     if len(weak.directions):
         return Verdict.DEGENERATE, f"{len(weak.directions)} directions are not held by the points"
-    return Verdict.ACCEPTED, f"overlap {fit.overlap:.2f}, misfit {100 * fit.misfit:.1f} %, contradiction {100 * contradiction:.2f} %"
-
-
-def _above(share: float, name: str, most: float) -> str:
-    return f"{share / most:.1f} times {name} = {most}"
+    return Verdict.ACCEPTED, f"overlap {fit.overlap:.2f}, misfit {100 * misfit:.1f} %, contradiction {100 * contradiction:.2f} %"
 
 
 @dataclass(frozen=True)
 class Explained:
-    """`least_explained` of the points that were compared, and of the whole reading: what it lays where nothing was seen counts there."""
+    """`least_explained` of the points that were compared, and of the whole reading, with what lies where nothing was seen; how many
+    different surfaces agree.
+    """
 
     compared: float
     reading: float
+    surfaces: float
 
 
-def may_have_changed(result: RegistrationResult, covers_truth: bool, config: RegistrationConfig) -> bool:
+def may_have_changed(result: RegistrationResult, is_guess_known: bool, config: RegistrationConfig) -> bool:
     """Whether a refused placement may be right although things moved: enough overlaps, all directions are held, little is contradicted."""
     return (
         config.verdict == "checked"
         and not len(result.degenerate_directions)
-        and result.overlap >= least_overlap(config, covers_truth)
+        and result.overlap >= least_overlap(config, is_guess_known)
         and result.free_space_contradiction <= config.max_changed
     )
 
@@ -131,14 +131,25 @@ def judged_despite_changes(
 
     `rival`: the most of the reading that another placement explains.
     """
-    agreeing, share = explained.compared, rival / max(explained.reading, 1e-9)
+    agreeing, surfaces, share = explained.compared, explained.surfaces, rival / max(explained.reading, 1e-9)
     if agreeing < config.min_explained:
-        least = config.min_explained
-        said = f"of what holds each motion {agreeing:.2f} agrees, {agreeing / least:.2f} times min_explained = {least}"
+        said = f"of what holds each motion {agreeing:.2f} agrees, {_below(agreeing, 'min_explained', config.min_explained)}"
+        return replace(result, reason=f"{result.reason}; {said}")
+    if surfaces < config.min_surfaces:
+        said = f"{surfaces:.0f} different surfaces agree, {_below(surfaces, 'min_surfaces', config.min_surfaces)}"
         return replace(result, reason=f"{result.reason}; {said}")
     if share > config.max_rival_share:
         said = f"another placement explains {share:.2f} of what this one does, {_above(share, 'max_rival_share', config.max_rival_share)}"
         return replace(result, reason=f"{result.reason}; {said}")
     changed = f"overlap {result.overlap:.2f}, {100 * result.free_space_contradiction:.1f} % of the points changed"
-    agrees = f"of what holds each motion {agreeing:.2f} agrees; the next placement explains {share:.2f} of what this one does"
-    return replace(result, verdict=Verdict.ACCEPTED, reason=f"{changed}, {agrees}")
+    agree = f"{surfaces:.0f} surfaces and {agreeing:.2f} of what holds each motion agree"
+    rest = f"the next placement explains {share:.2f} of what this one does"
+    return replace(result, verdict=Verdict.ACCEPTED, reason=f"{changed}; {agree}, {rest}")
+
+
+def _above(value: float, name: str, most: float) -> str:
+    return f"{value / most:.1f} times {name} = {most:g}"
+
+
+def _below(value: float, name: str, least: float) -> str:
+    return f"{value / least:.2f} times {name} = {least:g}"

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from pose_graph_mapping.registration.cloud import PointCloud
-from pose_graph_mapping.registration.explanation import least_explained, own_noise
+from pose_graph_mapping.registration.explanation import agreeing_surfaces, least_explained, own_noise
 from pose_graph_mapping.registration.gicp_surface import surface_of
 from rigid_geometry import transform_from_rpy
 
@@ -78,3 +78,20 @@ def test_own_noise_is_that_across_the_surface(sigma_m: float) -> None:
 
 def test_a_lone_point_shows_no_noise() -> None:
     assert own_noise(surface_of(PointCloud(np.zeros((1, 3)), None, np.array([[0.0, 0.0, 1.0]])))) == 0.0
+
+
+def test_surfaces_count_once_whatever_their_size() -> None:
+    cloud, axis = box(300)
+    everything = np.ones(len(cloud), dtype=np.bool_)
+    assert agreeing_surfaces(cloud, everything) == pytest.approx(6.0, abs=0.1)
+    assert agreeing_surfaces(cloud, axis != 2) == pytest.approx(4.0, abs=0.1)
+    assert agreeing_surfaces(cloud, np.arange(len(cloud)) % 2 == 0) == pytest.approx(3.0, abs=0.3)
+
+
+def test_a_surface_more_is_one_more_and_points_without_a_normal_are_none() -> None:
+    cloud, _ = box(300)
+    assert cloud.normals is not None
+    shelf = np.random.default_rng(5).uniform([-0.5, -0.5, 0.2], [0.5, 0.5, 0.2], (60, 3))
+    for normal, more in (([0.0, 0.0, 1.0], 1.0), ([0.0, 0.0, 0.0], 0.0)):
+        furnished = PointCloud(np.vstack([cloud.points, shelf]), None, np.vstack([cloud.normals, np.tile(normal, (60, 1))]))
+        assert agreeing_surfaces(furnished, np.ones(len(furnished), dtype=np.bool_)) == pytest.approx(6.0 + more, abs=0.1)

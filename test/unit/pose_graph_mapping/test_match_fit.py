@@ -28,30 +28,30 @@ def shares(overlap: float, misfit: float) -> Fit:
     """Of 10,000 points of which so many overlap, and so many of those are off."""
     count = np.arange(10_000) / 10_000
     near, off = count < overlap, count < overlap * misfit
-    return Fit(near, near & ~off, off, CONFIG.misfit_m)
+    return Fit(near, near, np.where(off, 2.0, 0.5) * CONFIG.misfit_m, 0.0)
 
 
 def test_share_that_is_off_counts_what_overlaps_only() -> None:
     found = fit(np.array([0.0, 0.01, -0.04, 0.06, 0.5]))
-    assert found.overlap == pytest.approx(0.8) and found.misfit == pytest.approx(0.25)
+    assert found.overlap == pytest.approx(0.8) and found.misfit(CONFIG.misfit_m) == pytest.approx(0.25)
 
 
 def test_other_side_of_a_thin_wall_is_no_overlap() -> None:
     hidden, seen = fit(np.full(4, 0.1), -UP), fit(np.full(4, 0.1), -UP, is_sided=False)
-    assert (hidden.overlap, hidden.misfit) == (0.0, 0.0)
-    assert (seen.overlap, seen.misfit) == (1.0, 1.0)
+    assert (hidden.overlap, hidden.misfit(0.05)) == (0.0, 0.0)
+    assert (seen.overlap, seen.misfit(0.05)) == (1.0, 1.0)
 
 
 def test_surfaces_across_each_other_overlap_and_are_not_compared() -> None:
     found = fit(np.full(4, 0.1), np.array([1.0, 0.0, 0.0]))
-    assert (found.overlap, found.misfit) == (1.0, 0.0)
+    assert (found.overlap, found.misfit(0.05)) == (1.0, 0.0)
 
 
 def test_points_may_lie_off_by_what_their_own_clouds_show_and_never_have_to_lie_nearer_than_the_floor() -> None:
     heights = np.array([0.0, 0.06, 0.08, 0.1])
     assert tolerance(0.0, CONFIG) == tolerance(CONFIG.misfit_m / CONFIG.misfit_noise, CONFIG) == CONFIG.misfit_m
-    assert fit(heights).misfit == pytest.approx(0.75)
-    assert fit(heights, noise_m=0.09 / CONFIG.misfit_noise).misfit == pytest.approx(0.25)
+    assert fit(heights).on_surface(CONFIG).tolist() == [True, False, False, False]
+    assert fit(heights, noise_m=0.09 / CONFIG.misfit_noise).on_surface(CONFIG).tolist() == [True, True, True, False]
 
 
 @pytest.mark.parametrize(
@@ -102,18 +102,24 @@ def test_only_what_overlaps_is_held_and_mostly_uncontradicted_may_be_right_after
 @pytest.mark.parametrize(
     ("explained", "rival", "verdict", "said"),
     [
-        (Explained(0.6, 0.4), 0.19, Verdict.ACCEPTED, "overlap 0.80, 7.0 % of the points changed"),
-        (Explained(0.6, 0.4), 0.24, Verdict.REFUSED, "too much moved; another placement explains 0.60 of what this one does, 1.2 times"),
+        (Explained(0.6, 0.4, 40.0), 0.19, Verdict.ACCEPTED, "overlap 0.80, 7.0 % of the points changed; 40 surfaces"),
         (
-            Explained(0.4, 0.4),
+            Explained(0.6, 0.4, 40.0),
+            0.24,
+            Verdict.REFUSED,
+            "too much moved; another placement explains 0.60 of what this one does, 1.2 times",
+        ),
+        (
+            Explained(0.4, 0.4, 40.0),
             0.0,
             Verdict.REFUSED,
-            "too much moved; of what holds each motion 0.40 agrees, 0.80 times min_explained = 0.5",
+            "too much moved; of what holds each motion 0.40 agrees, 0.80 times min_explained",
         ),
-        (Explained(0.6, 0.0), 0.1, Verdict.REFUSED, "too much moved; another placement"),
+        (Explained(0.6, 0.4, 28.0), 0.0, Verdict.REFUSED, "too much moved; 28 different surfaces agree, 0.80 times min_surfaces = 35"),
+        (Explained(0.6, 0.0, 40.0), 0.1, Verdict.REFUSED, "too much moved; another placement"),
     ],
 )
-def test_changes_are_forgiven_where_the_rest_explains_every_motion_and_no_other_placement_does(
+def test_changes_are_forgiven_where_enough_agrees_in_every_motion_and_no_other_placement_explains_as_much(
     explained: Explained, rival: float, verdict: Verdict, said: str
 ) -> None:
     found = judged_despite_changes(refusal(), explained, rival, CONFIG)
