@@ -148,8 +148,9 @@ def judged_despite_changes(
 
 
 def _above(value: float, name: str, most: float) -> str:
-    return f"{value / most:.1f} times {name} = {most:g}"
+    times = f"{value / most:.1f} times" if most > 0.0 else "above"
+    return f"{times} {name} = {most:g}"
 
 
 def _below(value: float, name: str, least: float) -> str:
-    return f"{value / least:.2f} times {name} = {least:g}"
+    return f"{value / least:.2f} times {name} = {least:g}"  # least is not 0, for nothing is below that
