@@ -11,7 +11,7 @@ import math
 import os
 import tempfile
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -25,8 +25,10 @@ from pose_graph_mapping.registration.cloud import PointCloud, merged, vertex_clo
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.imu import Imu
 from pybullet_simulation.laser import Laser, Motion
+from pybullet_simulation.realism import IDEAL
 from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.sweep_profile import sweep_profile
+from pybullet_simulation.tilt_mount import TiltMount
 from pybullet_simulation.world import World
 from robot_body import RobotBody
 from sweep_assembly import LaserScans, Scan, ScanFilter, ScanFilterConfig, ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
@@ -42,7 +44,11 @@ DRIVE_S, SPEED_MPS, ARRIVED_S = (2.0, 7.0), 0.5, 8.0  # from rest, before a swee
 DEFAULT_CACHE = Path(tempfile.gettempdir()) / "registration_cases"
 
 
-MOUNTS = {"nominal": SimulationConfig(), "off": SimulationConfig(mount_tilt_scale=1.005, mount_roll_rad=math.radians(0.2))}
+MOUNTS = {
+    "nominal": IDEAL,
+    "off": replace(IDEAL, mount_tilt_scale=1.005, mount_roll_rad=math.radians(0.2)),
+    "hardware": SimulationConfig(),
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +70,7 @@ class SweepingLaser:
         robot = read_robot_model(RobotBody())
         self._imu, self._R_base_imu = Imu(self._config, rng), robot.T_base_imu[:3, :3]
         self._laser, self._profile = Laser(self._config, robot, world, rng), sweep_profile(self._config)
+        self._mount = TiltMount(self._config, rng) if self._config.tilt_offset_sigma_rad or self._config.tilt_backlash_rad else None
         layout = self._laser.geometry
         self._geometry = ScanGeometry(layout.angle_min, layout.angle_increment, layout.time_increment, layout.beams)
         self._tilt_geometry = TiltGeometry(robot.T_base_mount, robot.T_tilt_laser)
@@ -114,7 +121,8 @@ class SweepingLaser:
         """Standing still while the laser tilts."""
         steps = ticks * round(SCAN_S / STEP_S) + 1
         tilts = self._profile.tilt_at(np.arange(steps) * STEP_S - START_S)
-        return Motion(np.tile(T_map_base[:3, :3], (steps, 1, 1)), np.tile(T_map_base[:3, 3], (steps, 1)), tilts, STEP_S)
+        true = tilts if self._mount is None else self._mount.true_tilts(tilts)
+        return Motion(np.tile(T_map_base[:3, :3], (steps, 1, 1)), np.tile(T_map_base[:3, 3], (steps, 1)), true, STEP_S)
 
 
 @dataclass(eq=False)

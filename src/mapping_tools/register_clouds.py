@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.centred_match import carried, centre_of, match_centred
 from mapping_tools.cloud_files import VIEWPOINT_FIELDS, CloudFile, brought_near, read_cloud
+from mapping_tools.uos_scan import SUFFIX as UOS_SUFFIX
+from mapping_tools.uos_scan import read_uos_scan
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud, merged, viewpoints, voxel_downsample
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
@@ -39,6 +41,7 @@ Array = NDArray[np.float64]
 
 COVARIANCE_ORDER = "rotation about x, y, z (rad), translation along x, y, z (m); in the frame of the reading"
 USABLE, NOT_USABLE, BAD_INPUT = 0, 1, 2
+_ONE_RANGE_M, _LEAST_AT_IT = 0.02, 0.005  # so large a share of beams that end equally far, and farthest, met nothing
 
 
 def parser() -> argparse.ArgumentParser:
@@ -46,7 +49,8 @@ def parser() -> argparse.ArgumentParser:
         prog="./register_clouds",
         description="Finds how the cloud READING lies in the cloud REFERENCE: the transform that takes points of the reading to the "
         "reference, how sure it is, and whether it can be trusted. Both have z roughly upwards, in metres. Files: .ply, .pcd, .vtk, "
-        ".xyz, or a sweep (.npz) of a session folder.",
+        ".xyz, a sweep (.npz) of a session folder, or a scan of 3DTK (.3d). Many points at one range, the largest, met nothing and are "
+        "left out.",
         epilog="Without a guess the reading is looked for within a few metres of where it lies, at every heading; so it is with a guess of "
         "which no sigma is given. Exit code: 0 there is a transform to use, 1 refused or ambiguous (the reason is printed, and FILE has "
         "no transform), 2 a file or argument is wrong.",
@@ -144,8 +148,12 @@ def prepared(path: Path, origins: str | None, min_range_m: float, voxel_m: float
         raise ArgumentProblem(f"--origins fields: {path} has no {', '.join(VIEWPOINT_FIELDS)}")
     cloud = PointCloud.of_finite(found.points, found.origins if origins in (None, "fields") else None)
     starts = cloud.origins if cloud.origins is not None else found.sensor
-    if min_range_m > 0.0:
-        cloud = cloud.selected(np.linalg.norm(cloud.points - starts, axis=1) >= min_range_m)
+    ranges = np.linalg.norm(cloud.points - starts, axis=1)
+    is_echo = met_something(ranges)
+    if not is_echo.all():
+        said = f"{np.count_nonzero(~is_echo):,} points, all {ranges.max():.2f} m away and none farther, left out: nothing was met there"
+        print(f"{path}: {said}", file=sys.stderr, flush=True)
+    cloud = cloud.selected(is_echo & (ranges >= min_range_m))
     if len(cloud) == 0:
         raise ArgumentProblem(f"{path}: none of its {len(found.points)} points is finite and at least {min_range_m:g} m away")
     try:
@@ -160,11 +168,19 @@ def prepared(path: Path, origins: str | None, min_range_m: float, voxel_m: float
 
 
 def _near(path: Path) -> tuple[CloudFile, Array]:
-    found = read_cloud(path)
+    found = read_uos_scan(path) if path.suffix.lower() == UOS_SUFFIX else read_cloud(path)
     try:
         return brought_near(found)
     except ValueError as error:
         raise ArgumentProblem(f"{path}: {error}") from error
+
+
+def met_something(ranges: Array) -> NDArray[np.bool_]:
+    """(N,) which beams ended on something: many that end at one range, farther than all others, show the sensor's limit instead."""
+    if not len(ranges):
+        return np.ones(0, dtype=np.bool_)
+    at_limit = ranges > ranges.max() - _ONE_RANGE_M
+    return ~at_limit if _LEAST_AT_IT < np.mean(at_limit) < 1.0 else np.ones(len(ranges), dtype=np.bool_)
 
 
 def _averaged(cloud: PointCloud, voxel_m: float) -> PointCloud:
@@ -189,7 +205,10 @@ def _plain(value: Any) -> Any:
 
 
 def report(result: RegistrationResult, seconds: float) -> dict[str, object]:
-    """What is written: transform, quaternion and covariance of a usable match only; of an ambiguous one all placements as `rivals`."""
+    """What is written: transform, quaternion and covariance of a usable match only; of an ambiguous one all placements as `rivals`.
+
+    Where a refused reading was laid is `not_verified`.
+    """
     T = result.T_reference_reading if result.usable else None
     ambiguous = result.verdict is Verdict.AMBIGUOUS
     placements = np.concatenate([result.T_reference_reading[None], result.rivals]) if ambiguous else result.rivals
@@ -206,19 +225,28 @@ def report(result: RegistrationResult, seconds: float) -> dict[str, object]:
         "free_space_contradiction": _plain(result.free_space_contradiction),
         "degenerate_directions": _plain(result.degenerate_directions),
         "rivals": _plain(placements),
+        "not_verified": _plain(result.T_reference_reading) if _is_not_verified(result) else None,
         "iterations": result.iterations,
         "time_s": round(seconds, 4),
     }
 
 
+def _is_not_verified(result: RegistrationResult) -> bool:
+    """Whether a reading was placed, and the place refused."""
+    return result.verdict is Verdict.REFUSED and math.isfinite(result.match_ratio)
+
+
 def summary(result: RegistrationResult, seconds: float) -> str:
     """What is printed."""
     lines = [f"{result.verdict.value} after {seconds:.2f} s: {result.reason}"]
+    placed, degrees = result.T_reference_reading[:3, 3], np.degrees(rpy_from_rotation(result.T_reference_reading[:3, :3]))
+    where, turned = (" ".join(f"{v:.{digits}f}" for v in values) for values, digits in ((placed, 4), (degrees, 3)))
     if result.usable:
-        T, sigmas = result.T_reference_reading, np.sqrt(np.diag(result.covariance))
-        lines.append(f"x y z          {T[0, 3]:.4f} {T[1, 3]:.4f} {T[2, 3]:.4f} m, sigmas {_numbers(sigmas[3:])}")
-        roll, pitch, yaw = np.degrees(rpy_from_rotation(T[:3, :3]))
-        lines.append(f"roll pitch yaw {roll:.3f} {pitch:.3f} {yaw:.3f} deg, sigmas {_numbers(np.degrees(sigmas[:3]))}")
+        sigmas = np.sqrt(np.diag(result.covariance))
+        lines.append(f"x y z          {where} m, sigmas {_numbers(sigmas[3:])}")
+        lines.append(f"roll pitch yaw {turned} deg, sigmas {_numbers(np.degrees(sigmas[:3]))}")
+    elif _is_not_verified(result):
+        lines.append(f"not verified: x y z {where} m, roll pitch yaw {turned} deg")
     return "\n".join(lines)
 
 

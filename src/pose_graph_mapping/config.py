@@ -54,7 +54,6 @@ class RegistrationConfig:
     search_max_contradiction: float = parameter(
         0.015, "-", "points in free space above which a rough placement comes last", low=0.0, high=1.0
     )
-    search_hopeless_contradiction: float = parameter(0.08, "-", "and above which none is refined in full", low=0.0, high=1.0)
     search_rival_share: float = parameter(0.4, "-", "share of the best overlap that makes a rival", low=0.0, high=1.0)
 
     degenerate_eigenvalue: float = parameter(
@@ -92,6 +91,24 @@ class RegistrationConfig:
     misfit_m: float = parameter(0.05, "m", "an overlapping point so far off the reference's surface does not lie on it", low=0.001)
     max_misfit: float = parameter(0.15, "-", "largest share of such points: similar ground is not the same", low=0.0, high=1.0)
     max_contradiction: float = parameter(0.012, "-", "largest share of points in space the other cloud saw free", low=0.0, high=1.0)
+    max_changed: float = parameter(
+        0.1,
+        "-",
+        "the same where things moved or sensors are worse than that, if the four limits below hold; no match above it is refined in full",
+        low=0.0,
+        high=1.0,
+    )
+    misfit_noise: float = parameter(
+        1.5,
+        "-",
+        "a point lies on a surface up to so many times what 95 % of a cloud's own points lie off their neighbours' planes",
+        low=0.0,
+    )
+    min_explained: float = parameter(
+        0.5, "-", "least share that agrees of the compared points, by what they hold of the motion that they hold least", low=0.0, high=1.0
+    )
+    min_surfaces: float = parameter(35.0, "-", "least number of different surfaces that agree: twin rooms share few", low=0.0)
+    max_rival_share: float = parameter(0.5, "-", "largest part of what it explains that another placement may explain", low=0.0, high=1.0)
     free_space_margin_m: float = parameter(0.15, "m", "a point contradicts when it is nearer than seen by more than this ..", low=0.0)
     free_space_margin_ratio: float = parameter(0.02, "-", ".. plus this share of the range", low=0.0, high=1.0)
     free_space_least_cos: float = parameter(

@@ -16,21 +16,22 @@ from numpy.typing import NDArray
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud, farthest, moved_points, reference_cloud, vertex_cloud, within
 from pose_graph_mapping.registration.correlative import Window, window_of
+from pose_graph_mapping.registration.explanation import agreeing_surfaces, least_explained, own_noise
 from pose_graph_mapping.registration.gicp_alignment import Alignment, Stage, align
 from pose_graph_mapping.registration.gicp_surface import Surface, nearest, surface_of, voxel_cloud
-from pose_graph_mapping.registration.match_quality import (
-    Fit,
-    FreeSpace,
-    degeneracy,
-    fit_of,
-    judge,
-    keep_guess,
-    known_directions,
-    match_covariance,
-)
+from pose_graph_mapping.registration.match_quality import FreeSpace, degeneracy, keep_guess, known_directions, match_covariance
 from pose_graph_mapping.registration.matching import RegistrationResult, refused
-from pose_graph_mapping.registration.placement_search import ROUGH_POINTS, Pair, decided, is_found, is_worth_refining, rough_placements
+from pose_graph_mapping.registration.placement_search import (
+    ROUGH_POINTS,
+    Pair,
+    decided,
+    is_found,
+    is_worth_refining,
+    rough_placements,
+    same_place,
+)
 from pose_graph_mapping.registration.residual_pattern import pattern_covariance, residual_pattern
+from pose_graph_mapping.registration.verdict import Explained, Fit, fit_of, judge, judged_despite_changes, may_have_changed
 from rigid_geometry import as_covariance, as_transform
 
 Array = NDArray[np.float64]
@@ -110,27 +111,59 @@ class GicpRegistration:
             return refused(T_guess, f"{len(reference)} reference and {len(reading)} reading voxels in reach, {config.min_points} wanted")
         free_space = FreeSpace(reference, reading, T_guess[:3, 3], config)
         covers_truth = guess_covariance is not None or window.shift_m >= config.search_wide_m
-        pair = Pair(reference, reading, free_space, T_guess, guess_covariance, covers_truth)
-        if window.is_wide(config):
-            return self._searched(pair, window)
-        direct = self._refined(pair, T_guess, config.coarse_distance_m)
-        return direct if direct.usable else self._searched(pair, window)
+        pair = Pair(reference, reading, own_noise(surface_of(reading)), free_space, T_guess, guess_covariance, covers_truth)
+        direct = [] if window.is_wide(config) else [self._refined(pair, T_guess, config.coarse_distance_m)]
+        return direct[0] if direct and direct[0].usable else self._searched(pair, window, direct)
 
-    def _searched(self, pair: Pair, window: Window) -> RegistrationResult:
-        """The placement in `window` that explains the clouds, where there is one and the guess can tell it from its rivals."""
+    def _searched(self, pair: Pair, window: Window, before: list[RegistrationResult]) -> RegistrationResult:
+        """The placement in `window` that explains the clouds, where there is one and the guess can tell it from its rivals.
+
+        Where there is none, of these and of those `before` the one that explains them but for what has changed, or the first refusal.
+        """
         config = self._config
         starts = rough_placements(pair, window, config)
-        tried, found = 0, list[RegistrationResult]()
-        first = refused(pair.T_guess, "no placement within the search")
+        tried, found = list[RegistrationResult](), list[RegistrationResult]()
         for start in starts:
-            if not is_worth_refining(start, starts[0], tried, found, config):
+            if not is_worth_refining(start, starts[0], len(tried), found, config):
                 continue
             result = self._refined(pair, start.T, None)
-            tried += 1
+            tried.append(result)
             if result.usable and not any(is_found(other, result.T_reference_reading, config) for other in found):
                 found.append(result)
-            first = result if tried == 1 else first
-        return decided(found, pair.T_guess, pair.guess_covariance) if found else first
+        if found:
+            return decided(found, pair.T_guess, pair.guess_covariance)
+        return self._despite_changes(pair, [*tried, *before]) if tried else refused(pair.T_guess, "no placement within the search")
+
+    def _despite_changes(self, pair: Pair, refusals: list[RegistrationResult]) -> RegistrationResult:
+        """Of refused placements the one that explains most, accepted if no other explains nearly as much; else refused with the reason."""
+        config = self._config
+        likely = [result for result in refusals if may_have_changed(result, pair.guess_covariance is not None, config)]
+        if not likely:
+            return refusals[0]
+        explained = [self._explained(pair, result.T_reference_reading) for result in likely]
+        best = int(np.argmax([of.reading for of in explained]))
+        tells = explained[best].compared >= config.min_explained and explained[best].surfaces >= config.min_surfaces
+        rival = self._most_of_rivals(pair, likely[best].T_reference_reading) if tells else math.nan
+        return judged_despite_changes(likely[best], explained[best], rival, config)
+
+    def _most_of_rivals(self, pair: Pair, T: Array) -> float:
+        """The most of the reading that any placement but `T`, near it and at every heading, explains."""
+        config = self._config
+        around = dataclasses.replace(pair, T_guess=T, guess_covariance=None)
+        window = Window(config.search_shift_m, config.search_height_m, math.pi)
+        starts = [rough.T for rough in rough_placements(around, window, config)]
+        rivals = [start for start in starts if not same_place(T, np.zeros((0, 6)), start, config)][: config.search_refined]
+        placed = [self._refined(around, start, None).T_reference_reading for start in rivals]
+        return max((self._explained(pair, at).reading for at in placed if not same_place(T, np.zeros((0, 6)), at, config)), default=0.0)
+
+    def _explained(self, pair: Pair, T: Array) -> Explained:
+        """What the reading, placed by `T`, explains by its points on the reference that do not lie in space seen free."""
+        fit, _, _ = self._fit(pair, self._target(pair, T), T)
+        in_front = pair.free_space.in_reference_free_space(T)
+        agrees, compared = fit.on_surface(self._config) & ~in_front, fit.level | in_front
+        everything = np.ones(len(pair.reading), dtype=np.bool_)
+        of_compared, of_reading = (least_explained(pair.reading, agrees, asked) for asked in (compared, everything))
+        return Explained(of_compared, of_reading, agreeing_surfaces(pair.reading, agrees))
 
     def _refined(self, pair: Pair, T_start: Array, coarse_distance_m: float | None) -> RegistrationResult:
         """From `T_start`, with a coarse stage where it is given its distance; in directions that nothing holds the guess stands."""
@@ -145,7 +178,7 @@ class GicpRegistration:
         early = align(target, few, T, Stage(config.fine_distance_m, most, _EARLY_PRECISION))
         if early.inliers < _LEAST_EARLY:
             return refused(pair.T_guess, f"{early.inliers} of {len(few.points)} points within {config.fine_distance_m} m of each other")
-        if pair.free_space.contradiction(early.T, ROUGH_POINTS) > config.search_hopeless_contradiction:
+        if pair.free_space.contradiction(early.T, ROUGH_POINTS) > config.max_changed:
             return self._judged(dataclasses.replace(pair, reading=few), target, early, before + early.iterations)
         last = Stage(config.fine_distance_m, max(1, most - early.iterations), _PRECISION, config.half_weight_m)
         fine = align(target, pair.reading, early.T, last)
@@ -165,25 +198,31 @@ class GicpRegistration:
         weak = degeneracy(hessian, found.weight, points, config.degenerate_eigenvalue)
         known = known_directions(weak, pair.guess_covariance, config.degenerate_guess_sigma_m)
         T = keep_guess(pair.T_guess, found.T, known)
-        fit, bent = self._fit(pair, target, T)
+        fit, at, normals = self._fit(pair, target, T)
+        bent = self._bend(pair, T, at, normals)
         covariance = match_covariance(config.covariance_scale * np.linalg.inv(hessian) + bent, weak, config)
         contradiction = pair.free_space.contradiction(T)
         ratio = found.inliers / len(points)
         verdict, reason = judge(ratio, fit, contradiction, weak, config, pair.covers_truth)
         return RegistrationResult(T, covariance, ratio, fit.overlap, contradiction, iterations, weak.directions, verdict, reason)
 
-    def _fit(self, pair: Pair, target: Surface, T: Array) -> tuple[Fit, Array]:
-        """How the reading lies on the reference, and the (6, 6) covariance that what is left between them makes."""
-        config, reading, sensor = self._config, pair.reading, sensor_of(pair.reading)
-        placed = reading.transformed(T)
+    def _fit(self, pair: Pair, target: Surface, T: Array) -> tuple[Fit, Array, Array]:
+        """How the reading lies on the reference, and (N, 3) its points there with their normals (N, 3)."""
+        placed = pair.reading.transformed(T)
         index, squared = nearest(target.tree, placed.points)
         at, normals = target.points[index], target.normals[index]
-        fit = fit_of(placed, at, normals, squared, sensor is not None and pair.reference.origins is not None, config)
-        near = squared <= config.overlap_distance_m**2
+        is_sided = pair.reading.origins is not None and pair.reference.origins is not None
+        noise_m = max(pair.noise_m, own_noise(target))
+        return fit_of(placed, at, normals, squared, is_sided, noise_m, self._config), at, normals
+
+    def _bend(self, pair: Pair, T: Array, at: Array, normals: Array) -> Array:
+        """(6, 6) covariance that what is left between a reading and the points (N, 3) nearest to it makes."""
+        reading, sensor = pair.reading, sensor_of(pair.reading)
+        near = np.linalg.norm(moved_points(T, reading.points) - at, axis=1) <= self._config.overlap_distance_m
         if sensor is None or not near.any():
-            return fit, np.zeros((6, 6))
+            return np.zeros((6, 6))
         pattern = residual_pattern(reading.points[near], sensor, T, at[near], normals[near])
-        return fit, np.zeros((6, 6)) if pattern is None else pattern_covariance(pattern, config)
+        return np.zeros((6, 6)) if pattern is None else pattern_covariance(pattern, self._config)
 
 
 def compile_kernels() -> None:

@@ -1,12 +1,9 @@
-"""Is a match right? Overlap, two-way free space and degeneracy: the judgement that both registrations share.
-
-Overlap alone does not tell right from wrong; points that lie where the other cloud looked through do.
-"""
+"""What a placement says of itself: two-way free space, degenerate directions, covariance; `verdict` makes a judgement of it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import gtsam
@@ -18,13 +15,11 @@ from scipy.spatial.transform import Rotation
 
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud, viewpoints
-from pose_graph_mapping.registration.matching import Verdict
 from rigid_geometry import inverse
 
 Array = NDArray[np.float64]
 
 _ROWS, _COLUMNS = 180, 360
-_SAME_PLANE_COS = 0.5  # of normals; at edges and behind thin walls nearest points are of other surfaces
 
 
 @njit(cache=True, inline="always")
@@ -59,12 +54,14 @@ def _nearest_by_cell(points: Array, eye: Array) -> Array:
 
 
 @njit(cache=True)
-def _count_in_front(
+def _compare(
     points: Array, normals: Array, eye: Array, image: Array, margin_m: float, margin_ratio: float, least_cos: float
-) -> tuple[int, int]:
-    """Points compared with what was seen from `eye`, and how many lie in front of it; surfaces that it sees along are not compared."""
-    compared = 0
-    in_front = 0
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """(N,) which points are compared with what was seen from `eye`, and which of them lie in front of it.
+
+    Surfaces that it sees along are not compared.
+    """
+    compared, in_front = np.zeros(len(points), dtype=np.bool_), np.zeros(len(points), dtype=np.bool_)
     for i in range(len(points)):
         dx, dy, dz = points[i, 0] - eye[0], points[i, 1] - eye[1], points[i, 2] - eye[2]
         distance = math.sqrt(dx * dx + dy * dy + dz * dz)
@@ -74,10 +71,8 @@ def _count_in_front(
             continue
         row, column = _cell(dx, dy, dz)
         seen = image[row, column]
-        if seen < np.inf:
-            compared += 1
-            if distance < seen - margin_m - margin_ratio * seen:
-                in_front += 1
+        compared[i] = seen < np.inf
+        in_front[i] = compared[i] and distance < seen - margin_m - margin_ratio * seen
     return compared, in_front
 
 
@@ -114,13 +109,27 @@ class FreeSpace:
             return float("nan")
         return max(in_front / compared for compared, in_front in ways)
 
+    def in_reference_free_space(self, T_reference_reading: Array) -> NDArray[np.bool_]:
+        """(N,) which points of the reading lie in space that the reference saw free."""
+        found = np.zeros(len(self._reading), dtype=np.bool_)
+        for _, in_front in self._compared(self._seen_by_reference, self._reading.transformed(T_reference_reading)):
+            found |= in_front
+        return found
+
     def _one_way(self, images: Sequence[tuple[Array, Array]], others: PointCloud) -> tuple[int, int]:
         """Points compared with, and in front of, what was seen from the standpoints."""
+        counts = [
+            (int(np.count_nonzero(compared)), int(np.count_nonzero(in_front))) for compared, in_front in self._compared(images, others)
+        ]
+        return sum(compared for compared, _ in counts), sum(in_front for _, in_front in counts)
+
+    def _compared(self, images: Sequence[tuple[Array, Array]], others: PointCloud) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
+        """Of every standpoint which points are compared with what was seen from it, and which lie in front of that."""
         config = self._config
         margins = config.free_space_margin_m, config.free_space_margin_ratio, config.free_space_least_cos
         assert others.normals is not None
-        counts = [_count_in_front(others.points, others.normals, eye, image, *margins) for eye, image in images]
-        return sum(compared for compared, _ in counts), sum(in_front for _, in_front in counts)
+        for eye, image in images:
+            yield _compare(others.points, others.normals, eye, image, *margins)
 
 
 def _with_normals(cloud: PointCloud) -> PointCloud:
@@ -199,59 +208,6 @@ def match_covariance(information_inverse: Array, weak: Degeneracy, config: Regis
     inflation = config.degenerate_sigma_m**2 * open_directions.T @ open_directions
     covariance = information_inverse + floor + inflation
     return np.asarray(0.5 * (covariance + covariance.T))
-
-
-@dataclass(frozen=True)
-class Fit:
-    """How a placed reading lies on the reference.
-
-    overlap: share of its points near a reference point that faces the same way; misfit: share of those, on one plane with it, that lie
-    `misfit_m` and more off that plane.
-    """
-
-    overlap: float
-    misfit: float
-
-
-def fit_of(placed: PointCloud, at: Array, normals: Array, squared: Array, is_sided: bool, config: RegistrationConfig) -> Fit:
-    """Of a reading placed in the reference, `at` (N, 3) the reference point nearest to each of its points, with `normals` (N, 3).
-
-    `squared` (N,) distances between them. `is_sided`: the normals of both point to the side that was seen.
-    """
-    assert placed.normals is not None
-    cosine = np.einsum("ij,ij->i", normals, placed.normals)
-    cosine = cosine if is_sided else np.abs(cosine)
-    near = (squared <= config.overlap_distance_m**2) & (cosine >= 0.0)
-    level = near & (cosine > _SAME_PLANE_COS)
-    off = np.abs(np.einsum("ij,ij->i", normals[level], placed.points[level] - at[level]))
-    return Fit(float(np.mean(near)), float(np.mean(off > config.misfit_m)) if off.size else 0.0)
-
-
-def judge(
-    ratio: float, fit: Fit, contradiction: float, weak: Degeneracy, config: RegistrationConfig, covers_truth: bool
-) -> tuple[Verdict, str]:
-    """Verdict and its reason; what could not be checked is refused. `covers_truth`: whether the truth lies where the match looked."""
-    if config.verdict == "match_ratio":
-        accepted = ratio >= config.min_match_ratio
-        return (Verdict.ACCEPTED if accepted else Verdict.REFUSED), f"match ratio {ratio:.2f}, wanted {config.min_match_ratio}"
-    least = config.min_overlap if covers_truth else max(config.min_overlap, config.min_overlap_unguided)
-    if fit.overlap < least:
-        return Verdict.REFUSED, f"overlap {fit.overlap:.2f} is below {least}" + (
-            "" if covers_truth else ", and the truth may lie where no match looked"
-        )
-    if fit.misfit > config.max_misfit:
-        return Verdict.REFUSED, (
-            f"{100 * fit.misfit:.0f} % of the overlapping points lie {100 * config.misfit_m:.0f} cm and more off the surface, "
-            f"allowed are {100 * config.max_misfit:.0f} %"
-        )
-    if math.isnan(contradiction):
-        return Verdict.REFUSED, "free space cannot be checked: no beam origins, or no common field of view"
-    if contradiction > config.max_contradiction:
-        allowed = f"{100 * config.max_contradiction:.2f} %"
-        return Verdict.REFUSED, f"{100 * contradiction:.2f} % of the points lie in space seen free, allowed are {allowed}"
-    if len(weak.directions):
-        return Verdict.DEGENERATE, f"{len(weak.directions)} directions are not held by the points"
-    return Verdict.ACCEPTED, f"overlap {fit.overlap:.2f}, misfit {100 * fit.misfit:.1f} %, contradiction {100 * contradiction:.2f} %"
 
 
 def compile_kernels() -> None:

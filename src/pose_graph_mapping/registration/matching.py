@@ -32,7 +32,8 @@ class Verdict(enum.Enum):
 class RegistrationResult:
     """Outcome of one match; numbers that could not be had are NaN.
 
-    T_reference_reading (4, 4), the guess itself when nothing could be matched; covariance (6, 6) in gtsam's order
+    T_reference_reading (4, 4), not verified where it was refused, and the guess itself when nothing could be matched (match_ratio is NaN
+    then); reason: of a refusal which limit was broken, and by how much; covariance (6, 6) in gtsam's order
     (rotation rad, translation m) of the reading's body frame; match_ratio: share of reading points that took part; overlap: share near
     the reference; free_space_contradiction: share of points in space the other cloud saw free, the worse direction;
     degenerate_directions (K, 6) unit rows in the covariance's order, rotation scaled by the RMS distance of the points; rivals (R, 4, 4):

@@ -30,10 +30,11 @@ _ALIKE = 0.002  # contradictions that differ by less say the same
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """What every placement of one match shares; the reading has normals. `covers_truth` as `judge` asks it."""
+    """What every placement of one match shares; the reading has normals and shows `noise_m`. `covers_truth` as `judge` asks it."""
 
     reference: PointCloud
     reading: PointCloud
+    noise_m: float
     free_space: FreeSpace
     T_guess: Array
     guess_covariance: Array | None
@@ -138,7 +139,7 @@ def is_worth_refining(rough: Rough, best: Rough, tried: int, found: Sequence[Reg
     """The first always; then what is not hopeless, nor found already, and, once there is one, only what may rival it."""
     if tried == 0:
         return True
-    if tried == config.search_refined or not rough.contradiction <= config.search_hopeless_contradiction:
+    if tried == config.search_refined or not rough.contradiction <= config.max_changed:
         return False
     if any(is_found(result, rough.T, config) for result in found):
         return False

@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud, moved_points, reference_cloud, voxel_downsample, with_normals
+from pose_graph_mapping.registration.explanation import own_noise
 from pose_graph_mapping.registration.gicp import in_reach
-from pose_graph_mapping.registration.gicp_surface import nearest
+from pose_graph_mapping.registration.gicp_surface import Surface, nearest, surface_of
 from pose_graph_mapping.registration.match_quality import (
     Degeneracy,
     degeneracy,
     exp_motion,
-    fit_of,
     free_space_contradiction,
-    judge,
     keep_guess,
     match_covariance,
 )
 from pose_graph_mapping.registration.matching import RegistrationResult, refused
+from pose_graph_mapping.registration.verdict import fit_of, judge
 from rigid_geometry import as_transform, rotation_angle
 
 Array = NDArray[np.float64]
@@ -165,7 +165,8 @@ class ThesisChainRegistration:
         index, squared = nearest(tree, moved_points(T, reading.points))
         assert reference.normals is not None
         is_sided = reference.origins is not None and reading.origins is not None
-        fit = fit_of(reading.transformed(T), reference.points[index], reference.normals[index], squared, is_sided, config)
+        noise_m = max(own_noise(surface_of(reading)), own_noise(Surface(reference.points, reference.normals, tree)))
+        fit = fit_of(reading.transformed(T), reference.points[index], reference.normals[index], squared, is_sided, noise_m, config)
         contradiction = free_space_contradiction(clouds.reference_sweeps, reading, T, config)
         ratio = len(jacobian) / len(reading)
         verdict, reason = judge(ratio, fit, contradiction, weak, config, clouds.is_guess_known)

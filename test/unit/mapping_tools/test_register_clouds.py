@@ -6,7 +6,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from mapping_tools.register_clouds import main
+from mapping_tools.register_clouds import main, met_something
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy, transform_points
 
 T_ROOM_A = transform_from_rpy((-1.2, -0.8, 0.9))
@@ -137,7 +137,44 @@ def test_another_room_is_refused_and_leaves_no_transform(tmp_path, scans, capsys
     other = written(tmp_path / "other.ply", scan(room((3.1, 2.7, 2.2)), transform_from_rpy((0.5, 0.4, 0.9), (0, 0, 2.0))))
     code, found = outcome(tmp_path, scans[0], other)
     assert code == 1 and found["transform"] is None and found["covariance"] is None
-    assert found["verdict"] in ("refused", "ambiguous") and found["reason"] in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert found["verdict"] in ("refused", "ambiguous") and found["reason"] in said
+    assert (found["not_verified"] is not None) == (found["verdict"] == "refused") == ("not verified: x y z" in said)
+
+
+def test_refusal_prints_the_limit_and_where_the_reading_was_laid(tmp_path, scans, capsys):
+    code, found = outcome(tmp_path, *scans, "--set", "max_contradiction=0", "--set", "max_changed=0")
+    said = capsys.readouterr().out
+    assert code == 1 and found["transform"] is None and "max_contradiction = 0" in found["reason"]
+    x, y, z = np.array(found["not_verified"])[:3, 3]
+    assert f"not verified: x y z {x:.4f} {y:.4f} {z:.4f} m" in said
+    off = inverse(T_A_B) @ np.array(found["not_verified"])
+    assert np.linalg.norm(off[:3, 3]) < 0.03
+
+
+def test_beams_that_met_nothing_are_told_by_the_one_range_they_share(tmp_path, scans, capsys):
+    points = scan(room(), T_ROOM_B, seed=2)
+    upwards = points[:, 2] > 0.5 * np.linalg.norm(points, axis=1)
+    points[upwards] *= 32.77 / np.linalg.norm(points[upwards], axis=1, keepdims=True)
+    code, found = outcome(tmp_path, scans[0], written(tmp_path / "open.ply", points))
+    assert f"{np.count_nonzero(upwards):,} points, all 32.77 m away and none farther, left out" in capsys.readouterr().err
+    assert code == 0
+    assert_right(found, T_A_B)
+
+
+@pytest.mark.parametrize(
+    "ranges", [np.full(1000, 3.0), np.linspace(1.0, 30.0, 1000), np.zeros(0)], ids=["all alike", "a wall far off", "none"]
+)
+def test_no_range_that_surfaces_may_have_is_taken_for_the_limit(ranges):
+    assert met_something(ranges).all()
+
+
+def test_scan_of_3dtk_is_read(tmp_path, scans):
+    x, y, z = 100.0 * scan(room(), T_ROOM_B, seed=2, count=15_000).T
+    np.savetxt(tmp_path / "scan001.3d", np.column_stack([-y, z, x]), fmt="%.4f")
+    code, found = outcome(tmp_path, scans[0], tmp_path / "scan001.3d")
+    assert code == 0
+    assert_right(found, T_A_B)
 
 
 @pytest.mark.parametrize(
