@@ -116,7 +116,7 @@ def main() -> None:
             believed = odometry(poses, seed)
             places = [Place(mount.sweep(T, k), T_odom) for k, (T, T_odom) in enumerate(zip(poses, believed, strict=True))]
             begin = time.perf_counter()
-            found = estimate_mount(places, geometry, MountCalibrationConfig(), RobotBody().base_height_m)
+            found = estimate_mount(places, geometry, MountCalibrationConfig(), RobotBody())
             took = time.perf_counter() - begin
             units = np.array([180 / math.pi, 100, 180 / math.pi, 180 / math.pi, 180 / math.pi])
             error, sigma = (found.calibration.values - truth.values) * units, found.calibration.sigmas * units

@@ -29,9 +29,6 @@ class MountCalibrationConfig:
     ground_flat_m: float = parameter(0.0003, "m", "no ground is flatter than so much below the wheels", low=1e-5, high=0.1)
     patch_m: float = parameter(0.1, "m", "size of a patch of ground as a wheel feels it", low=0.02, high=0.5)
     least_patches: int = parameter(50, "-", "patches of ground that say how uneven it is", low=10, high=10_000)
-    wheels_apart_m: float = parameter(
-        0.5, "m", "wheel base, or track where that is less: over it unevenness tilts the robot", low=0.05, high=5.0
-    )
 
     attitude_bias_rad: float = parameter(
         0.002, "rad", "level of the odometry: an accelerometer's bias of 0.02 m/s^2 turns it by so much", low=0.0, high=0.1

@@ -20,6 +20,7 @@ from mount_calibration.plane_cells import FloatArray, IntArray, plane_equations
 from mount_calibration.tilt_calibration import PARAMETERS, TiltCalibration
 from mount_calibration.tilted_beams import Place, TiltedBeams, points_and_jacobian
 from rigid_geometry import as_transform, tilt_angle, transform_from_rpy
+from robot_body import RobotBody
 
 ESTIMATED = 4  # of PARAMETERS, the first ones: all but the pitch
 BIAS = slice(4, 6)
@@ -43,21 +44,21 @@ class MountEstimate:
     reason: str = ""
 
 
-def estimate_mount(places: Sequence[Place], geometry: TiltGeometry, config: MountCalibrationConfig, base_height_m: float) -> MountEstimate:
+def estimate_mount(places: Sequence[Place], geometry: TiltGeometry, config: MountCalibrationConfig, robot: RobotBody) -> MountEstimate:
     """The calibration that makes the planes of all places thinnest, searched from the one that `geometry` has.
 
-    `base_height_m`: of base_link over the wheels' contacts. ValueError when there is no place or a pose is not rigid.
+    `robot` says where its wheels stand. ValueError when there is no place or a pose is not rigid.
     """
     if not places:
         raise ValueError("a calibration needs the sweeps of at least one place")
-    return _Fit(places, geometry, config, base_height_m).solved()
+    return _Fit(places, geometry, config, robot).solved()
 
 
 class _Fit:
     """One estimate under way: the state is (4 parameters, 2 biases of the odometry's level, 6 for each place but the first)."""
 
-    def __init__(self, places: Sequence[Place], geometry: TiltGeometry, config: MountCalibrationConfig, base_height_m: float) -> None:
-        self._geometry, self._config, self._base_height_m = geometry, config, base_height_m
+    def __init__(self, places: Sequence[Place], geometry: TiltGeometry, config: MountCalibrationConfig, robot: RobotBody) -> None:
+        self._geometry, self._config, self._robot = geometry, config, robot
         self._beams = [_thinned(place.beams, config.most_beams // len(places), config.max_range_m) for place in places]
         self._odometry = [as_transform(place.T_map_base) for place in places]
         self._kinds = np.concatenate([4 * k + _kinds(beams) for k, beams in enumerate(self._beams)])
@@ -139,7 +140,7 @@ class _Fit:
     def _grounds(self, points: list[FloatArray], jacobians: list[FloatArray]) -> list[tuple[FloatArray, FloatArray]]:
         """What the ground says at the places where the robot stands level: elsewhere a wheel may stand on a stone."""
         found = (
-            ground_equations(base, jacobian, self._geometry.T_base_mount[:2, 3], self._base_height_m, self._config)
+            ground_equations(base, jacobian, self._geometry.T_base_mount[:2, 3], self._robot, self._config)
             for base, jacobian, pose in zip(points, jacobians, self._odometry, strict=True)
             if tilt_angle(pose) <= self._config.level_rad
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +10,11 @@ from numpy.typing import NDArray
 
 from mount_calibration.geometry import TiltGeometry
 from mount_calibration.tilt_calibration import FloatArray, tilt_directions
+from rigid_geometry import as_transform, inverse, rotation_angle
 
 REVERSAL_RAD = 0.04  # to be moved after a turn, half of it at the start: more than any play of use
 REVERSED = 0.05  # noise of the encoder over REVERSAL_RAD: so near to the end of its play the mount counts as moved
+SAME_M, SAME_RAD = 0.01, 0.005  # odometry of a robot that stands
 INTERPOLATION_RAD = 2e-4  # a tenth of what is asked of the backlash
 
 
@@ -40,6 +43,27 @@ class Place:
 
     beams: TiltedBeams
     T_map_base: FloatArray
+
+
+def joined_places(places: Sequence[Place]) -> list[Place]:
+    """Sweeps of a robot that stood still between them count as one place: what follows one another within `SAME_M` and `SAME_RAD`."""
+    found: list[Place] = []
+    for place in places:
+        last = found[-1] if found else None
+        apart = inverse(as_transform(last.T_map_base)) @ as_transform(place.T_map_base) if last else np.eye(4)
+        if last is None or np.linalg.norm(apart[:3, 3]) > SAME_M or rotation_angle(apart) > SAME_RAD:
+            found.append(place)
+        else:
+            found[-1] = Place(_together(last.beams, place.beams), last.T_map_base)
+    return found
+
+
+def _together(first: TiltedBeams, second: TiltedBeams) -> TiltedBeams:
+    return TiltedBeams(
+        np.concatenate([first.points_laser, second.points_laser]),
+        np.concatenate([first.tilts_rad, second.tilts_rad]),
+        np.concatenate([first.directions, second.directions]),
+    )
 
 
 def points_and_jacobian(beams: TiltedBeams, geometry: TiltGeometry) -> tuple[FloatArray, FloatArray]:

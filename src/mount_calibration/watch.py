@@ -12,6 +12,7 @@ from mount_calibration.estimate import estimate_mount
 from mount_calibration.geometry import TiltGeometry
 from mount_calibration.tilt_calibration import PARAMETERS, FloatArray
 from mount_calibration.tilted_beams import Place
+from robot_body import RobotBody
 from stage_config import check_ranges, parameter
 
 
@@ -47,18 +48,18 @@ class MountVerdict:
 class MountWatch:
     """Takes a place after each sweep, and says whether the mount has moved since it was calibrated."""
 
-    def __init__(self, geometry: TiltGeometry, config: MountWatchConfig, fit: MountCalibrationConfig, base_height_m: float) -> None:
+    def __init__(self, geometry: TiltGeometry, config: MountWatchConfig, fit: MountCalibrationConfig, robot: RobotBody) -> None:
         """ValueError when a configuration is wrong."""
         if problems := config.validate() + fit.validate():
             raise ValueError("; ".join(problems))
-        self._geometry, self._config, self._base_height_m = geometry, config, base_height_m
+        self._geometry, self._config, self._robot = geometry, config, robot
         self._fit = replace(fit, most_beams=config.beams, iterations=config.iterations)
         self._changes: list[tuple[FloatArray, FloatArray]] = []
 
     def after(self, place: Place | None) -> MountVerdict:
         """The verdict with this sweep; one that the robot moved in (None), or that saw no plane twice, adds nothing."""
         if place is not None:
-            found = estimate_mount([place], self._geometry, self._fit, self._base_height_m)
+            found = estimate_mount([place], self._geometry, self._fit, self._robot)
             if not found.reason:
                 change = found.calibration.values - self._geometry.calibration.values
                 self._changes = [*self._changes[-self._config.sweeps + 1 :], (change, found.calibration.sigmas)]

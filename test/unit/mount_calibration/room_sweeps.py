@@ -49,8 +49,8 @@ def place(truth: TiltCalibration, T_map_base: Array = AT, **more: float) -> Plac
 
 
 def _first_hit(origin: Array, toward: Array, step_m: float) -> Array:
-    with np.errstate(divide="ignore"):
-        walls = np.where(toward > 0.0, (HIGH - origin) / toward, (LOW - origin) / toward)
+    walls = np.where(toward > 0.0, HIGH - origin, LOW - origin) / np.where(toward == 0.0, np.nan, toward)
+    walls = np.nan_to_num(walls, nan=np.inf)
     ranges = walls.min(axis=1)
     if step_m:
         on_floor = walls.argmin(axis=1) == 2

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from room_sweeps import AT, BASE_HEIGHT_M, GEOMETRY, place, sweep
+from room_sweeps import AT, GEOMETRY, place, sweep
 
 from mount_calibration import (
     PARAMETERS,
@@ -19,6 +19,7 @@ from mount_calibration import (
 )
 from mount_calibration.tilted_beams import points_and_jacobian
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody
 
 DEG = math.radians(1.0)
 OFF = TiltCalibration(0.4 * DEG, 1.005, 0.3 * DEG, -0.4 * DEG)
@@ -26,7 +27,7 @@ LIMITS = np.array([0.05 * DEG, 0.001, 0.05 * DEG, 0.05 * DEG])
 
 
 def estimated(*places: Place) -> MountEstimate:
-    return estimate_mount(places, GEOMETRY, MountCalibrationConfig(), BASE_HEIGHT_M)
+    return estimate_mount(places, GEOMETRY, MountCalibrationConfig(), RobotBody())
 
 
 @pytest.mark.parametrize("seed", [1, 2])

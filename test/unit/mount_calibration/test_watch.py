@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from room_sweeps import AT, BASE_HEIGHT_M, T_BASE_MOUNT, T_TILT_LASER, place
+from room_sweeps import AT, T_BASE_MOUNT, T_TILT_LASER, place
 
 from mount_calibration import MountCalibrationConfig, MountVerdict, MountWatch, MountWatchConfig, TiltCalibration, TiltGeometry
 from rigid_geometry import transform_from_rpy
+from robot_body import RobotBody
 
 DEG = math.radians(1.0)
 MEASURED = np.diag([1e-7, 1e-9, 1e-8, 1e-7, np.inf])
@@ -15,7 +16,7 @@ KNOWN = TiltCalibration(0.4 * DEG, 1.005, 0.3 * DEG, -0.4 * DEG, 0.0, MEASURED)
 
 
 def watched(known: TiltCalibration, truth: TiltCalibration, sweeps: int = 2) -> MountVerdict:
-    watch = MountWatch(TiltGeometry(T_BASE_MOUNT, T_TILT_LASER, known), MountWatchConfig(), MountCalibrationConfig(), BASE_HEIGHT_M)
+    watch = MountWatch(TiltGeometry(T_BASE_MOUNT, T_TILT_LASER, known), MountWatchConfig(), MountCalibrationConfig(), RobotBody())
     verdicts = [watch.after(place(truth, AT @ transform_from_rpy((0.3 * k, 0.0, 0.0), (0.0, 0.0, 0.5 * k)), seed=k)) for k in range(sweeps)]
     return verdicts[-1]
 
@@ -46,10 +47,10 @@ def test_mount_that_was_never_calibrated_and_is_off_is_told_so() -> None:
 
 def test_one_sweep_or_none_says_nothing() -> None:
     assert watched(KNOWN, TiltCalibration(), sweeps=1).moved is None
-    watch = MountWatch(TiltGeometry(T_BASE_MOUNT, T_TILT_LASER), MountWatchConfig(), MountCalibrationConfig(), BASE_HEIGHT_M)
+    watch = MountWatch(TiltGeometry(T_BASE_MOUNT, T_TILT_LASER), MountWatchConfig(), MountCalibrationConfig(), RobotBody())
     assert watch.after(None) == MountVerdict(None, "0 of 2 sweeps compared with the mount's calibration", 0)
 
 
 def test_wrong_configuration_is_refused() -> None:
     with pytest.raises(ValueError, match="least_sweeps"):
-        MountWatch(TiltGeometry(T_BASE_MOUNT, T_TILT_LASER), MountWatchConfig(sweeps=1), MountCalibrationConfig(), BASE_HEIGHT_M)
+        MountWatch(TiltGeometry(T_BASE_MOUNT, T_TILT_LASER), MountWatchConfig(sweeps=1), MountCalibrationConfig(), RobotBody())
