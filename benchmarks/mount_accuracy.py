@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from registration_worlds import drive_poses, world_of
 
+from exploration_evaluation.scores import map_error
 from mount_calibration import (
-    PARAMETERS,
     MountCalibrationConfig,
     Place,
     TiltCalibration,
@@ -39,6 +39,10 @@ from sweep_assembly import ScanFilter, ScanFilterConfig, ScanGeometry
 
 Array = NDArray[np.float64]
 STEP_S, SCAN_S, REST_S = 0.005, 0.025, 0.25
+COLUMNS = ("offset", "scale", "backlash", "roll")
+UNITS = np.array([180 / math.pi, 100, 180 / math.pi, 180 / math.pi, 180 / math.pi])
+ROBOT = read_robot_model(RobotBody())
+GEOMETRY = TiltGeometry(ROBOT.T_base_mount, ROBOT.T_tilt_laser)
 ODOMETRY_LEVEL_RAD = 0.002
 
 
@@ -54,7 +58,7 @@ class BentMount:
         """All hits of one sweep, with what the encoder says."""
         rng = np.random.default_rng([self.seed, 77, index])
         config = SimulationConfig(mount_roll_rad=self.truth.mount_roll_rad)
-        laser, profile = Laser(config, read_robot_model(RobotBody()), self.world, rng), sweep_profile(config)
+        laser, profile = Laser(config, ROBOT, self.world, rng), sweep_profile(config)
         ticks = math.ceil((profile.duration_s + 2 * REST_S) / SCAN_S)
         steps = np.arange(ticks * round(SCAN_S / STEP_S) + 1) * STEP_S
         commanded = profile.tilt_at(steps - REST_S)
@@ -64,9 +68,8 @@ class BentMount:
         scans = np.stack(laser.scans(motion, stamps[:-1]))
         measured = profile.tilt_at(stamps - REST_S) + config.tilt_encoder_sigma_rad * rng.standard_normal(ticks + 1)
         times = stamps[:-1, None] + np.arange(laser.geometry.beams) * laser.geometry.time_increment
-        robot = read_robot_model(RobotBody())
         layout = ScanGeometry(laser.geometry.angle_min, laser.geometry.angle_increment, laser.geometry.time_increment, laser.geometry.beams)
-        cleaning = ScanFilter(ScanFilterConfig(), layout, TiltGeometry(robot.T_base_mount, robot.T_tilt_laser), RobotBody())
+        cleaning = ScanFilter(ScanFilterConfig(), layout, GEOMETRY, RobotBody())
         beam_tilts = np.interp(times, stamps, measured)
         scans = np.stack([cleaning.filter(scan, tilt) for scan, tilt in zip(scans, beam_tilts, strict=True)])
         hit = np.isfinite(scans)
@@ -99,36 +102,75 @@ def odometry(poses: list[Array], seed: int) -> list[Array]:
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Errors and sigmas of the four parameters, in degrees and percent, and the map's RMS distance from the truth in mm, by mount."""
+
+    errors: Array
+    sigmas: Array
+    rms_mm: dict[str, float]
+
+
+def outcome(name: str, seed: int, turns: int, spread: int) -> Outcome:
+    """Calibrates at the start of a drive, and maps `spread` sweeps of it with a perfect mount, uncalibrated and calibrated."""
+    world, truth = world_of(name, seed), drawn_mount(seed)
+    mount, drive = BentMount(world, truth, seed), drive_poses(world, seed, max(spread, 1))
+    poses = headings(drive[0], turns)
+    places = [Place(mount.sweep(T, k), T_odom) for k, (T, T_odom) in enumerate(zip(poses, odometry(poses, seed), strict=True))]
+    found = estimate_mount(places, GEOMETRY, MountCalibrationConfig(), RobotBody()).calibration
+    calibrated = TiltGeometry(GEOMETRY.T_base_mount, GEOMETRY.T_tilt_laser, found)
+    bent = [mount.sweep(T, 100 + k) for k, T in enumerate(drive[:spread])]
+    straight = [BentMount(world, TiltCalibration(), seed).sweep(T, 100 + k) for k, T in enumerate(drive[:spread])]
+    rms_mm = {
+        "perfect": map_rms_mm(world, straight, drive, GEOMETRY),
+        "uncalibrated": map_rms_mm(world, bent, drive, GEOMETRY),
+        "calibrated": map_rms_mm(world, bent, drive, calibrated),
+    }
+    return Outcome(((found.values - truth.values) * UNITS)[:4], (found.sigmas * UNITS)[:4], rms_mm if spread else {})
+
+
+def map_rms_mm(world: World, sweeps: list[TiltedBeams], poses: Array, mount: TiltGeometry) -> float:
+    """RMS distance of the hits from the world's surfaces, by the judge's measure; the robot's poses are the true ones."""
+    clouds = [mount.points_in_base(s.points_laser.astype(np.float64), s.tilts_rad, s.directions) for s in sweeps]
+    placed = [cloud @ T[:3, :3].T + T[:3, 3] for cloud, T in zip(clouds, poses, strict=False)]
+    return 1000.0 * map_error(np.concatenate(placed), world.vertices, world.triangles).rms_m if placed else math.nan
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--worlds", default="rooms,ramp")
     parser.add_argument("--seeds", default="1-3")
-    parser.add_argument("--headings", type=int, default=1)
+    parser.add_argument("--headings", type=int, default=1, help="places at which it is calibrated: a turn on the spot in so many steps")
+    parser.add_argument("--sweeps", type=int, default=0, help="of the drive that is mapped; 0: none")
     arguments = parser.parse_args()
     low, _, high = arguments.seeds.partition("-")
-    robot = read_robot_model(RobotBody())
-    geometry = TiltGeometry(robot.T_base_mount, robot.T_tilt_laser)
     for name in arguments.worlds.split(","):
+        found = []
         for seed in range(int(low), int(high or low) + 1):
-            world, truth = world_of(name, seed), drawn_mount(seed)
-            mount = BentMount(world, truth, seed)
-            poses = headings(drive_poses(world, seed, 1)[0], arguments.headings)
-            believed = odometry(poses, seed)
-            places = [Place(mount.sweep(T, k), T_odom) for k, (T, T_odom) in enumerate(zip(poses, believed, strict=True))]
             begin = time.perf_counter()
-            found = estimate_mount(places, geometry, MountCalibrationConfig(), RobotBody())
-            took = time.perf_counter() - begin
-            units = np.array([180 / math.pi, 100, 180 / math.pi, 180 / math.pi, 180 / math.pi])
-            error, sigma = (found.calibration.values - truth.values) * units, found.calibration.sigmas * units
+            one = outcome(name, seed, arguments.headings, arguments.sweeps)
+            found.append(one)
+            columns = [f"{n} {e:+.3f} ({s:.3f})" for n, e, s in zip(COLUMNS, one.errors, one.sigmas, strict=True)]
             print(
                 name,
                 seed,
-                f"{took:.1f} s",
-                f"{found.planes} planes {1000 * found.before_m:.1f} -> {1000 * found.after_m:.1f} mm",
-                found.reason,
-                *(f"{n.split('_')[0]} {e:+.3f} ({s:.3f})" for n, e, s in zip(PARAMETERS[:4], error, sigma, strict=False)),
+                *columns,
+                *(f"{k} {v:.1f} mm" for k, v in one.rms_mm.items()),
+                f"{time.perf_counter() - begin:.0f} s",
                 flush=True,
             )
+        errors = np.array([np.where(np.isfinite(one.sigmas), one.errors, np.nan) for one in found])
+        rms = np.sqrt(np.nanmean(errors**2, axis=0))
+        print(
+            name,
+            "rms of errors:",
+            *(f"{n} {e:.3f}" for n, e in zip(COLUMNS, rms, strict=True)),
+            "most:",
+            *(f"{e:.3f}" for e in np.nanmax(np.abs(errors), axis=0)),
+            "of",
+            np.isfinite(errors).sum(axis=0),
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

@@ -38,7 +38,11 @@ class MountCalibrationConfig:
     position_sigma_m: float = parameter(0.1, "m", "noise of its position from place to place", low=1e-3, high=1.0)
 
     usable_sigma_rad: float = parameter(
-        0.003, "rad", "an angle that is known less well than this is not observable: 0.17 deg, 3 cm at 10 m", low=1e-5, high=0.1
+        0.004,
+        "rad",
+        "an angle that is known less well than this is not observable: 0.23 deg, half of what mounts are off by",
+        low=1e-5,
+        high=0.1,
     )
     usable_sigma_scale: float = parameter(0.001, "-", "the same for the scale: at a tilt of a radian the same angle", low=1e-5, high=0.1)
 

@@ -33,7 +33,7 @@ def ground_equations(
     slopes, slopes_by = (fit @ mean[:, 2])[1:], (fit @ _mean(jacobian[ground, 2], patch, size))[1:]
     plane = np.column_stack([np.ones(len(mean)), mean[:, :2]]) @ (fit @ mean[:, 2])
     seen = (fit @ fit.T)[1:, 1:] * float(np.mean((mean[:, 2] - plane) ** 2))
-    uneven_m = _unevenness(points[ground, 2] - (plane + 0.0)[patch], mean[:, 2] - plane, patch, size)
+    uneven_m = _unevenness(points[ground, 2] - plane[patch], mean[:, 2] - plane, patch, size)
     standing = (math.hypot(uneven_m, config.ground_flat_m) / min(robot.wheelbase_m, robot.track_m)) ** 2
     precision = np.linalg.inv(seen + standing * np.eye(2))
     return slopes_by.T @ precision @ slopes_by, slopes_by.T @ precision @ slopes
@@ -57,7 +57,8 @@ def _unevenness(off_m: FloatArray, patch_off_m: FloatArray, patch: IntArray, siz
         return float(np.std(patch_off_m))
     within = off_m - patch_off_m[patch]
     noise = np.bincount(patch, within**2)[firm] / (size[firm] - 1) / size[firm]
-    return math.sqrt(max(float(np.mean(patch_off_m[firm] ** 2) - np.mean(noise)), 0.0))
+    shown_m = MAD * float(np.median(np.abs(patch_off_m[firm])))  # on some patches something stands
+    return math.sqrt(max(shown_m**2 - float(np.median(noise)), 0.0))
 
 
 def _mean(values: FloatArray, group: IntArray, size: IntArray) -> FloatArray:

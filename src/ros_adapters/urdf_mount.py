@@ -8,7 +8,7 @@ import numpy as np
 import rospy
 from numpy.typing import NDArray
 
-from mount_calibration import TiltCalibration, TiltGeometry, read_calibration
+from mount_calibration import DEFAULT_FILE, TiltCalibration, TiltGeometry, read_calibration
 from robot_body import RobotBody, contradictions, mount_from_urdf, robot_from_mapping
 from stage_config import ConfigError
 
@@ -46,7 +46,8 @@ def robot_mount(node: str, robot: RobotBody) -> tuple[str, Transform, Transform]
 def tilting_mount(node: str, robot: RobotBody) -> tuple[str, TiltGeometry]:
     """The tilting joint's name, and the mount of robot_description with the calibration of the file /mount_calibration.
 
-    That parameter is a path; where it is empty or missing the mount is taken as described. Exit code 2 when the file is none.
+    That parameter is a path; where it is empty or missing the mount is taken as described. "auto" is calibrate_mount's own file, if it is
+    there. Exit code 2 when the file is none.
     """
     joint, T_base_mount, T_tilt_laser = robot_mount(node, robot)
     return joint, TiltGeometry(T_base_mount, T_tilt_laser, _calibration(node))
@@ -54,6 +55,8 @@ def tilting_mount(node: str, robot: RobotBody) -> tuple[str, TiltGeometry]:
 
 def _calibration(node: str) -> TiltCalibration:
     path = str(rospy.get_param(CALIBRATION_PARAMETER, "") or "")
+    if path == "auto":
+        path = str(DEFAULT_FILE) if DEFAULT_FILE.expanduser().exists() else ""
     if not path:
         return TiltCalibration()
     try:
