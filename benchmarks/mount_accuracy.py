@@ -35,7 +35,7 @@ from pybullet_simulation.sweep_profile import sweep_profile
 from pybullet_simulation.world import World
 from rigid_geometry import transform_from_rpy
 from robot_body import RobotBody
-from sweep_assembly import ScanFilter, ScanFilterConfig, ScanGeometry
+from sweep_assembly import Scan, ScanFilter, ScanFilterConfig, ScanGeometry
 
 Array = NDArray[np.float64]
 STEP_S, SCAN_S, REST_S = 0.005, 0.025, 0.25
@@ -57,7 +57,7 @@ class BentMount:
     def sweep(self, T_map_base: Array, index: int) -> TiltedBeams:
         """All hits of one sweep, with what the encoder says."""
         rng = np.random.default_rng([self.seed, 77, index])
-        config = SimulationConfig(mount_roll_rad=self.truth.mount_roll_rad)
+        config = SimulationConfig(mount_roll_rad=self.truth.mount_roll_rad, tilt_backlash_rad=0.0, tilt_offset_sigma_rad=0.0)
         laser, profile = Laser(config, ROBOT, self.world, rng), sweep_profile(config)
         ticks = math.ceil((profile.duration_s + 2 * REST_S) / SCAN_S)
         steps = np.arange(ticks * round(SCAN_S / STEP_S) + 1) * STEP_S
@@ -69,9 +69,9 @@ class BentMount:
         measured = profile.tilt_at(stamps - REST_S) + config.tilt_encoder_sigma_rad * rng.standard_normal(ticks + 1)
         times = stamps[:-1, None] + np.arange(laser.geometry.beams) * laser.geometry.time_increment
         layout = ScanGeometry(laser.geometry.angle_min, laser.geometry.angle_increment, laser.geometry.time_increment, laser.geometry.beams)
-        cleaning = ScanFilter(ScanFilterConfig(), layout, GEOMETRY, RobotBody())
+        cleaning = ScanFilter(ScanFilterConfig(), GEOMETRY, RobotBody())
         beam_tilts = np.interp(times, stamps, measured)
-        scans = np.stack([cleaning.filter(scan, tilt) for scan, tilt in zip(scans, beam_tilts, strict=True)])
+        scans = np.stack([cleaning.filter(Scan(layout, scan), tilt) for scan, tilt in zip(scans, beam_tilts, strict=True)])
         hit = np.isfinite(scans)
         angles = np.broadcast_to(laser.geometry.angles, scans.shape)[hit]
         points = scans[hit][:, None] * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])
