@@ -25,7 +25,7 @@ class MountWatchConfig:
     sigmas: float = parameter(3.0, "-", "a change beyond so many sigma", low=1.0, high=20.0)
     tolerance_rad: float = parameter(0.0009, "rad", "and beyond this: a calibration is asked to be as good", low=0.0, high=0.1)
     tolerance_scale: float = parameter(0.001, "-", "the same for the scale", low=0.0, high=0.1)
-    beams: int = parameter(30_000, "-", "hits used of a sweep: a tenth of a second", low=1000)
+    beams: int = parameter(30_000, "-", "hits used of a sweep: half a second on a busy core", low=1000)
     iterations: int = parameter(5, "-", "most steps of the fit", low=1, high=100)
 
     def validate(self) -> list[str]:
