@@ -26,7 +26,12 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
     },
     "scan_filter_node": {"": "sweep_assembly.ScanFilterConfig", "lidar": "sweep_assembly.LidarConfig"},
     "odometry_fusion_node": {"": "odometry_fusion.OdometryConfig", "imu": "sensor_checks.ImuLimits"},
-    "sweep_assembler_node": {"": "sweep_assembly.SweepAssemblyConfig", "lidar": "sweep_assembly.LidarConfig"},
+    "sweep_assembler_node": {
+        "": "sweep_assembly.SweepAssemblyConfig",
+        "lidar": "sweep_assembly.LidarConfig",
+        "mount_watch": "mount_calibration.MountWatchConfig",
+        "mount": "mount_calibration.MountCalibrationConfig",
+    },
     "icp_matcher_node": {"": "pose_graph_mapping.config.RegistrationConfig"},
     "pose_graph_mapping_node": {
         "": "pose_graph_mapping.config.MappingConfig",

@@ -15,9 +15,18 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from rigid_geometry import Arrival, StampedBuffer, as_transform, interpolate_transforms, inverse
+from mount_calibration import Place, TiltDirection, TiltedBeams, steady_directions
+from rigid_geometry import (
+    Arrival,
+    StampedBuffer,
+    as_transform,
+    interpolate_transforms,
+    inverse,
+    rotation_angle,
+    translation_distance,
+)
 from stage_config import check_ranges, parameter
-from sweep_assembly.beams import STAMP_TOLERANCE_S, FreeBeams, Sensor
+from sweep_assembly.beams import STAMP_TOLERANCE_S, Beams, FreeBeams, Sensor
 from sweep_assembly.geometry import FloatArray, TiltGeometry
 from sweep_assembly.stray_points import stray_points
 from sweep_assembly.sweep_window import SweepWindow, SweepWindowDetector
@@ -39,6 +48,8 @@ class SweepAssemblyConfig:
     jump_back_s: float = parameter(0.5, "s", "a stamp this much older than its topic's latest is a jump of time: start afresh", low=0.0)
     buffer_s: float = parameter(60.0, "s", "oldest data kept while another topic is silent; at 40 Hz a second of scans is 0.2 MB", low=1.0)
 
+    standing_m: float = parameter(0.01, "m", "odometry may differ by so much over a sweep of a robot that stands", low=0.0, high=1.0)
+    standing_rad: float = parameter(0.005, "rad", "and may turn by so much", low=0.0, high=0.5)
     free_range_m: float = parameter(12.0, "m", "beams that met nothing are known to be free up to here", low=0.5, high=60.0)
     free_beam_stride: int = parameter(3, "-", "of those beams one in so many is kept", low=1, high=100)
     stray_neighbours: int = parameter(
@@ -63,6 +74,7 @@ class Sweep:
     `points`: (N, 3) float32 metres, in the order in which they were measured. `origins`: (N, 3) float32, where the laser was
     for each of them. `free_ends`, `free_origins`: (M, 3) float32, the same for a thinned part of the beams that met nothing, cut at
     `free_range_m`: what lies along them was seen to be free. `scans`: how many scans or revolutions gave points.
+    `place`: the same hits as the mount's calibration takes them; None when the robot moved meanwhile.
     """
 
     stamp_s: float
@@ -72,6 +84,7 @@ class Sweep:
     free_ends: NDArray[np.float32]
     free_origins: NDArray[np.float32]
     scans: int
+    place: Place | None = None
 
 
 class SweepAssembler:
@@ -104,7 +117,7 @@ class SweepAssembler:
         if not np.isfinite([stamp_s, tilt_rad]).all():
             self._dropped["joint_not_finite"] += 1
         elif self._arrives(self._joints, stamp_s):
-            self._joints.append(stamp_s, tilt_rad)
+            self._joints.append(stamp_s, (tilt_rad, self._direction.after(tilt_rad)))
             window = self._detector.add(stamp_s, tilt_rad)
             if window:
                 self._pending.append(window)
@@ -147,9 +160,10 @@ class SweepAssembler:
 
     def _reset(self) -> None:
         config = self._config
-        self._joints: StampedBuffer[float] = StampedBuffer("joint", config.jump_back_s, config.buffer_s, self._dropped)
+        self._joints: StampedBuffer[tuple[float, float]] = StampedBuffer("joint", config.jump_back_s, config.buffer_s, self._dropped)
         self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", config.jump_back_s, config.buffer_s, self._dropped)
         self._scans: StampedBuffer[Any] = StampedBuffer("scan", config.jump_back_s, config.buffer_s, self._dropped)
+        self._direction = TiltDirection(self._tilt_geometry.calibration.backlash_rad)
         self._detector = SweepWindowDetector(config.horizontal_tolerance_rad, config.still_rate_rad_s, config.max_duration_s, self._dropped)
         self._pending: list[SweepWindow] = []
 
@@ -187,7 +201,9 @@ class SweepAssembler:
         if not len(points):
             return None
         free_ends, free_origins = along_nodes(*trajectory, beams.free_times_s, beams.free_ends)
-        return Sweep(window.end_stamp_s, window.start_stamp_s, points, origins, free_ends, free_origins, beams.scans)
+        return Sweep(
+            window.end_stamp_s, window.start_stamp_s, points, origins, free_ends, free_origins, beams.scans, self._place(window, beams)
+        )
 
     def _without_strays(self, points: NDArray[np.float32], origins: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         config = self._config
@@ -220,8 +236,22 @@ class SweepAssembler:
         nodes = np.unique(np.concatenate([regular, joint_stamps, odometry_stamps]))
         nodes = nodes[(nodes >= start) & (nodes <= end)]
         T_odom_base = interpolate_transforms(odometry_stamps, np.stack(self._odometry.values), nodes)
-        tilts = np.interp(nodes, joint_stamps, self._joints.values)
-        return nodes, inverse(T_odom_base[-1]) @ T_odom_base @ self._tilt_geometry.base_from_laser(tilts)
+        tilts, directions = (np.interp(nodes, joint_stamps, values) for values in np.array(self._joints.values).T)
+        return nodes, inverse(T_odom_base[-1]) @ T_odom_base @ self._tilt_geometry.base_from_laser(tilts, directions)
+
+    def _place(self, window: SweepWindow, beams: Beams) -> Place | None:
+        _, poses = self._odometry.between(window.start_stamp_s, window.end_stamp_s)
+        config = self._config
+        stood = all(
+            translation_distance(T, poses[-1]) <= config.standing_m and rotation_angle(inverse(poses[-1]) @ T) <= config.standing_rad
+            for T in poses
+        )
+        if not poses or not stood:
+            return None
+        joint_stamps, tilts = self._joints.stamps, np.array(self._joints.values)[:, 0]
+        directions = steady_directions(joint_stamps, tilts, beams.times_s)
+        at_beams = np.interp(beams.times_s, joint_stamps, tilts)
+        return Place(TiltedBeams(beams.hits.astype(np.float32), at_beams, directions), poses[-1])
 
 
 def _overlaps_gap(starts: FloatArray, ends: FloatArray, stamps: FloatArray, max_gap_s: float, window: SweepWindow) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""Where the beams of a scan point, when they start, and how the tilting mount carries them to base_link."""
+"""Where the beams of a scan point, and when they start; how the mount carries them to base_link is `TiltGeometry`'s."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,9 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rigid_geometry import as_transform
+from mount_calibration import TiltGeometry
+
+__all__ = ["FloatArray", "ScanGeometry", "TiltGeometry"]
 
 FloatArray = NDArray[np.float64]
 
@@ -55,34 +57,3 @@ def _directions(angle_min: float, angle_increment: float, count: int) -> FloatAr
     directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(count)], axis=1)
     directions.setflags(write=False)  # all scans of this layout share it
     return directions
-
-
-@dataclass(frozen=True, eq=False)
-class TiltGeometry:
-    """A mount that tilts about its y axis: T_base_laser(tilt) = T_base_mount @ Ry(tilt) @ T_tilt_laser, nose down positive.
-
-    Both transforms are (4, 4); ValueError when one is not rigid.
-    """
-
-    T_base_mount: FloatArray
-    T_tilt_laser: FloatArray
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "T_base_mount", as_transform(self.T_base_mount))
-        object.__setattr__(self, "T_tilt_laser", as_transform(self.T_tilt_laser))
-
-    def base_from_laser(self, tilt_rad: FloatArray | float) -> FloatArray:
-        """(K, 4, 4) transforms T_base_laser at the (K,) or scalar tilts."""
-        tilt = np.atleast_1d(np.asarray(tilt_rad, dtype=np.float64))
-        turn: FloatArray = np.tile(np.eye(4), (tilt.size, 1, 1))
-        turn[:, 0, 0] = turn[:, 2, 2] = np.cos(tilt)
-        turn[:, 0, 2] = np.sin(tilt)
-        turn[:, 2, 0] = -turn[:, 0, 2]
-        return np.asarray(self.T_base_mount @ turn @ self.T_tilt_laser)
-
-    def points_in_base(self, points_laser: FloatArray, tilts_rad: FloatArray) -> FloatArray:
-        """(N, 3) points of `laser` in base_link, each at its own of (N,) tilts; NaN where the tilt is not known."""
-        x, y, z = (points_laser @ self.T_tilt_laser[:3, :3].T + self.T_tilt_laser[:3, 3]).T
-        cosine, sine = np.cos(tilts_rad), np.sin(tilts_rad)
-        turned = np.column_stack([cosine * x + sine * z, y, cosine * z - sine * x])
-        return np.asarray(turned @ self.T_base_mount[:3, :3].T + self.T_base_mount[:3, 3])

@@ -24,7 +24,8 @@ ORDER: dict[str, set[str]] = {
     # stages
     "pybullet_simulation": BASE,
     "odometry_fusion": BASE | {"sensor_checks"},
-    "sweep_assembly": BASE | {"point_cloud2"},
+    "mount_calibration": BASE,
+    "sweep_assembly": BASE | {"mount_calibration", "point_cloud2"},
     "pose_graph_mapping": {"stage_config"},  # what its rooms are configured by
     "pose_graph_mapping.registration": BASE | {"pose_graph_mapping"},
     "pose_graph_mapping.graph": BASE | {"pose_graph_mapping", "pose_graph_mapping.registration"},
@@ -42,7 +43,15 @@ ORDER: dict[str, set[str]] = {
     ADAPTERS: BASE
     | MAPPING
     | TERRAIN
-    | {"exploration_evaluation", "path_following", "point_cloud2", "pybullet_simulation", "sensor_checks", "sweep_assembly"},
+    | {
+        "exploration_evaluation",
+        "mount_calibration",
+        "path_following",
+        "point_cloud2",
+        "pybullet_simulation",
+        "sensor_checks",
+        "sweep_assembly",
+    },
     # programs: they use stages, and no stage uses them
     "roslaunch_process": set(),
     "explore_command": BASE | {"pose_graph_mapping.session", "pybullet_simulation", "roslaunch_process"},
