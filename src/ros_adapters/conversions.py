@@ -24,6 +24,7 @@ CLOUD_FIELDS = ("x", "y", "z", "vp_x", "vp_y", "vp_z")
 NORMAL_FIELDS = ("normal_x", "normal_y", "normal_z")
 
 _END_OF_TIME_S = 2.0**32 - 1.0  # seconds are 32 bits
+_FARTHEST_M = 1e8  # UTM's northings go to 1e7
 _LAST_STAMP_S = _END_OF_TIME_S - 3600.0  # no driver means a later one, and what is reckoned from it can still be sent
 
 
@@ -149,11 +150,13 @@ def joint_position(message: JointState, joint: str) -> float | None:
 
 
 def transform_from_pose(pose: Pose) -> Floats:
-    """(4, 4) transform of a pose; ValueError when it is not finite or its quaternion is no rotation."""
+    """(4, 4) transform of a pose; ValueError when it is not finite, off the Earth, or its quaternion is no rotation."""
     p, q = pose.position, pose.orientation
     values = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
     if not all(map(math.isfinite, values)):
         raise ValueError(f"pose with numbers that are not finite: {values}")
+    if max(abs(p.x), abs(p.y), abs(p.z)) > _FARTHEST_M:
+        raise ValueError(f"a pose at {p.x:g} {p.y:g} {p.z:g} m: farther than {_FARTHEST_M:g} m is no place on the Earth")
     return transform_from_quat((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
 
@@ -230,6 +233,8 @@ def terrain_grid(message: TerrainGridMessage) -> TerrainGrid:
         )
     cost, height, distance = (np.asarray(layer).reshape(shape) for layer in layers)
     origin = message.info.origin.position
+    if not (abs(origin.x) < _FARTHEST_M and abs(origin.y) < _FARTHEST_M and 1e-3 < message.info.resolution < 10.0):
+        raise ValueError(f"terrain grid at {origin.x:g} {origin.y:g} m with cells of {message.info.resolution:g} m")
     return TerrainGrid(
         cost.astype(np.int8), height.astype(np.float32), distance.astype(np.float32), (origin.x, origin.y), float(message.info.resolution)
     )

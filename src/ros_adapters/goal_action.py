@@ -50,6 +50,7 @@ class GoalAction:
         self._is_whole = False
         self._plan_path = rospy.ServiceProxy(_PLAN_PATH, PlanPath)
         self._server = actionlib.ActionServer("move_base", MoveBaseAction, self._on_goal, self._on_cancel, auto_start=False)
+        self._server.lock = lock  # one lock for both: the server calls us under its own, and we call it under ours
         self._server.start()
 
     def on_simple_goal(self, goal: PoseStamped) -> None:

@@ -17,7 +17,7 @@ from exploration_evaluation.pictures import draw_pictures
 from exploration_evaluation.verdict import Fault, succeeded_alone
 from rigid_geometry import quat_xyzw_from_transform
 from robot_body import DESCRIPTION, RobotBody, robot_mapping
-from ros_adapters.conversions import stamp_of
+from ros_adapters.conversions import stamp_of, transform_from_pose
 
 VERSION = "0.1.0"
 _COUNTED = ("pose_graph_mapping_node", "octomap_server_3dnav_node")
@@ -97,13 +97,12 @@ class RunLog:
                 self._counts.update({v.key: v.value for v in status.values})
 
     def odometry(self, message: Odometry) -> None:
-        stamp_s = stamp_of(message)
+        stamp_s, xy = stamp_of(message), transform_from_pose(message.pose.pose)[:2, 3]
         if self._is_over(stamp_s):
             return
         if self._first_stamp_s is None:
             self._first_stamp_s, self._first_wall_s = stamp_s, time.time()
         self._last_stamp_s = stamp_s
-        xy = np.array([message.pose.pose.position.x, message.pose.pose.position.y])
         if self._last_xy is not None:
             self._distance_m += float(np.linalg.norm(xy - self._last_xy))
         self._last_xy = xy

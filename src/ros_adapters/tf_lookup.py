@@ -38,6 +38,9 @@ def pose_in_map(buffer: tf2_ros.BufferCore, pose: PoseStamped) -> PoseStamped:
 def keep_transform(buffer: tf2_ros.BufferCore, transform: TransformStamped, *, static: bool) -> NDArray[np.float64]:
     """Puts a transform into the buffer and gives it as (4, 4). ValueError when it is none: tf's C++ ends the process for some of them."""
     stamp_of(transform)
+    parent, child = transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")
+    if not parent or not child or parent == child:
+        raise ValueError(f"a transform from {parent!r} to {child!r}")
     T = transform_from_message(transform.transform)
     add = buffer.set_transform_static if static else buffer.set_transform
     add(transform, "tf")

@@ -240,3 +240,30 @@ def test_message_from_the_end_of_time_is_refused():
     message.header.stamp = rospy.Time(4294967295, 0)
     with pytest.raises(ValueError, match="end of time"):
         c.stamp_of(message)
+
+
+def test_joint_without_a_position_is_told():
+    message = JointState(name=["wheel", "tilt"], position=[1.0, 2.0])
+    assert c.joint_position(message, "tilt") == 2.0
+    message.position = [1.0]
+    with pytest.raises(ValueError, match="2 names and 1 positions"):
+        c.joint_position(message, "tilt")
+
+
+@pytest.mark.parametrize("far_m, right", [(1.0e7, True), (1.0e30, False)])
+def test_pose_that_is_no_place_on_the_earth_is_refused(far_m, right):
+    pose = Pose(Point(0.0, far_m, 0.0), Quaternion(0.0, 0.0, 0.0, 1.0))
+    if right:
+        assert c.transform_from_pose(pose)[1, 3] == far_m
+    else:
+        with pytest.raises(ValueError, match="no place on the Earth"):
+            c.transform_from_pose(pose)
+
+
+@pytest.mark.parametrize("x, resolution", [(1e30, 0.1), (float("nan"), 0.1), (0.0, 1e30), (0.0, 1e-30)])
+def test_terrain_grid_that_is_nowhere_is_refused(x, resolution):
+    flat = np.zeros((2, 2), np.float32)
+    message = c.terrain_grid_message(1.0, "map", flat.astype(np.int8), flat, (0.0, 0.0), 0.1, flat)
+    message.info.origin.position.x, message.info.resolution = x, resolution
+    with pytest.raises(ValueError, match="terrain grid"):
+        c.terrain_grid(message)
