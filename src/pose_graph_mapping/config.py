@@ -90,6 +90,9 @@ class RegistrationConfig:
     )
     misfit_m: float = parameter(0.05, "m", "an overlapping point so far off the reference's surface does not lie on it", low=0.001)
     max_misfit: float = parameter(0.15, "-", "largest share of such points: similar ground is not the same", low=0.0, high=1.0)
+    max_misfit_ratio: float = parameter(
+        2.0, "-", "or so many times the share of a cloud's own points that lie so far off their neighbours' planes", low=0.0
+    )
     max_contradiction: float = parameter(0.012, "-", "largest share of points in space the other cloud saw free", low=0.0, high=1.0)
     max_changed: float = parameter(
         0.1,

@@ -6,11 +6,14 @@ speaks against it; things that moved speak against a right one too, but not agai
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import Array, PointCloud
 from pose_graph_mapping.registration.gicp_surface import Surface
 
@@ -22,17 +25,32 @@ _NOISE_POINTS = 2000  # enough to tell it
 _DAMPING = 1e-9  # of a motion that no point feels
 
 
-def own_noise(surface: Surface) -> float:
-    """The distance (m) from their nearest neighbour's plane within which 95 % of a cloud's own points lie; 0 where none can be told."""
+@dataclass(frozen=True)
+class Noise:
+    """What a cloud shows of itself, each point beside the plane of its nearest neighbour: 95 % lie within `within_m`, and `misfit` of
+    them farther off than may be.
+    """
+
+    within_m: float
+    misfit: float
+
+    def or_worse(self, other: Noise) -> Noise:
+        """The worse of both clouds, in each number."""
+        return Noise(max(self.within_m, other.within_m), max(self.misfit, other.misfit))
+
+
+def own_noise(surface: Surface, config: RegistrationConfig) -> Noise:
+    """By the test that a match is put to, of a cloud beside itself; zeros where no two points can be compared."""
     step = max(1, len(surface.points) // _NOISE_POINTS)
     points, normals = surface.points[::step], surface.normals[::step]
     if len(surface.points) < 2:
-        return 0.0
+        return Noise(0.0, 0.0)
     index, squared = surface.tree.batch_knn_search(points, 2, num_threads=1)
-    near = index[:, 1].astype(np.int64)
-    off = np.einsum("ij,ij->i", surface.normals[near], points - surface.points[near])
-    alike = np.einsum("ij,ij->i", surface.normals[near], normals) > SAME_PLANE_COS
-    return float(np.quantile(np.abs(off[alike]), _NOISE_SHARE)) if alike.any() else 0.0
+    beside = index[:, 1].astype(np.int64)
+    off = np.abs(np.einsum("ij,ij->i", surface.normals[beside], points - surface.points[beside]))
+    alike = np.einsum("ij,ij->i", surface.normals[beside], normals) > SAME_PLANE_COS
+    off = off[alike & (squared[:, 1] <= config.overlap_distance_m**2)]
+    return Noise(float(np.quantile(off, _NOISE_SHARE)), float(np.mean(off > config.misfit_m))) if off.size else Noise(0.0, 0.0)
 
 
 def least_explained(reading: PointCloud, agrees: NDArray[np.bool_], asked: NDArray[np.bool_]) -> float:

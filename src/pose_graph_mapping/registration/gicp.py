@@ -111,7 +111,7 @@ class GicpRegistration:
             return refused(T_guess, f"{len(reference)} reference and {len(reading)} reading voxels in reach, {config.min_points} wanted")
         free_space = FreeSpace(reference, reading, T_guess[:3, 3], config)
         covers_truth = guess_covariance is not None or window.shift_m >= config.search_wide_m
-        pair = Pair(reference, reading, own_noise(surface_of(reading)), free_space, T_guess, guess_covariance, covers_truth)
+        pair = Pair(reference, reading, own_noise(surface_of(reading), config), free_space, T_guess, guess_covariance, covers_truth)
         direct = [] if window.is_wide(config) else [self._refined(pair, T_guess, config.coarse_distance_m)]
         return direct[0] if direct and direct[0].usable else self._searched(pair, window, direct)
 
@@ -212,8 +212,8 @@ class GicpRegistration:
         index, squared = nearest(target.tree, placed.points)
         at, normals = target.points[index], target.normals[index]
         is_sided = pair.reading.origins is not None and pair.reference.origins is not None
-        noise_m = max(pair.noise_m, own_noise(target))
-        return fit_of(placed, at, normals, squared, is_sided, noise_m, self._config), at, normals
+        noise = pair.noise.or_worse(own_noise(target, self._config))
+        return fit_of(placed, at, normals, squared, is_sided, noise, self._config), at, normals
 
     def _bend(self, pair: Pair, T: Array, at: Array, normals: Array) -> Array:
         """(6, 6) covariance that what is left between a reading and the points (N, 3) nearest to it makes."""

@@ -14,6 +14,7 @@ import numpy as np
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import Array, PointCloud, moved_points
 from pose_graph_mapping.registration.correlative import Window, coarse_placements
+from pose_graph_mapping.registration.explanation import Noise
 from pose_graph_mapping.registration.gicp_alignment import Stage, align
 from pose_graph_mapping.registration.gicp_surface import Surface, overlap_of, surface_of, voxel_cloud
 from pose_graph_mapping.registration.match_quality import Degeneracy, FreeSpace, degeneracy, known_directions, offset_between
@@ -30,11 +31,11 @@ _ALIKE = 0.002  # contradictions that differ by less say the same
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """What every placement of one match shares; the reading has normals and shows `noise_m`. `covers_truth` as `judge` asks it."""
+    """What every placement of one match shares; the reading has normals and shows `noise`. `covers_truth` as `judge` asks it."""
 
     reference: PointCloud
     reading: PointCloud
-    noise_m: float
+    noise: Noise
     free_space: FreeSpace
     T_guess: Array
     guess_covariance: Array | None

@@ -165,8 +165,9 @@ class ThesisChainRegistration:
         index, squared = nearest(tree, moved_points(T, reading.points))
         assert reference.normals is not None
         is_sided = reference.origins is not None and reading.origins is not None
-        noise_m = max(own_noise(surface_of(reading)), own_noise(Surface(reference.points, reference.normals, tree)))
-        fit = fit_of(reading.transformed(T), reference.points[index], reference.normals[index], squared, is_sided, noise_m, config)
+        seen = Surface(reference.points, reference.normals, tree)
+        noise = own_noise(surface_of(reading), config).or_worse(own_noise(seen, config))
+        fit = fit_of(reading.transformed(T), reference.points[index], reference.normals[index], squared, is_sided, noise, config)
         contradiction = free_space_contradiction(clouds.reference_sweeps, reading, T, config)
         ratio = len(jacobian) / len(reading)
         verdict, reason = judge(ratio, fit, contradiction, weak, config, clouds.is_guess_known)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import Array, PointCloud
-from pose_graph_mapping.registration.explanation import SAME_PLANE_COS
+from pose_graph_mapping.registration.explanation import SAME_PLANE_COS, Noise
 from pose_graph_mapping.registration.match_quality import Degeneracy
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 
@@ -26,13 +26,13 @@ class Fit:
     """How a placed reading lies on the reference.
 
     near (N,): its points near a reference point that faces the same way; level (N,): those of them on one plane with it; off_m (N,): how
-    far points lie off that plane; noise_m: what both clouds show of their own.
+    far points lie off that plane; noise: what the worse of both clouds shows of its own.
     """
 
     near: Mask
     level: Mask
     off_m: Array
-    noise_m: float
+    noise: Noise
 
     @property
     def overlap(self) -> float:
@@ -45,27 +45,25 @@ class Fit:
 
     def on_surface(self, config: RegistrationConfig) -> Mask:
         """(N,) which level points lie on the reference's surface, as far as the clouds' own noise tells."""
-        return np.asarray(self.level & (self.off_m <= tolerance(self.noise_m, config)))
+        return np.asarray(self.level & (self.off_m <= tolerance(self.noise, config)))
 
 
-def tolerance(noise_m: float, config: RegistrationConfig) -> float:
+def tolerance(noise: Noise, config: RegistrationConfig) -> float:
     """How far (m) off a surface a point of it may lie, where the clouds show so much noise of their own."""
-    return max(config.misfit_m, config.misfit_noise * noise_m)
+    return max(config.misfit_m, config.misfit_noise * noise.within_m)
 
 
-def fit_of(
-    placed: PointCloud, at: Array, normals: Array, squared: Array, is_sided: bool, noise_m: float, config: RegistrationConfig
-) -> Fit:
+def fit_of(placed: PointCloud, at: Array, normals: Array, squared: Array, is_sided: bool, noise: Noise, config: RegistrationConfig) -> Fit:
     """Of a reading placed in the reference, `at` (N, 3) the reference point nearest to each of its points, with `normals` (N, 3).
 
-    `squared` (N,) distances between them. `is_sided`: the normals of both point to the side that was seen. `noise_m` of both clouds.
+    `squared` (N,) distances between them. `is_sided`: the normals of both point to the side that was seen. `noise`: see `Fit`.
     """
     assert placed.normals is not None
     cosine = np.einsum("ij,ij->i", normals, placed.normals)
     cosine = cosine if is_sided else np.abs(cosine)
     near = (squared <= config.overlap_distance_m**2) & (cosine >= 0.0)
     off_m = np.abs(np.einsum("ij,ij->i", normals, placed.points - at))
-    return Fit(near, near & (cosine > SAME_PLANE_COS), off_m, noise_m)
+    return Fit(near, near & (cosine > SAME_PLANE_COS), off_m, noise)
 
 
 def least_overlap(config: RegistrationConfig, covers_truth: bool) -> float:
@@ -86,10 +84,11 @@ def judge(
         beside = "" if covers_truth else ", and the truth may lie where no match looked"
         return Verdict.REFUSED, f"overlap {fit.overlap:.2f} is below {name} = {least} by {least - fit.overlap:.2f}{beside}"
     misfit = fit.misfit(config.misfit_m)
-    if misfit > config.max_misfit:
+    most = max(config.max_misfit, config.max_misfit_ratio * fit.noise.misfit)
+    if misfit > most:
         return Verdict.REFUSED, (
             f"{100 * misfit:.1f} % of the overlapping points lie {100 * config.misfit_m:.1f} cm and more off the surface, "
-            f"{_above(misfit, 'max_misfit', config.max_misfit)}"
+            f"{_above(misfit, 'max_misfit' if most == config.max_misfit else 'max_misfit_ratio of its own', most)}"
         )
     if math.isnan(contradiction):
         return Verdict.REFUSED, "free space cannot be checked: no beam origins, or no common field of view"

@@ -5,8 +5,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud
-from pose_graph_mapping.registration.explanation import agreeing_surfaces, least_explained, own_noise
+from pose_graph_mapping.registration.explanation import Noise, agreeing_surfaces, least_explained, own_noise
 from pose_graph_mapping.registration.gicp_surface import surface_of
 from rigid_geometry import transform_from_rpy
 
@@ -72,12 +73,13 @@ def test_own_noise_is_that_across_the_surface(sigma_m: float) -> None:
     cloud, _ = box(1500)
     assert cloud.normals is not None
     noisy = cloud.points + sigma_m * np.random.default_rng(4).standard_normal((len(cloud), 1)) * cloud.normals
-    found = own_noise(surface_of(PointCloud(noisy, None, cloud.normals)))
-    assert found == pytest.approx(1.96 * np.sqrt(2.0) * sigma_m, rel=0.15, abs=1e-9)
+    found = own_noise(surface_of(PointCloud(noisy, None, cloud.normals)), RegistrationConfig(misfit_m=max(1.5 * sigma_m, 0.001)))
+    assert found.misfit == pytest.approx(0.29 if sigma_m else 0.0, abs=0.08)  # of differences that spread by 1.41 sigma
+    assert found.within_m == pytest.approx(1.96 * np.sqrt(2.0) * sigma_m, rel=0.15, abs=1e-9)
 
 
 def test_a_lone_point_shows_no_noise() -> None:
-    assert own_noise(surface_of(PointCloud(np.zeros((1, 3)), None, np.array([[0.0, 0.0, 1.0]])))) == 0.0
+    assert own_noise(surface_of(PointCloud(np.zeros((1, 3)), None, np.array([[0.0, 0.0, 1.0]]))), RegistrationConfig()) == Noise(0.0, 0.0)
 
 
 def test_surfaces_count_once_whatever_their_size() -> None:

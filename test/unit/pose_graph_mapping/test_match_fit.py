@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.registration.explanation import Noise
 from pose_graph_mapping.registration.match_quality import Degeneracy
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, refused
 from pose_graph_mapping.registration.verdict import Explained, Fit, fit_of, judge, judged_despite_changes, may_have_changed, tolerance
@@ -21,14 +22,14 @@ def fit(heights: NDArray[np.float64], normal: NDArray[np.float64] = UP, is_sided
     """Of points in a row at these heights over a reference at height 0 that was seen from above."""
     at = np.stack([0.1 * np.arange(len(heights)), np.zeros(len(heights)), np.zeros(len(heights))], axis=1)
     placed = PointCloud(at + heights[:, None] * UP, None, np.tile(normal, (len(heights), 1)))
-    return fit_of(placed, at, np.tile(UP, (len(heights), 1)), heights**2, is_sided, noise_m, CONFIG)
+    return fit_of(placed, at, np.tile(UP, (len(heights), 1)), heights**2, is_sided, Noise(noise_m, 0.0), CONFIG)
 
 
-def shares(overlap: float, misfit: float) -> Fit:
+def shares(overlap: float, misfit: float, own_misfit: float = 0.0) -> Fit:
     """Of 10,000 points of which so many overlap, and so many of those are off."""
     count = np.arange(10_000) / 10_000
     near, off = count < overlap, count < overlap * misfit
-    return Fit(near, near, np.where(off, 2.0, 0.5) * CONFIG.misfit_m, 0.0)
+    return Fit(near, near, np.where(off, 2.0, 0.5) * CONFIG.misfit_m, Noise(0.0, own_misfit))
 
 
 def test_share_that_is_off_counts_what_overlaps_only() -> None:
@@ -49,7 +50,7 @@ def test_surfaces_across_each_other_overlap_and_are_not_compared() -> None:
 
 def test_points_may_lie_off_by_what_their_own_clouds_show_and_never_have_to_lie_nearer_than_the_floor() -> None:
     heights = np.array([0.0, 0.06, 0.08, 0.1])
-    assert tolerance(0.0, CONFIG) == tolerance(CONFIG.misfit_m / CONFIG.misfit_noise, CONFIG) == CONFIG.misfit_m
+    assert tolerance(Noise(0.0, 0.0), CONFIG) == tolerance(Noise(CONFIG.misfit_m / CONFIG.misfit_noise, 0.0), CONFIG) == CONFIG.misfit_m
     assert fit(heights).on_surface(CONFIG).tolist() == [True, False, False, False]
     assert fit(heights, noise_m=0.09 / CONFIG.misfit_noise).on_surface(CONFIG).tolist() == [True, True, True, False]
 
@@ -62,6 +63,8 @@ def test_points_may_lie_off_by_what_their_own_clouds_show_and_never_have_to_lie_
         (shares(0.6, 0.02), False, Verdict.ACCEPTED),
         (shares(0.9, 0.14), True, Verdict.ACCEPTED),
         (shares(0.9, 0.16), True, Verdict.REFUSED),
+        (shares(0.9, 0.19, own_misfit=0.1), True, Verdict.ACCEPTED),
+        (shares(0.9, 0.21, own_misfit=0.1), True, Verdict.REFUSED),
         (shares(0.1, 0.0), True, Verdict.REFUSED),
     ],
 )
