@@ -24,6 +24,7 @@ class Diagnostics:
         self._name = name
         self._counts: Counter[str] = Counter()
         self._last_text: dict[str, str] = {}
+        self._conditions: dict[str, str] = {}
         self._published_at = -math.inf
         self._published: tuple[int, str] | None = None
         self._stamp_s: float | None = None
@@ -36,6 +37,15 @@ class Diagnostics:
         self._counts[what] += 1
         self._last_text[what] = text
         rospy.logwarn_throttle(1.0, f"{self._name}: {what}: {text} ({self._counts[what]} so far)")
+
+    def holds(self, what: str, text: str) -> None:
+        """Warns of a condition as long as `text` says of it; logged when it begins, empty when it is over."""
+        if text and what not in self._conditions:
+            rospy.logwarn(f"{self._name}: {what}: {text}")
+        if text:
+            self._conditions[what] = text
+        else:
+            self._conditions.pop(what, None)
 
     def report(self, stamp_s: float) -> None:
         """Publishes when a second has passed or something is new; `stamp_s` is that of the newest data."""
@@ -54,6 +64,7 @@ class Diagnostics:
         """Level and message; without numbers that change all the time."""
         silent = [watch for watch in self.inputs if watch.silence(now_s)]
         words = [f"no {watch.topic}" if watch.count else f"waits for {watch.topic}" for watch in silent]
+        words += list(self._conditions)
         words += [f"{n} x {what}" for what, n in list(self._counts.items())]
         if any(watch.count for watch in silent):
             return DiagnosticStatus.ERROR, "; ".join(words)
@@ -62,6 +73,7 @@ class Diagnostics:
     def _publish(self, now_s: float, level: int, message: str) -> None:
         values = [KeyValue(str(k), str(v)) for k, v in list(self.values.items())]
         values += [KeyValue(f"dropped: {what}", f"{n}, last: {self._last_text[what]}") for what, n in list(self._counts.items())]
+        values += [KeyValue(what, text) for what, text in list(self._conditions.items())]
         values += [KeyValue(f"input: {watch.topic}", watch.described(now_s)) for watch in self.inputs]
         array = DiagnosticArray(status=[DiagnosticStatus(level, self._name, message, "explore_3dnav", values)])
         array.header.stamp = ros_time(time.time() if self._stamp_s is None else self._stamp_s)
