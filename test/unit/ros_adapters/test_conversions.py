@@ -246,7 +246,7 @@ def test_joint_without_a_position_is_told():
     message = JointState(name=["wheel", "tilt"], position=[1.0, 2.0])
     assert c.joint_position(message, "tilt") == 2.0
     message.position = [1.0]
-    with pytest.raises(ValueError, match="2 names and 1 positions"):
+    with pytest.raises(ValueError, match="2 joints with 1 positions"):
         c.joint_position(message, "tilt")
 
 

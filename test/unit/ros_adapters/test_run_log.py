@@ -16,6 +16,7 @@ from ros_adapters.run_log import RunLog
 
 def odometry(stamp_s: float, x: float) -> Odometry:
     message = Odometry(header=header(stamp_s, "odom"))
+    message.pose.pose.orientation.w = 1.0
     message.pose.pose.position.x = x
     return message
 
