@@ -6,7 +6,8 @@ import numpy as np
 import open3d as o3d
 import pytest
 
-from mapping_tools.register_clouds import main, met_something
+from mapping_tools.prepared_cloud import met_something
+from mapping_tools.register_clouds import main
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy, transform_points
 
 T_ROOM_A = transform_from_rpy((-1.2, -0.8, 0.9))
