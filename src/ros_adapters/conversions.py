@@ -140,12 +140,14 @@ def scan_message(stamp_s: float, frame: str, scan: Scan) -> LaserScan:
 
 
 def joint_position(message: JointState, joint: str) -> float | None:
-    """A joint's position; None where the message is of other joints. ValueError when it names the joint and has no position of it."""
+    """A joint's position; None where the message is of other joints. ValueError when it names the joint and has no finite position of it."""
     if joint not in message.name:
         return None
     index = message.name.index(joint)
     if index >= len(message.position):
         raise ValueError(f"joint states of {len(message.name)} joints with {len(message.position)} positions: none of {joint}")
+    if not math.isfinite(message.position[index]):
+        raise ValueError(f"joint state with {message.position[index]} as position of {joint}")
     return float(message.position[index])
 
 
