@@ -140,7 +140,7 @@ def scan_message(stamp_s: float, frame: str, scan: Scan) -> LaserScan:
 
 
 def joint_position(message: JointState, joint: str) -> float | None:
-    """A joint's position; None where the message is of other joints. ValueError when it names the joint and has no finite position of it."""
+    """A joint's position; None where the message is of other joints. ValueError when it is named without a finite position."""
     if joint not in message.name:
         return None
     index = message.name.index(joint)
