@@ -15,6 +15,7 @@ from std_msgs.msg import Header
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid
 from point_cloud2 import PointTable, read_points
 from rigid_geometry import quat_xyzw_from_transform, transform_from_quat, transform_from_rpy
+from ros_adapters.frames import frames
 from sweep_assembly import Scan, ScanGeometry
 
 Floats = NDArray[np.float64]
@@ -224,7 +225,7 @@ def message_of_grid(stamp_s: float, frame: str, grid: TerrainGrid) -> TerrainGri
 
 def terrain_grid(message: TerrainGridMessage) -> TerrainGrid:
     """The grid of a message in the frame map; ValueError for another, or when the sizes do not agree."""
-    if message.header.frame_id != "map":
+    if message.header.frame_id != frames().map:
         raise ValueError(f"terrain grid in frame {message.header.frame_id!r}, expected 'map'")
     shape = (message.info.height, message.info.width)
     layers = message.cost, message.height, message.distance

@@ -9,6 +9,7 @@ from tf2_msgs.msg import TFMessage
 from robot_body import RobotBody
 from robot_body.urdf import Description, Joint, read_description, with_mount
 from ros_adapters.conversions import transform_from_message
+from ros_adapters.frames import named_as_ours
 
 Floats = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ class SensorFrames:
         """Takes the frames of /tf_static that are not known yet; ValueError for a transform that is none, and the others are taken."""
         wrong = []
         for t in message.transforms:
-            parent, child = t.header.frame_id.lstrip("/"), t.child_frame_id.lstrip("/")
+            parent, child = named_as_ours(t.header.frame_id), named_as_ours(t.child_frame_id)
             try:
                 joint = Joint("/tf_static", "fixed", parent, child, transform_from_message(t.transform), (1.0, 0.0, 0.0))
             except ValueError as error:
@@ -51,6 +52,7 @@ class SensorFrames:
         """(4, 4) pose of a frame in base_link. ValueError with advice when nothing says where it is, or when it moves."""
         if not frame:
             raise ValueError("a message without frame_id: set the frame in its driver")
+        frame = named_as_ours(frame)
         try:
             moving = [joint.name for joint in self._description.chain(frame) if joint.kind != "fixed"]
         except ValueError as error:
