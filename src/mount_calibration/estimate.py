@@ -82,19 +82,22 @@ class _Fit:
             for information, gradient in self._grounds(points, jacobians):
                 others[:ESTIMATED, :ESTIMATED] += information
                 pull[:ESTIMATED] += gradient
-            information = precision * equations.information + others
-            step = -np.linalg.solve(information, precision * equations.gradient + pull)
-            inverse = np.linalg.inv(information)
+            inverse = np.linalg.inv(precision * equations.information + others)
             covariance = inverse @ (precision**2 * equations.scatter + others) @ inverse
+            step = -inverse @ (precision * equations.gradient + pull)
             state = state + step
+            if problems := self._of(state).validate():
+                return MountEstimate(start, first_m, np.nan, 0, f"the sweeps fit no mount that can be: {problems[0]}")
             if np.abs(step).max() < SETTLED:
                 break
         return MountEstimate(self._calibration(state, covariance), first_m, thickness_m, planes)
 
+    def _of(self, state: FloatArray) -> TiltCalibration:
+        return TiltCalibration.of_values([*state[:ESTIMATED], self._geometry.calibration.mount_pitch_rad])
+
     def _points(self, state: FloatArray) -> tuple[list[FloatArray], list[FloatArray]]:
         """Hits of each place in base_link, and their derivatives by the mount's parameters."""
-        now = TiltCalibration.of_values([*state[:ESTIMATED], self._geometry.calibration.mount_pitch_rad])
-        mount = TiltGeometry(self._geometry.T_base_mount, self._geometry.T_tilt_laser, now)
+        mount = TiltGeometry(self._geometry.T_base_mount, self._geometry.T_tilt_laser, self._of(state))
         pairs = [points_and_jacobian(beams, mount) for beams in self._beams]
         return [points for points, _ in pairs], [jacobian for _, jacobian in pairs]
 

@@ -30,6 +30,7 @@ READY_TOPIC = "/simulation/ready"
 TICK_TOPIC = "/simulation/tick"
 SILENT_AFTER_S = 0.3  # a sensor that pauses longer is silent
 SIMULATOR = ""  # among those whose ticks a node acts after
+_QUEUE = 100  # small messages
 _WATCH_PERIOD_S = 0.05  # on the steady clock
 
 
@@ -251,8 +252,12 @@ class Node:
         self._required.append(condition)
 
     def publisher(self, topic: str, message_type: type, *, large: bool = False, latch: bool = False) -> rospy.Publisher:
-        """A publisher whose messages the barrier counts."""
-        publisher = CountingPublisher(topic, message_type, queue_size=5 if large else None, tcp_nodelay=True, latch=latch)
+        """A publisher whose messages the barrier counts.
+
+        In lock-step without a queue, whose thread costs half of the machine; running free with one, or a subscriber that hangs stops all.
+        """
+        small = None if self.lockstep else _QUEUE
+        publisher = CountingPublisher(topic, message_type, queue_size=5 if large else small, tcp_nodelay=True, latch=latch)
         self._sent[topic] = publisher
         return publisher
 

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pybullet_simulation import Delivery, ImuSample, JointSample, Revolution, Scan, ScanGeometry, TickData, Truth, WheelOdometry
 
 TICK_TOPIC = "/simulation/tick"
+_QUEUE = 100
 _UNKNOWN_ORIENTATION = [-1.0] + [0.0] * 8  # sensor_msgs/Imu: no orientation estimate
 
 
@@ -71,7 +72,8 @@ class TickPublisher:
 
 
 def _publisher(topic: str, message_type: type) -> rospy.Publisher:
-    return rospy.Publisher(topic, message_type, queue_size=None, tcp_nodelay=True)
+    queue = None if rospy.get_param("/lockstep", False) else _QUEUE  # running free, no subscriber that hangs stops the robot
+    return rospy.Publisher(topic, message_type, queue_size=queue, tcp_nodelay=True)
 
 
 def _time(stamp_s: float) -> rospy.Time:

@@ -1,6 +1,7 @@
 """What sweeps say of a mount, in a room of planes."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -85,6 +86,14 @@ def test_sweeps_that_saw_nothing_twice_give_a_reason_and_no_number() -> None:
     beams = sweep(OFF)
     found = estimated(Place(beams.chosen((beams.directions < 0) & (beams.points_laser[:, 0] > 0)), AT))
     assert found.reason and not found.calibration.measured.any()
+
+
+def test_sweeps_that_fit_no_mount_that_can_be_give_a_reason_and_no_number() -> None:
+    whole = place(TiltCalibration())
+    bent = replace(whole, beams=replace(whole.beams, tilts_rad=1.2 * whole.beams.tilts_rad))
+    found = estimated(bent)
+    assert "no mount that can be" in found.reason and "scale" in found.reason
+    assert (found.calibration.values == TiltCalibration().values).all()
 
 
 def test_no_place_is_an_error() -> None:
