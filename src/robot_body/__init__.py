@@ -8,7 +8,7 @@ from robot_body.fixed_frames import FixedFrames, StaticTransform
 from robot_body.loading import DEFAULT_ROBOT_FILE, load_robot, overlaid, robot_from_mapping, robot_mapping, robot_values
 from robot_body.mounts import SensorMount
 from robot_body.tilting_mount import DESCRIPTION, mount_from_urdf
-from robot_body.urdf import contradictions, urdf_file
+from robot_body.urdf import contradictions, urdf_file, with_base
 
 __all__ = [
     "DEFAULT_ROBOT_FILE",
@@ -25,4 +25,5 @@ __all__ = [
     "robot_mapping",
     "robot_values",
     "urdf_file",
+    "with_base",
 ]

@@ -80,6 +80,21 @@ def read_description(text: str) -> Description:
     return Description({joint.child: joint for joint in joints}, corners, dict(_cylinders(links)))
 
 
+def with_base(text: str, base_frame: str) -> str:
+    """A URDF whose link `base_frame` is called base_link, as everything here calls it. ValueError when it cannot be read."""
+    if base_frame == BASE or not text:
+        return text
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise ValueError(f"robot_description cannot be read: {error}") from error
+    for element in root.iter():
+        for key in ("name",) if element.tag == "link" else ("link",):
+            if element.get(key) == base_frame:
+                element.set(key, BASE)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
 def with_mount(description: Description, mount: SensorMount) -> Description:
     """The description with a sensor's frame where robot.yaml has it, if it has none itself."""
     if mount.xyz_m is None or mount.rpy_rad is None or mount.frame in description.joints:

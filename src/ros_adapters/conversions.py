@@ -15,6 +15,7 @@ from std_msgs.msg import Header
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid
 from point_cloud2 import PointTable, read_points
 from rigid_geometry import quat_xyzw_from_transform, transform_from_quat, transform_from_rpy
+from ros_adapters.frames import frames
 from sweep_assembly import Scan, ScanGeometry
 
 Floats = NDArray[np.float64]
@@ -140,12 +141,14 @@ def scan_message(stamp_s: float, frame: str, scan: Scan) -> LaserScan:
 
 
 def joint_position(message: JointState, joint: str) -> float | None:
-    """A joint's position; None where the message is of other joints. ValueError when it names the joint and has no position of it."""
+    """A joint's position; None where the message is of other joints. ValueError when it is named without a finite position."""
     if joint not in message.name:
         return None
     index = message.name.index(joint)
     if index >= len(message.position):
         raise ValueError(f"joint states of {len(message.name)} joints with {len(message.position)} positions: none of {joint}")
+    if not math.isfinite(message.position[index]):
+        raise ValueError(f"joint state with {message.position[index]} as position of {joint}")
     return float(message.position[index])
 
 
@@ -222,7 +225,7 @@ def message_of_grid(stamp_s: float, frame: str, grid: TerrainGrid) -> TerrainGri
 
 def terrain_grid(message: TerrainGridMessage) -> TerrainGrid:
     """The grid of a message in the frame map; ValueError for another, or when the sizes do not agree."""
-    if message.header.frame_id != "map":
+    if message.header.frame_id != frames().map:
         raise ValueError(f"terrain grid in frame {message.header.frame_id!r}, expected 'map'")
     shape = (message.info.height, message.info.width)
     layers = message.cost, message.height, message.distance

@@ -16,6 +16,7 @@ from std_msgs.msg import Header
 
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import pose_message
+from ros_adapters.frames import frames
 
 if TYPE_CHECKING:
     from path_following import FollowerOutput
@@ -116,7 +117,7 @@ class GoalAction:
 
     def _drive_to(self, goal: PoseStamped) -> None:
         """Stores a path to a goal, or the first part of one. ValueError when there is none."""
-        at, start = goal.pose.position, PoseStamped(Header(frame_id="map"), pose_message(self._known_pose()))
+        at, start = goal.pose.position, PoseStamped(Header(frame_id=frames().map), pose_message(self._known_pose()))
         try:
             answer = self._plan_path(start, goal, _TOLERANCE_M)
         except rospy.ServiceException as error:

@@ -10,6 +10,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from ros_adapters.conversions import header, pose_message
+from ros_adapters.frames import frames
 
 _COLOURS = {"odometry": ColorRGBA(0.6, 0.6, 0.6, 1.0), "match": ColorRGBA(1.0, 1.0, 1.0, 1.0), "loop": ColorRGBA(1.0, 0.2, 0.8, 1.0)}
 _UNTURNED = Quaternion(0.0, 0.0, 0.0, 1.0)
@@ -17,7 +18,13 @@ _UNTURNED = Quaternion(0.0, 0.0, 0.0, 1.0)
 
 def _marker(stamp_s: float, namespace: str, kind: int, size: float, colour: ColorRGBA, points: list[Point]) -> Marker:
     marker = Marker(
-        header=header(stamp_s, "map"), ns=namespace, id=0, type=kind, action=Marker.ADD, scale=Vector3(size, size, size), color=colour
+        header=header(stamp_s, frames().map),
+        ns=namespace,
+        id=0,
+        type=kind,
+        action=Marker.ADD,
+        scale=Vector3(size, size, size),
+        color=colour,
     )
     marker.pose.orientation = _UNTURNED
     marker.points = points
@@ -38,4 +45,6 @@ def graph_markers(stamp_s: float, poses: NDArray[np.float64], edges: Sequence[tu
 
 def trajectory_message(stamp_s: float, stamps_s: Sequence[float], poses: NDArray[np.float64]) -> Path:
     """The vertices' poses as a path, each with the stamp of its sweep."""
-    return Path(header(stamp_s, "map"), [PoseStamped(header(s, "map"), pose_message(T)) for s, T in zip(stamps_s, poses, strict=True)])
+    return Path(
+        header(stamp_s, frames().map), [PoseStamped(header(s, frames().map), pose_message(T)) for s, T in zip(stamps_s, poses, strict=True)]
+    )

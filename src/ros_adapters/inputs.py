@@ -56,7 +56,7 @@ class Driver(Generic[V]):
     """The topic that drives a node: every value once, in the order of their stamps; what is late or doubled is counted."""
 
     def __init__(self) -> None:
-        self._waiting: deque[tuple[float, V]] = deque()
+        self._waiting: deque[tuple[float, V]] = deque(maxlen=_KEPT)
         self._last_s = -math.inf
         self.late = 0
 

@@ -13,6 +13,7 @@ from octomap_server_3dnav.navigation.local_grid import project
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
 from ros_adapters.conversions import cloud_message, header, occupancy_grid_message, path_message
+from ros_adapters.frames import frames
 from ros_adapters.node import Node
 from ros_adapters.octomap_messages import Octomap, whole_octomap
 
@@ -28,7 +29,7 @@ def _points(rows: NDArray[np.floating]) -> list[Point]:
 
 def _cubes(stamp_s: float, namespace: str, number: int, centers: NDArray[np.floating], size: float, colour: ColorRGBA) -> Marker:
     marker = Marker(
-        header=header(stamp_s, "map"), ns=namespace, id=number, type=Marker.CUBE_LIST, scale=Vector3(size, size, size), color=colour
+        header=header(stamp_s, frames().map), ns=namespace, id=number, type=Marker.CUBE_LIST, scale=Vector3(size, size, size), color=colour
     )
     marker.pose.orientation = _UNTURNED
     marker.points = _points(centers)
@@ -65,7 +66,11 @@ def graph_lines(stamp_s: float, terrain: Terrain) -> MarkerArray:
         linked = np.flatnonzero(traversable & (neighbour >= 0) & traversable[neighbour])
         ends.append(np.stack([centers[linked], centers[neighbour[linked]]], axis=1).reshape(-1, 3))
     marker = Marker(
-        header=header(stamp_s, "map"), ns="navigation_graph", type=Marker.LINE_LIST, scale=Vector3(0.01, 0.0, 0.0), color=_LINK_COLOUR
+        header=header(stamp_s, frames().map),
+        ns="navigation_graph",
+        type=Marker.LINE_LIST,
+        scale=Vector3(0.01, 0.0, 0.0),
+        color=_LINK_COLOUR,
     )
     marker.pose.orientation = _UNTURNED
     marker.points = _points(np.concatenate(ends) + np.array([0.0, 0.0, 0.06]))
@@ -78,7 +83,7 @@ def projected_map(stamp_s: float, terrain: Terrain) -> OccupancyGrid:
     low, high = centers.min(axis=0), centers.max(axis=0)
     x, y = ((low + high) / 2)[:2].tolist()
     grid = project(terrain, (x, y), float((high - low)[:2].max()) + 3 * terrain.resolution)
-    return occupancy_grid_message(stamp_s, "map", grid.cost, grid.origin_xy, grid.resolution)
+    return occupancy_grid_message(stamp_s, frames().map, grid.cost, grid.origin_xy, grid.resolution)
 
 
 class MapTopics:
@@ -107,9 +112,9 @@ class MapTopics:
             "terrain": lambda: terrain_markers(stamp_s, terrain),
             "graph": lambda: graph_lines(stamp_s, terrain),
             "occupied": lambda: occupied_markers(stamp_s, tree),
-            "centers": lambda: cloud_message(stamp_s, "map", tree.occupied_voxels()[0], tree.occupied_voxels()[0]),
+            "centers": lambda: cloud_message(stamp_s, frames().map, tree.occupied_voxels()[0], tree.occupied_voxels()[0]),
             "projected": lambda: projected_map(stamp_s, terrain),
-            "plan": lambda: path_message(stamp_s, "map", np.zeros((0, 3)) if path is None else path, 0.0),
+            "plan": lambda: path_message(stamp_s, frames().map, np.zeros((0, 3)) if path is None else path, 0.0),
         }
         for name, make in makers.items():
             publisher = self._publishers[name]

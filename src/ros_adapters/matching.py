@@ -9,6 +9,7 @@ from sensor_msgs.msg import PointCloud2
 
 from pose_graph_mapping.registration.matching import PointCloud, RegistrationResult, Verdict, refused
 from ros_adapters.conversions import cloud_arrays_with_normals, cloud_message, transform_from_message, transform_message
+from ros_adapters.frames import frames
 
 _UNKNOWN = Transform()
 _UNKNOWN.translation.x = _UNKNOWN.translation.y = _UNKNOWN.translation.z = float("nan")
@@ -61,8 +62,8 @@ class MatchService:
         """
         try:
             response = self._call(
-                _message(reference, "map"),
-                _message(reading, "base_link"),
+                _message(reference, frames().map),
+                _message(reading, frames().base),
                 transform_message(T_guess),
                 [] if covariance is None else covariance.ravel().tolist(),
             )

@@ -5,6 +5,7 @@ from std_msgs.msg import Header
 
 from octomap_server_3dnav.octree.octree import OctreeMap
 from ros_adapters.conversions import ros_time
+from ros_adapters.frames import frames
 
 _PARTS = {
     "std_msgs/Header": "uint32 seq\ntime stamp\nstring frame_id\n",
@@ -52,7 +53,7 @@ def octomap_message(stamp_s: float, frame: str, resolution: float, data: bytes, 
 
 def whole_octomap(stamp_s: float, tree: OctreeMap, *, binary: bool) -> "Octomap":
     """All of a tree in the map frame, as octomap_server publishes and serves it."""
-    return octomap_message(stamp_s, "map", tree.resolution, tree.to_binary() if binary else tree.to_full(), binary=binary)
+    return octomap_message(stamp_s, frames().map, tree.resolution, tree.to_binary() if binary else tree.to_full(), binary=binary)
 
 
 def octomap_bytes(message: "Octomap") -> bytes:

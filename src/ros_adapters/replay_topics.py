@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from xml.etree import ElementTree
 
 import numpy as np
-import rospy
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState, PointCloud2
@@ -12,6 +11,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import MarkerArray
 
 from ros_adapters.conversions import cloud_message, header, transform_stamped
+from ros_adapters.frames import robot_description
 from ros_adapters.graph_markers import graph_markers, trajectory_message
 from ros_adapters.node import Node
 
@@ -29,7 +29,7 @@ class RestingJoints:
     """/joint_states with every joint of /robot_description at zero: the tilting laser is horizontal there."""
 
     def __init__(self, node: Node) -> None:
-        self.links = moving_joints(str(rospy.get_param("/robot_description", "")))
+        self.links = moving_joints(robot_description())
         self._publisher = node.publisher("/joint_states", JointState)
 
     def show(self, stamp_s: float) -> None:

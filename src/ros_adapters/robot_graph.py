@@ -8,10 +8,14 @@ import rospy
 import rosservice
 from tf2_msgs.msg import TFMessage
 
+from ros_adapters.frames import frames
 from ros_adapters.sensor_frames import SensorFrames
 from sensor_checks import Level, Row, judged
 
-OURS = {("odom", "base_link"): "/odometry_fusion_node", ("map", "odom"): "/pose_graph_mapping_node"}
+
+def our_senders() -> dict[tuple[str, str], str]:
+    """Who of these nodes sends which transform, by parent and child."""
+    return {(frames().odom, frames().base): "/odometry_fusion_node", (frames().map, frames().odom): "/pose_graph_mapping_node"}
 
 
 class RobotGraph:
@@ -96,7 +100,7 @@ class TransformWatch:
         sender = message._connection_header.get("callerid", "somebody")
         for t in message.transforms:
             edge = t.header.frame_id.lstrip("/"), t.child_frame_id.lstrip("/")
-            if edge[1] in ("base_link", "odom") and OURS.get(edge) != sender:
+            if edge[1] in (frames().base, frames().odom) and our_senders().get(edge) != sender:
                 self._others[edge] = sender
 
     def _on_static(self, message: Any) -> None:
@@ -124,6 +128,8 @@ class TransformWatch:
 
 
 def _advice(parent: str, child: str) -> str:
-    if (parent, child) in OURS:
+    if (parent, child) in our_senders():
         return f"these nodes send it, too: switch it off there (publish_tf, for example), and give {child} one parent"
-    return f"{child} has one parent in tf, and that is {'odom' if child == 'base_link' else 'map'}: remove {parent} -> {child}"
+    return (
+        f"{child} has one parent in tf, and that is {frames().odom if child == frames().base else frames().map}: remove {parent} -> {child}"
+    )

@@ -20,6 +20,7 @@ from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import DamagedSweepError, NotOnDiskError, SessionStore
 from ros_adapters.conversions import Singles, cloud_message, free_arrays, header, pose_message
 from ros_adapters.diagnostics import Diagnostics
+from ros_adapters.frames import frames
 
 _SERVICE, _WAIT_S = "octomap_server_3dnav_node/restore_sweep", 30.0
 
@@ -109,7 +110,7 @@ def _hand_over_map(store: SessionStore, graph: PoseGraph) -> list[str]:
 
 
 def _message(store: SessionStore, graph: PoseGraph, vertex_id: int, stamp_s: float) -> MappedSweep:
-    message = MappedSweep(header=header(stamp_s, "map"), vertex_id=vertex_id)
+    message = MappedSweep(header=header(stamp_s, frames().map), vertex_id=vertex_id)
     message.cloud = _cloud(stamp_s, store.load_sweep(vertex_id))
     free = store.load_free(vertex_id)
     if free is not None and len(free):
@@ -120,4 +121,4 @@ def _message(store: SessionStore, graph: PoseGraph, vertex_id: int, stamp_s: flo
 
 def _cloud(stamp_s: float, cloud: PointCloud) -> PointCloud2:
     assert cloud.origins is not None
-    return cloud_message(stamp_s, "base_link", cloud.points.astype(np.float32), cloud.origins.astype(np.float32))
+    return cloud_message(stamp_s, frames().base, cloud.points.astype(np.float32), cloud.origins.astype(np.float32))

@@ -15,6 +15,7 @@ from std_msgs.msg import Header
 
 from robot_body import RobotBody
 from ros_adapters.conversions import pose_message
+from ros_adapters.frames import frames
 from ros_adapters.revolution_messages import revolution_message
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ def _imu_message(imu: "ImuSample", frame: str) -> Imu:
 
 
 def _wheel_message(wheels: "WheelOdometry") -> Odometry:
-    message = Odometry(header=_header(wheels.stamp_s, "odom"), child_frame_id="base_link")
+    message = Odometry(header=_header(wheels.stamp_s, frames().odom), child_frame_id=frames().base)
     message.pose.pose.orientation.w = 1.0
     message.pose.covariance = (np.eye(6) * 1e9).ravel().tolist()  # the encoders' node gives velocities, not a pose
     message.twist.twist.linear.x = wheels.v
@@ -124,7 +125,7 @@ def _wheel_message(wheels: "WheelOdometry") -> Odometry:
 
 
 def _truth_message(truth: "Truth") -> Odometry:
-    message = Odometry(header=_header(truth.stamp_s, "world"), child_frame_id="base_link")
+    message = Odometry(header=_header(truth.stamp_s, "world"), child_frame_id=frames().base)
     message.pose.pose = pose_message(truth.T_world_base)
     message.twist.twist.linear = Vector3(*truth.linear)
     message.twist.twist.angular = Vector3(*truth.angular)

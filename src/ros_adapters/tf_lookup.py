@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from tf2_msgs.msg import TFMessage
 
 from ros_adapters.conversions import pose_message, stamp_of, transform_from_message, transform_from_pose, transform_stamped
+from ros_adapters.frames import frames
 from ros_adapters.inputs import TimedInput
 from ros_adapters.node import Node, heard_publishers
 
@@ -21,17 +22,17 @@ MAP_ODOM = "/tf map->odom"  # as the barrier and the diagnostics call it
 def pose_in_map(buffer: tf2_ros.BufferCore, pose: PoseStamped) -> PoseStamped:
     """The pose in map by the newest transforms, its stamp left; ValueError when its frame is not known."""
     frame = pose.header.frame_id.lstrip("/")
-    if frame == "map":
+    if frame == frames().map:
         pose.header.frame_id = frame
         return pose
     if not frame:
         raise ValueError("a goal without a frame: its header's frame_id is empty; map, odom or base_link is meant")
     try:
-        found = buffer.lookup_transform_core("map", frame, rospy.Time())
+        found = buffer.lookup_transform_core(frames().map, frame, rospy.Time())
     except tf2_ros.TransformException as error:
         raise ValueError(f"a goal in frame {frame!r}, which tf cannot tell in map: {error}") from error
     moved = PoseStamped(pose.header, pose_message(transform_from_message(found.transform) @ transform_from_pose(pose.pose)))
-    moved.header.frame_id = "map"
+    moved.header.frame_id = frames().map
     return moved
 
 
@@ -107,7 +108,7 @@ class TransformInput:
 
     def add_odometry(self, stamp: rospy.Time, T_odom_base: NDArray[np.float64]) -> None:
         """Where the robot is in odom, as its odometry says: goals in base_link need not wait for tf."""
-        self._keep(transform_stamped(stamp.to_sec(), "odom", "base_link", T_odom_base), static=False)
+        self._keep(transform_stamped(stamp.to_sec(), frames().odom, frames().base, T_odom_base), static=False)
 
     def in_map(self, pose: PoseStamped) -> PoseStamped:
         """The pose in map by the newest transforms; ValueError when its frame is not known."""
@@ -116,7 +117,10 @@ class TransformInput:
     def _on_transforms(self, message: TFMessage) -> None:
         for transform in message.transforms:
             T = self._keep(transform, static=False)
-            if T is not None and (transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")) == ("map", "odom"):
+            if T is not None and (transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")) == (
+                frames().map,
+                frames().odom,
+            ):
                 self._map_odom.add(stamp_of(transform), T)
                 self._node.received(MAP_ODOM)
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from mount_calibration import TiltCalibration, TiltGeometry, named_calibration
 from robot_body import RobotBody, contradictions, mount_from_urdf, robot_from_mapping
+from ros_adapters.frames import robot_description
 from stage_config import ConfigError
 
 Transform = NDArray[np.float64]
@@ -34,7 +35,7 @@ def robot_of_parameters(node: str) -> RobotBody:
 
 def robot_mount(node: str, robot: RobotBody) -> tuple[str, Transform, Transform]:
     """`mount_from_urdf` of the parameter robot_description; exit code 2 when there is none, or it contradicts the robot."""
-    urdf = str(rospy.get_param("/robot_description", ""))
+    urdf = robot_description()
     if not urdf:
         _refuse(node, "/robot_description is not set")
     if rospy.has_param("/robot") and (found := contradictions(robot, urdf)):

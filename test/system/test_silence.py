@@ -5,7 +5,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -43,7 +42,7 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ExploreRun
 
     with (
         roslaunch(f"explore_3dnav explore.launch sim:=false out:={out} max_sim_time:=600") as nodes,
-        roslaunch(f"--wait {PACKAGE}/test/system/relayed_robot.launch world:=ramp seed:=901 clock_start:={int(time.time())}") as hardware,
+        roslaunch(f"--wait {PACKAGE}/test/system/relayed_robot.launch world:=ramp seed:=901 clock_start:=now") as hardware,
     ):
         nodes.wait_for_first_sweep(150.0)
         yield nodes, hardware, port

@@ -108,6 +108,8 @@ def test_joint_without_a_position_is_refused_and_others_are_passed_by() -> None:
     message = JointState(name=["wheel", "tilt_joint"], position=[1.0, 0.5])
     assert c.joint_position(message, "tilt_joint") == 0.5 and c.joint_position(message, "arm") is None
     message.position = [1.0]
+    with pytest.raises(ValueError, match="nan as position of tilt_joint"):
+        c.joint_position(JointState(name=["tilt_joint"], position=[math.nan]), "tilt_joint")
     with pytest.raises(ValueError, match="2 joints with 1 positions: none of tilt_joint"):
         c.joint_position(message, "tilt_joint")
 

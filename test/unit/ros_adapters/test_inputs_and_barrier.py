@@ -98,3 +98,11 @@ def test_tick_in_which_nothing_was_sent_is_complete_at_once() -> None:
     barrier.told("", Tick(1.0, {}))
     barrier.told("", Tick(1.05, {"/scan": 0}))
     assert [barrier.next(), barrier.next()] == [Tick(1.0, {}), Tick(1.05, {"/scan": 0})]
+
+
+def test_driver_that_nobody_takes_from_keeps_the_newest_alone() -> None:
+    driver: Driver[int] = Driver()
+    for k in range(1000):
+        driver.add(0.05 * k, k)
+    waiting = list(driver.take())
+    assert len(waiting) <= 200 and waiting[-1] == (0.05 * 999, 999)

@@ -1,0 +1,45 @@
+"""The names of the frames that all nodes share: the parameters /frames/map, /frames/odom and /frames/base."""
+
+import functools
+from dataclasses import dataclass
+
+import rospy
+
+from robot_body import with_base
+from robot_body.urdf import BASE
+
+
+@dataclass(frozen=True)
+class Frames:
+    """Names as REP 105 has them, unless a robot calls them otherwise."""
+
+    map: str = "map"
+    odom: str = "odom"
+    base: str = "base_link"
+
+
+@functools.cache
+def frames() -> Frames:
+    """The names of this run, read once. ValueError when /frames holds something else."""
+    try:
+        values = rospy.get_param("/frames", {})
+    except OSError:  # no master, as in a test of messages alone
+        return Frames()
+    try:
+        found = Frames(**{str(name): str(value).lstrip("/") for name, value in dict(values).items()})
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"/frames is {values!r}: expected names for map, odom and base") from error
+    if "" in (found.map, found.odom, found.base) or len({found.map, found.odom, found.base}) < 3:
+        raise ValueError(f"/frames is {values!r}: three names that differ are expected for map, odom and base")
+    return found
+
+
+def named_as_ours(frame: str) -> str:
+    """A frame's name without a slash; the robot's base is base_link, as everything here calls it."""
+    frame = frame.lstrip("/")
+    return BASE if frame == frames().base else frame
+
+
+def robot_description() -> str:
+    """The URDF of the parameter /robot_description, its base called base_link; empty where it is not set. ValueError when it is none."""
+    return with_base(str(rospy.get_param("/robot_description", "")), frames().base)
