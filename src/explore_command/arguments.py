@@ -41,6 +41,7 @@ _RUN_FILES += (
     "config.yaml",
     "robot.yaml",
     "robot.urdf",
+    "mount_calibration.yaml",
     "run.bag",
     "overrides.yaml",
     "roslaunch.log",

@@ -16,14 +16,14 @@ from lz4.frame import LZ4FrameDecompressor
 from rosbags.rosbag1 import ReaderError
 from rosbags.rosbag1.reader import Header, RecordType, read_bytes, read_uint32
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.msg import normalize_msgtype
 
 _MAGIC = b"#ROSBAG V2.0\n"
 _LONGEST_HEADER = 1 << 20
 
-
 _TYPES = get_typestore(Stores.ROS1_NOETIC)
+_TYPES.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))  # it has no tf2
 
 
 @dataclass(frozen=True)

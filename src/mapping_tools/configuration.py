@@ -14,6 +14,7 @@ from explore_command.arguments import ArgumentProblem
 from mapping_tools.sensor_chain import SensorConfig
 from odometry_fusion import OdometryConfig
 from pose_graph_mapping.config import MappingConfig, RegistrationConfig
+from sensor_checks import ImuLimits
 from stage_config import load_config
 from sweep_assembly import LidarConfig, ScanFilterConfig, SweepAssemblyConfig
 
@@ -27,7 +28,7 @@ class ToolConfig:
     sensors: SensorConfig
 
 
-_CLASSES = (RegistrationConfig, MappingConfig, ScanFilterConfig, LidarConfig, SweepAssemblyConfig, OdometryConfig)
+_CLASSES = (RegistrationConfig, MappingConfig, ScanFilterConfig, LidarConfig, SweepAssemblyConfig, OdometryConfig, ImuLimits)
 
 
 def configured(texts: Sequence[str], *, use_gravity: bool = True) -> ToolConfig:
@@ -52,6 +53,7 @@ def configured(texts: Sequence[str], *, use_gravity: bool = True) -> ToolConfig:
                 load_config(LidarConfig, own[LidarConfig]),
                 load_config(SweepAssemblyConfig, own[SweepAssemblyConfig]),
                 load_config(OdometryConfig, own[OdometryConfig]),
+                load_config(ImuLimits, own[ImuLimits]),
             ),
         )
     except ValueError as error:

@@ -21,10 +21,10 @@ from mapping_tools.configuration import ToolConfig, configured
 from mapping_tools.map_origin import ORIGIN, MapOrigin
 from mapping_tools.mapping_run import MappingRun
 from mapping_tools.pose_files import FORMS
-from mapping_tools.raw_sweeps import RawTopics
-from mapping_tools.recorded_sources import Wanted, source_of
+from mapping_tools.recorded_sources import Wanted, add_raw_arguments, raw_topics, source_of
 from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.sweep_sources import SweepSource
+from mount_calibration import RECORDED_FILE
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.methods import create_registration
@@ -56,12 +56,13 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--resume", action="store_true", help="go on with the session in DIR; sweeps up to its last stamp are passed over")
     p.add_argument("--moved", action="store_true", help="with --resume: find the first new sweep in the map, whatever odometry says")
     p.add_argument("--cloud-topic", metavar="T", help=f"PointCloud2, a sweep each; default {BagTopics.cloud}, where the bag has it")
-    p.add_argument("--odom-topic", default=BagTopics.odometry, metavar="T", help=f"nav_msgs/Odometry; default {BagTopics.odometry}")
     p.add_argument("--raw", action="store_true", help="map what the drivers sent, though the bag holds finished clouds, too")
-    p.add_argument("--robot", type=Path, metavar="FILE.yaml", help="the robot that sent it; default robot.yaml beside the bag")
-    for name, default in dataclasses.asdict(RawTopics()).items():
-        if name != "odometry":
-            p.add_argument(f"--{name}-topic", default=default, metavar="T", help=f"of the drivers; default {default}")
+    p.add_argument(
+        "--mount-calibration",
+        metavar="FILE",
+        help=f"of calibrate_mount; auto: the one it writes by default; '' for none; default {RECORDED_FILE} beside robot.yaml, where it is",
+    )
+    add_raw_arguments(p)
     p.add_argument("--no-odometry", action="store_true", help="a bag without odometry: look for each sweep around the last one")
     p.add_argument(
         "--mount",
@@ -91,11 +92,13 @@ def recorded(a: argparse.Namespace, config: SensorConfig) -> SweepSource:
     if not a.recording.exists():
         raise ArgumentProblem(f"{a.recording}: no such bag or folder")
     odometry = None if a.no_odometry else a.odom_topic
-    raw = RawTopics(a.scan_topic, a.points_topic, a.joints_topic, a.imu_topic, a.wheels_topic, odometry)
+    raw = raw_topics(a, odometry)
     T_base_cloud = None if a.mount is None else np.asarray(transform_from_rpy(a.mount[:3], tuple(a.mount[3:])))
     sensor = None if a.sensor is None else np.array(a.sensor)
     try:
-        return source_of(Wanted(a.recording, a.cloud_topic, odometry, raw, a.raw, a.robot, T_base_cloud, sensor), config)
+        return source_of(
+            Wanted(a.recording, a.cloud_topic, odometry, raw, a.raw, a.robot, a.mount_calibration, T_base_cloud, sensor), config
+        )
     except (ValueError, OSError) as error:
         raise ArgumentProblem(f"{a.recording}: {'; '.join(str(error).splitlines())}") from error
 

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigid_geometry import transform_from_quat
+from robot_body import StaticTransform
 
 Array = NDArray[np.float64]
 
 CLOUD_TYPE, ODOMETRY_TYPE = "sensor_msgs/msg/PointCloud2", "nav_msgs/msg/Odometry"
+STATIC_TYPE = "tf2_msgs/msg/TFMessage"
 SCAN_TYPE, JOINT_TYPE, IMU_TYPE = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/JointState", "sensor_msgs/msg/Imu"
 
 
@@ -69,6 +71,24 @@ class OdometryMessage(Stamped, Protocol):
     twist: _TwistWithCovariance
 
 
+class _Transform(Protocol):
+    translation: _Vector
+    rotation: _Quaternion
+
+
+class TransformMessage(Stamped, Protocol):
+    """A geometry_msgs/TransformStamped."""
+
+    child_frame_id: str
+    transform: _Transform
+
+
+class StaticMessage(Protocol):
+    """A tf2_msgs/TFMessage."""
+
+    transforms: Sequence[TransformMessage]
+
+
 class ImuMessage(Stamped, Protocol):
     """A sensor_msgs/Imu."""
 
@@ -109,3 +129,9 @@ def odometry_pose(message: OdometryMessage) -> Array:
     """(4, 4) pose of base_link in the odometry's frame; ValueError when it is none."""
     p, q = message.pose.pose.position, message.pose.pose.orientation
     return np.asarray(transform_from_quat((p.x, p.y, p.z), (q.x, q.y, q.z, q.w)))
+
+
+def static_of(message: TransformMessage) -> StaticTransform:
+    """A transform of /tf_static."""
+    p, q = message.transform.translation, message.transform.rotation
+    return StaticTransform(message.header.frame_id, message.child_frame_id, (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))

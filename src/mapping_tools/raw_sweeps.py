@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,23 +17,29 @@ from mapping_tools.messages import (
     JOINT_TYPE,
     ODOMETRY_TYPE,
     SCAN_TYPE,
+    STATIC_TYPE,
     ImuMessage,
     JointMessage,
     OdometryMessage,
     ScanMessage,
     Stamped,
+    StaticMessage,
     frame_of,
     odometry_pose,
     stamp_s_of,
+    static_of,
 )
 from mapping_tools.recording import Recording
 from mapping_tools.sensor_chain import MeasuredSweep, Pose, SensorChain, SensorConfig
 from mapping_tools.sweep_sources import SourceSweep, Unreadable
+from mount_calibration import TiltCalibration
 from point_cloud2 import read_beams
-from robot_body import RobotBody, mount_from_urdf
+from robot_body import FixedFrames, RobotBody, mount_from_urdf
 from sweep_assembly import Revolution, Scan, ScanGeometry, TiltGeometry
 
 Array = NDArray[np.float64]
+
+STATIC_TOPIC = "/tf_static"
 
 
 @dataclass(frozen=True)
@@ -50,10 +56,11 @@ class RawTopics:
 
 @dataclass(frozen=True, eq=False)
 class DescribedRobot:
-    """The robot that recorded: what robot.yaml says of it, and the text of its URDF."""
+    """The robot that recorded: what robot.yaml says of it, the text of its URDF, and how its mount differs from that."""
 
     body: RobotBody
     urdf: str
+    calibration: TiltCalibration = field(default_factory=TiltCalibration)
 
 
 class RawSweeps:
@@ -67,8 +74,9 @@ class RawSweeps:
         laser = robot.body.mount("laser")
         self._frame = laser.frame
         self._joint, T_base_mount, T_tilt_laser = mount_from_urdf(robot.urdf, laser)
-        mount = TiltGeometry(T_base_mount, T_tilt_laser)
-        self._chain = SensorChain(config, robot.body, mount, spinning=self._spinning)
+        self.mount = TiltGeometry(T_base_mount, T_tilt_laser, robot.calibration)
+        self._frames = FixedFrames(robot.body, robot.urdf)
+        self._chain = SensorChain(config, robot.body, self.mount, self._frames.rotation_in_base, spinning=self._spinning)
         self._refused: Counter[str] = Counter()
         self._why: dict[str, str] = {}
         self._read: Counter[str] = Counter()
@@ -89,14 +97,12 @@ class RawSweeps:
 
     def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
         """In the order in which the mount turned; ValueError when nothing of it becomes a sweep."""
-        topics = self._topics
-        sensor = topics.points if self._spinning else topics.scan
-        takes: dict[str, Callable[[Any], None]] = {
-            sensor: self._take_points if self._spinning else self._take_scan,
-            topics.joints: self._take_joints,
-        }
-        takes |= {self._odometry: self._take_odometry} if self._odometry else {topics.imu: self._take_imu, topics.wheels: self._take_wheels}
-        number = 0
+        for number, found in enumerate(self.measured()):
+            yield _source_sweep(f"sweep {number}", found)
+
+    def measured(self) -> Iterator[MeasuredSweep]:
+        """The same as the assembler gives them."""
+        takes, number = self._takes(), 0
         for record in self._bag.messages(takes.keys()):
             self._read[record.topic] += 1
             try:
@@ -106,13 +112,27 @@ class RawSweeps:
                 self._why[record.topic] = str(error)
                 continue
             for found in self._chain.poll():
-                yield _source_sweep(f"sweep {number}", found)
+                yield found
                 number += 1
         if not number:
             read = ", ".join(f"{self._read[topic]} of {topic}" for topic in takes)
             raise ValueError(
                 f"no sweep came out of its messages ({read}): {'; '.join(self.notes) or 'the mount never turned and came back'}"
             )
+
+    def _takes(self) -> dict[str, Callable[[Any], None]]:
+        """What takes the messages of each topic."""
+        topics = self._topics
+        sensor = topics.points if self._spinning else topics.scan
+        takes: dict[str, Callable[[Any], None]] = {
+            sensor: self._take_points if self._spinning else self._take_scan,
+            topics.joints: self._take_joints,
+        }
+        if self._odometry:
+            return takes | {self._odometry: self._take_odometry}
+        if self._bag.topics.get(STATIC_TOPIC) == STATIC_TYPE:
+            takes[STATIC_TOPIC] = self._take_static
+        return takes | {topics.imu: self._take_imu, topics.wheels: self._take_wheels}
 
     def _check_topics(self) -> str | None:
         """The topic of the robot's own odometry, or None where IMU and wheels are there."""
@@ -153,9 +173,12 @@ class RawSweeps:
             raise ValueError(f"it names {self._joint} and has no position of it")
         self._chain.add_joint(stamp_s_of(message), float(message.position[names.index(self._joint)]))
 
+    def _take_static(self, message: StaticMessage) -> None:
+        self._frames.add(static_of(t) for t in message.transforms)
+
     def _take_imu(self, message: ImuMessage) -> None:
         gyro, accel = message.angular_velocity, message.linear_acceleration
-        self._chain.add_imu(stamp_s_of(message), (gyro.x, gyro.y, gyro.z), (accel.x, accel.y, accel.z))
+        self._chain.add_imu(stamp_s_of(message), frame_of(message), (gyro.x, gyro.y, gyro.z), (accel.x, accel.y, accel.z))
 
     def _take_wheels(self, message: OdometryMessage) -> None:
         self._chain.add_wheels(stamp_s_of(message), message.twist.twist.linear.x, message.twist.twist.angular.z)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from mapping_tools.raw_sweeps import DescribedRobot, RawSweeps, RawTopics
 from mapping_tools.recording import Recording, bags_of
 from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.sweep_sources import SweepSource
+from mount_calibration import RECORDED_FILE, named_calibration
 from robot_body import DESCRIPTION, contradictions, load_robot, urdf_file
 
 Array = NDArray[np.float64]
@@ -23,7 +26,10 @@ ROBOT_FILE = "robot.yaml"
 
 @dataclass(frozen=True, eq=False)
 class Wanted:
-    """What is asked of a recording: `cloud` None where no topic of finished clouds was named; T_base_cloud (4, 4); `sensor` (3,)."""
+    """What is asked of a recording: `cloud` None where no topic of finished clouds was named; T_base_cloud (4, 4); `sensor` (3,).
+
+    `calibration`: as of `named_calibration`, None for the one that lies beside the robot's file, if there is one.
+    """
 
     recording: Path
     cloud: str | None
@@ -31,6 +37,7 @@ class Wanted:
     raw: RawTopics
     from_raw: bool
     robot: Path | None
+    calibration: str | None
     T_base_cloud: Array | None
     sensor: Array | None
 
@@ -42,19 +49,36 @@ def source_of(wanted: Wanted, config: SensorConfig) -> SweepSource:
         return FolderSweeps(wanted.recording, np.eye(4) if wanted.T_base_cloud is None else wanted.T_base_cloud, wanted.sensor)
     recording = Recording(bags)
     if wanted.from_raw or (wanted.cloud is None and _is_raw(recording, wanted.raw)):
-        return RawSweeps(recording, wanted.raw, _robot_of(wanted), config)
+        return RawSweeps(recording, wanted.raw, robot_of(wanted.recording, wanted.robot, wanted.calibration), config)
     topics = BagTopics(wanted.cloud or BagTopics.cloud, wanted.odometry)
     return BagSweeps(recording, topics, wanted.T_base_cloud, wanted.sensor)
+
+
+def add_raw_arguments(p: argparse.ArgumentParser) -> None:
+    """The options that say where drivers publish, and which robot recorded."""
+    p.add_argument("--robot", type=Path, metavar="FILE.yaml", help="the robot that sent it; default robot.yaml beside the bag")
+    p.add_argument("--odom-topic", default=BagTopics.odometry, metavar="T", help=f"nav_msgs/Odometry; default {BagTopics.odometry}")
+    for name, default in dataclasses.asdict(RawTopics()).items():
+        if name != "odometry":
+            p.add_argument(f"--{name}-topic", default=default, metavar="T", help=f"of the drivers; default {default}")
+
+
+def raw_topics(a: argparse.Namespace, odometry: str | None) -> RawTopics:
+    """The topics that the options name."""
+    return RawTopics(a.scan_topic, a.points_topic, a.joints_topic, a.imu_topic, a.wheels_topic, odometry)
 
 
 def _is_raw(recording: Recording, raw: RawTopics) -> bool:
     return BagTopics.cloud not in recording.topics and bool({raw.scan, raw.points} & recording.topics.keys())
 
 
-def _robot_of(wanted: Wanted) -> DescribedRobot:
-    """The robot of --robot, or the one whose files lie beside the recording; ValueError when there is none, or it contradicts its URDF."""
-    folder = wanted.recording if wanted.recording.is_dir() else wanted.recording.parent
-    path = wanted.robot or folder / ROBOT_FILE
+def robot_of(recording: Path, robot: Path | None, calibration: str | None) -> DescribedRobot:
+    """The robot of --robot, or the one whose files lie beside the recording, with its calibration as of `Wanted`.
+
+    ValueError when there is none, or it contradicts its URDF, or the calibration is none.
+    """
+    folder = recording if recording.is_dir() else recording.parent
+    path = robot or folder / ROBOT_FILE
     if not path.is_file():
         raise ValueError(f"--robot FILE.yaml has to say how the sensors are mounted: there is no {path}")
     body, beside = load_robot(path), path.parent / DESCRIPTION
@@ -62,4 +86,6 @@ def _robot_of(wanted: Wanted) -> DescribedRobot:
     urdf = description.read_text(encoding="utf-8")
     if found := contradictions(body, urdf):
         raise ValueError(f"{path} contradicts {description}: {'; '.join(found)}")
-    return DescribedRobot(body, urdf)
+    if calibration is None:
+        calibration = str(path.parent / RECORDED_FILE) if (path.parent / RECORDED_FILE).exists() else ""
+    return DescribedRobot(body, urdf, named_calibration(calibration))

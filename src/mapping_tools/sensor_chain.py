@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter, deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from odometry_fusion import OdometryConfig, OdometryFilter
-from rigid_geometry import JUMP_BACK_S, PoseHistory
+from odometry_fusion import FusedOdometry, OdometryConfig
+from rigid_geometry import PoseHistory
 from robot_body import RobotBody
+from sensor_checks import ImuLimits
 from sweep_assembly import (
     LaserScans,
     LidarConfig,
@@ -41,6 +41,7 @@ class SensorConfig:
     lidar: LidarConfig = field(default_factory=LidarConfig)
     assembly: SweepAssemblyConfig = field(default_factory=SweepAssemblyConfig)
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    imu: ImuLimits = field(default_factory=ImuLimits)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,40 +62,17 @@ class MeasuredSweep:
     pose: Pose
 
 
-class FusedOdometry:
-    """An estimate for every message of the wheels, once the IMU reaches it."""
-
-    def __init__(self, config: OdometryConfig, robot: RobotBody) -> None:
-        """ValueError when the configuration is wrong."""
-        self.filter = OdometryFilter(config, robot)
-        self._due: deque[float] = deque(maxlen=100)
-        self._last_s = -math.inf
-
-    def add_wheels(self, stamp_s: float, forward_mps: float, yaw_rate: float) -> None:
-        """Takes a message of the wheels."""
-        self.filter.add_wheels(stamp_s, forward_mps, yaw_rate)
-        if stamp_s <= self._last_s:
-            if stamp_s > self._last_s - JUMP_BACK_S:
-                return
-            self._due.clear()
-        self._last_s = stamp_s
-        self._due.append(stamp_s)
-
-    def poll(self) -> Iterator[Pose]:
-        """The poses that are known by now."""
-        complete_s = self.filter.complete_until_s
-        while self._due and complete_s is not None and self._due[0] <= complete_s + 1e-6:
-            estimate = self.filter.estimate(self._due.popleft())
-            if estimate is not None:
-                yield Pose(estimate.stamp_s, estimate.T_odom_base, estimate.pose_covariance)
-
-
 class SensorChain:
     """Takes what drivers send, in order within a topic, and gives out sweeps."""
 
-    def __init__(self, config: SensorConfig, robot: RobotBody, mount: TiltGeometry, *, spinning: bool) -> None:
-        """`spinning`: a lidar stands in the laser's place. ValueError when a configuration is wrong."""
-        self._fused = FusedOdometry(config.odometry, robot)
+    def __init__(
+        self, config: SensorConfig, robot: RobotBody, mount: TiltGeometry, rotation_of: Callable[[str], Array], *, spinning: bool
+    ) -> None:
+        """`rotation_of(frame)`: the (3, 3) rotation R_base_imu of a frame, or ValueError; `spinning`: a lidar stands in the laser's place.
+
+        ValueError when a configuration is wrong.
+        """
+        self._fused = FusedOdometry(config.odometry, config.imu, robot, rotation_of)
         self._scans = ScanChain(config.scan_filter, mount, robot)
         self._turns = RevolutionChain(config.scan_filter, config.lidar, mount, robot)
         self._turn_s = config.lidar.duration_s
@@ -107,16 +85,16 @@ class SensorChain:
     def dropped(self) -> dict[str, int]:
         """How many messages, scans and sweeps were given up, by reason."""
         own = Counter(self._turns.dropped if self._spinning else self._scans.dropped)
-        return dict(own + Counter(self._assembler.dropped) + Counter(self._fused.filter.dropped))
+        return dict(own + Counter(self._assembler.dropped) + Counter(self._fused.dropped))
 
     def add_joint(self, stamp_s: float, tilt_rad: float) -> None:
         """Takes the tilt at a time."""
         (self._turns if self._spinning else self._scans).add_joint(stamp_s, tilt_rad)
         self._assembler.add_joint(stamp_s, tilt_rad)
 
-    def add_imu(self, stamp_s: float, gyro: ArrayLike, accel: ArrayLike) -> None:
-        """Takes (3,) rad/s and (3,) m/s^2 in base_link."""
-        self._fused.filter.add_imu(stamp_s, gyro, accel)
+    def add_imu(self, stamp_s: float, frame: str, gyro: Sequence[float], accel: Sequence[float]) -> None:
+        """Takes rad/s and m/s^2 in `frame`; ValueError, one line with advice, for an IMU that cannot be right."""
+        self._fused.add_imu(stamp_s, frame, gyro, accel)
 
     def add_wheels(self, stamp_s: float, forward_mps: float, yaw_rate: float) -> None:
         """Takes the wheels' velocities."""
@@ -142,8 +120,8 @@ class SensorChain:
 
     def poll(self) -> Iterator[MeasuredSweep]:
         """The sweeps that are complete by now."""
-        for pose in self._fused.poll():
-            self.add_pose(pose)
+        for estimate in self._fused.poll():
+            self.add_pose(Pose(estimate.stamp_s, estimate.T_odom_base, estimate.pose_covariance))
         for stamp_s, reading in self._filtered():
             self._assembler.add_scan(stamp_s, reading)
         while (sweep := self._assembler.poll()) is not None:

@@ -1,6 +1,6 @@
 """The tilting mount calibrates itself: from sweeps to its offset, scale, backlash and roll, which `TiltGeometry` applies."""
 
-from mount_calibration.calibration_file import DEFAULT_FILE, read_calibration, write_calibration
+from mount_calibration.calibration_file import DEFAULT_FILE, RECORDED_FILE, named_calibration, read_calibration, write_calibration
 from mount_calibration.config import MountCalibrationConfig
 from mount_calibration.estimate import MountEstimate, estimate_mount
 from mount_calibration.geometry import TiltGeometry
@@ -13,6 +13,7 @@ __all__ = [
     "DEFAULT_FILE",
     "NOMINAL",
     "PARAMETERS",
+    "RECORDED_FILE",
     "MountCalibrationConfig",
     "MountEstimate",
     "MountVerdict",
@@ -26,6 +27,7 @@ __all__ = [
     "estimate_mount",
     "estimate_table",
     "joined_places",
+    "named_calibration",
     "read_calibration",
     "steady_directions",
     "tilt_directions",

@@ -12,6 +12,8 @@ from mount_calibration.tilt_calibration import NOMINAL, PARAMETERS, TiltCalibrat
 
 SECTION = "mount_calibration"
 DEFAULT_FILE = Path("~/.ros/explore_3dnav/mount_calibration.yaml")
+RECORDED_FILE = "mount_calibration.yaml"
+"""In a run's folder beside robot.yaml: the calibration that the nodes applied in the run, where they did."""
 _HEAD = "# How the tilting mount differs from the robot's description: radians, scale as a ratio. Written by calibrate_mount.\n"
 
 
@@ -42,6 +44,20 @@ def read_calibration(path: Path) -> TiltCalibration:
     if problems := calibration.validate():
         raise ValueError(f"{path}: {'; '.join(problems)}")
     return calibration
+
+
+def named_calibration(name: str) -> TiltCalibration:
+    """The calibration that a parameter or an argument names: a path, "auto" for `DEFAULT_FILE` where it exists, empty for none.
+
+    ValueError in one line when the file is none, or cannot be read.
+    """
+    path = Path(name if name != "auto" else DEFAULT_FILE).expanduser()
+    if not name or (name == "auto" and not path.exists()):
+        return TiltCalibration()
+    try:
+        return read_calibration(path)
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read: {error.strerror}; calibrate_mount writes it, empty means none") from error
 
 
 def _calibration(path: Path, values: dict[str, object]) -> TiltCalibration:

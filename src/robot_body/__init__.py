@@ -4,6 +4,7 @@ A radius, a box or a margin that is due to the body is derived here, once, and w
 """
 
 from robot_body.body import RobotBody
+from robot_body.fixed_frames import FixedFrames, StaticTransform
 from robot_body.loading import DEFAULT_ROBOT_FILE, load_robot, overlaid, robot_from_mapping, robot_mapping, robot_values
 from robot_body.mounts import SensorMount
 from robot_body.tilting_mount import DESCRIPTION, mount_from_urdf
@@ -12,8 +13,10 @@ from robot_body.urdf import contradictions, urdf_file, with_base
 __all__ = [
     "DEFAULT_ROBOT_FILE",
     "DESCRIPTION",
+    "FixedFrames",
     "RobotBody",
     "SensorMount",
+    "StaticTransform",
     "contradictions",
     "load_robot",
     "mount_from_urdf",

@@ -11,9 +11,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
+from rigid_geometry import JUMP_BACK_S
+
 V = TypeVar("V")
 
-JUMP_BACK_S = 0.5  # a stamp so much older than its topic's newest is no late message: the clock was set back
 _KEPT = 200
 _RATE_OVER = 20  # messages over which a rate is told
 

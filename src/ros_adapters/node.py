@@ -135,11 +135,17 @@ class Node:
             self._barrier.told(upstream, Tick(message.header.stamp.to_sec(), counts))
             self._proceed(message)
 
-    def received(self, topic: str, *, now_s: float | None = None) -> None:
+    def received(self, topic: str) -> None:
         """Counts a message that came otherwise than by a subscription to its topic."""
+        self._heard(topic, time.monotonic())
+        self._count(topic)
+
+    def _heard(self, topic: str, now_s: float) -> None:
         for watch in self.diagnostics.inputs:
             if watch.topic == topic:
-                watch.arrived(time.monotonic() if now_s is None else now_s)
+                watch.arrived(now_s)
+
+    def _count(self, topic: str) -> None:
         if self._barrier is not None:
             self._barrier.received(topic)
 
@@ -202,15 +208,17 @@ class Node:
     ) -> rospy.Subscriber:
         """Subscribes; `large` messages get a short queue, and what is not `required` need not be there when the clock starts.
 
-        A pause longer than `silent_after_s` is told on /diagnostics. Arrays of numbers arrive as numpy arrays.
+        A pause longer than `silent_after_s` is told on /diagnostics. A callback that returns False says that the message was not for
+        this node: it breaks no pause, and the barrier counts it. Arrays of numbers arrive as numpy arrays.
         """
         guard = self._guard(callback)
 
         def take_in(message: M) -> None:
             arrived_s = time.monotonic()
             with self.lock:
-                guard(message)
-                self.received(topic, now_s=arrived_s)
+                if guard(message) is not False:
+                    self._heard(topic, arrived_s)
+                self._count(topic)
                 self._proceed(message)
 
         self.watch(topic, silent_after_s)

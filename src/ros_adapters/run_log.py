@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from exploration_evaluation import evaluate_run, format_summary, read_mesh, write_json
 from exploration_evaluation.pictures import draw_pictures
 from exploration_evaluation.verdict import Fault, succeeded_alone
+from mount_calibration import RECORDED_FILE, TiltCalibration, write_calibration
 from rigid_geometry import quat_xyzw_from_transform
 from robot_body import DESCRIPTION, RobotBody, robot_mapping
 from ros_adapters.conversions import stamp_of, transform_from_pose
@@ -27,8 +28,16 @@ _MAP_FILES = ("map.bt", "trajectory.txt", "cloud.ply")
 class RunLog:
     """Collects counters from messages; without a folder it only keeps the status line."""
 
-    def __init__(self, out: Path | None, parameters: dict[str, object], robot: RobotBody, *, judged: bool) -> None:
-        """`judged`: there is a true world to judge the run by."""
+    def __init__(
+        self,
+        out: Path | None,
+        parameters: dict[str, object],
+        robot: RobotBody,
+        calibration: TiltCalibration | None = None,
+        *,
+        judged: bool,
+    ) -> None:
+        """`calibration`: that of the mount, which the nodes apply; `judged`: there is a true world to judge the run by."""
         self.finished = False
         self._judged = judged
         self._out = out
@@ -54,6 +63,10 @@ class RunLog:
             (out / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(robot), sort_keys=False))
             if description := parameters.get("robot_description"):
                 (out / DESCRIPTION).write_text(str(description))
+            if calibration is None or calibration.is_nominal:
+                (out / RECORDED_FILE).unlink(missing_ok=True)  # of an earlier run
+            else:
+                write_calibration(calibration, out / RECORDED_FILE)
 
     def _run_description(self) -> dict[str, Any]:
         section = self._parameters.get("exploration_monitor_node")

@@ -1,14 +1,13 @@
 """Where the laser sits, of robot.yaml, robot_description and the mount's calibration; the first two must not contradict each other."""
 
 import sys
-from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
 import rospy
 from numpy.typing import NDArray
 
-from mount_calibration import DEFAULT_FILE, TiltCalibration, TiltGeometry, read_calibration
+from mount_calibration import TiltCalibration, TiltGeometry, named_calibration
 from robot_body import RobotBody, contradictions, mount_from_urdf, robot_from_mapping
 from ros_adapters.frames import robot_description
 from stage_config import ConfigError
@@ -47,23 +46,16 @@ def robot_mount(node: str, robot: RobotBody) -> tuple[str, Transform, Transform]
 def tilting_mount(node: str, robot: RobotBody) -> tuple[str, TiltGeometry]:
     """The tilting joint's name, and the mount of robot_description with the calibration of the file /mount_calibration.
 
-    That parameter is a path; where it is empty or missing the mount is taken as described. "auto" is calibrate_mount's own file, if it is
-    there. Exit code 2 when the file is none.
+    That parameter is as of `named_calibration`; where it is missing the mount is taken as described. Exit code 2 when the file is none.
     """
     joint, T_base_mount, T_tilt_laser = robot_mount(node, robot)
-    return joint, TiltGeometry(T_base_mount, T_tilt_laser, _calibration(node))
+    return joint, TiltGeometry(T_base_mount, T_tilt_laser, mount_calibration(node))
 
 
-def _calibration(node: str) -> TiltCalibration:
-    path = str(rospy.get_param(CALIBRATION_PARAMETER, "") or "")
-    if path == "auto":
-        path = str(DEFAULT_FILE) if DEFAULT_FILE.expanduser().exists() else ""
-    if not path:
-        return TiltCalibration()
+def mount_calibration(node: str) -> TiltCalibration:
+    """The calibration that the parameter /mount_calibration names; exit code 2 when it is none."""
     try:
-        return read_calibration(Path(path).expanduser())
-    except OSError as error:
-        _refuse(node, f"{CALIBRATION_PARAMETER}: {path} cannot be read: {error.strerror}; calibrate_mount writes it, empty means none")
+        return named_calibration(str(rospy.get_param(CALIBRATION_PARAMETER, "") or ""))
     except ValueError as error:
         _refuse(node, f"{CALIBRATION_PARAMETER}: {error}")
 

@@ -96,6 +96,16 @@ class ScanFilterTest(unittest.TestCase):
         self.through(scan(self.now()))  # and its report tells
         self.diagnostics.wait_for_dropped("bad JointState")
 
+    def test_silent_mount_beside_a_base_that_talks_is_told(self) -> None:
+        self.through(scan(self.now()))
+        base = joints(self.now())
+        base.name = ["left_wheel"]
+        deadline = time.monotonic() + 2.0
+        while "no /joint_states" not in self.diagnostics.message():
+            self.assertLess(time.monotonic(), deadline, self.diagnostics.message())
+            self.joints.publish(base)
+            time.sleep(0.02)
+
     def test_late_scan_is_counted_and_dropped(self) -> None:
         stamp_s = self.now()
         self.through(scan(stamp_s))

@@ -55,7 +55,9 @@ ORDER: dict[str, set[str]] = {
     # programs: they use stages, and no stage uses them
     "roslaunch_process": set(),
     "explore_command": BASE | {"pose_graph_mapping.session", "pybullet_simulation", "roslaunch_process"},
-    "mapping_tools": BASE | MAPPING | {"explore_command", "odometry_fusion", "point_cloud2", "sweep_assembly"},
+    "mapping_tools": BASE
+    | MAPPING
+    | {"explore_command", "mount_calibration", "odometry_fusion", "point_cloud2", "sensor_checks", "sweep_assembly"},
     "terrain_tools": BASE | TERRAIN | {"explore_command", "mapping_tools"},
     "run_replay": BASE | MAPPING | {"exploration_evaluation", "explore_command", "octomap_server_3dnav.terrain", "roslaunch_process"},
     "evaluation_report": BASE | {"exploration_evaluation"},

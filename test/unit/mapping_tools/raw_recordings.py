@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 from rosbags import rosbag1, rosbag2
 from rosbags.rosbag2 import StoragePlugin
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from robot_body import RobotBody, mount_from_urdf, urdf_file
 from sweep_assembly import ScanGeometry, TiltGeometry
 
 ROS1, ROS2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
+ROS1.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))
 HUSKY = RobotBody()
 TILT_JOINT, *_MOUNT = mount_from_urdf(urdf_file(HUSKY).read_text(), HUSKY.mount("laser"))
 MOUNT = TiltGeometry(*_MOUNT)
@@ -82,6 +83,11 @@ class Drivers:
         kind, frame = self._t["sensor_msgs/msg/Imu"], HUSKY.mount("imu").frame
         return kind(self.header(t, frame), still, np.zeros(9), self._xyz(0.0, 0.0, 0.0), np.zeros(9), force, np.zeros(9))
 
+    def static(self, parent: str, child: str, quat_xyzw: tuple[float, float, float, float]) -> Any:
+        turn = self._t["geometry_msgs/msg/Transform"](self._xyz(0.0, 0.0, 0.1), self._t["geometry_msgs/msg/Quaternion"](*quat_xyzw))
+        kind = self._t["geometry_msgs/msg/TransformStamped"]
+        return self._t["tf2_msgs/msg/TFMessage"]([kind(self.header(BEGIN_S, parent), child, turn)])
+
     def wheels(self, t: float) -> Any:
         return self._odometry(t, "odom", 0.0, driven(t)[1])
 
@@ -124,6 +130,7 @@ def poses(store: Typestore = ROS1) -> Messages:
 
 
 def _recorded_ns(message: Any) -> int:
+    message = message.transforms[0] if hasattr(message, "transforms") else message
     return int(message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec) + 2_000_000
 
 

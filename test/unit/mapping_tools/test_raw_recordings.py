@@ -13,9 +13,10 @@ import raw_recordings as raw
 import yaml
 from rosbags.rosbag2 import StoragePlugin
 
-from mapping_tools import map_bag
+from mapping_tools import calibrate_mount, map_bag
 from mapping_tools.recording import Recording
 from mapping_tools.sensor_chain import Pose, SensorChain, SensorConfig
+from mount_calibration import RECORDED_FILE, TiltCalibration, read_calibration, write_calibration
 from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import transform_from_rpy
 from robot_body import DESCRIPTION, RobotBody, robot_mapping, urdf_file
@@ -170,11 +171,133 @@ def test_file_that_is_no_ros_2_bag_is_refused(tmp_path: Path, suffix: str) -> No
         Recording([path])
 
 
+def remounted(drive: raw.Messages, R_base_imu: np.ndarray, frame: str = raw.HUSKY.mount("imu").frame, unit: float = 1.0) -> raw.Messages:
+    """The drive with its IMU in another attitude; `unit`: m/s^2 in the unit of its accelerations."""
+
+    def turned(message: Any) -> Any:
+        force = message.linear_acceleration
+        x, y, z = R_base_imu.T @ [force.x, force.y, force.z] / unit
+        return replace(message, header=replace(message.header, frame_id=frame), linear_acceleration=replace(force, x=x, y=y, z=z))
+
+    return [(topic, kind, turned(m) if topic == "/imu/data" else m) for topic, kind, m in drive]
+
+
+def test_imu_in_any_attitude_maps_as_a_level_one(tmp_path: Path, one_map: Path, drive: raw.Messages) -> None:
+    rpy = (np.pi, 0.0, np.pi / 2)
+    robot_beside(tmp_path)
+    level, turned = (
+        '<origin xyz="0 0 0.10"/>\n  </joint>\n  <link name="imu_link">',
+        f'<origin xyz="0 0 0.10" rpy="{rpy[0]} {rpy[1]} {rpy[2]}"',
+    )
+    text = (tmp_path / DESCRIPTION).read_text()
+    assert level in text
+    (tmp_path / DESCRIPTION).write_text(text.replace(level, level.replace('<origin xyz="0 0 0.10"', turned)))
+    messages = remounted(drive, transform_from_rpy((0.0, 0.0, 0.0), rpy)[:3, :3])
+    assert mapped(raw.write_ros1(tmp_path / "run.bag", messages), tmp_path / "out")["notes"] == []
+    np.testing.assert_allclose(trajectory(tmp_path / "out"), trajectory(one_map), atol=1e-6)
+
+
+def test_imu_s_frame_may_be_told_by_tf_static(tmp_path: Path, one_map: Path, drive: raw.Messages) -> None:
+    told = raw.Drivers(raw.ROS1).static("base_link", "/xsens", (1.0, 0.0, 0.0, 0.0))
+    messages = remounted(drive, np.diag([1.0, -1.0, -1.0]), frame="xsens")
+    path = raw.write_ros1(robot_beside(tmp_path) / "run.bag", [("/tf_static", "tf2_msgs/msg/TFMessage", told), *messages])
+    assert mapped(path, tmp_path / "out")["notes"] == []
+    np.testing.assert_allclose(trajectory(tmp_path / "out"), trajectory(one_map), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("R_base_imu", "frame", "unit", "reason"),
+    [
+        (np.eye(3), "imu_link", raw.GRAVITY, "the IMU feels 1.00 m/s^2, gravity is 9.81: it is in g; let the driver publish m/s^2"),
+        (np.diag([1.0, -1.0, -1.0]), "imu_link", 1.0, "the IMU is upside down: as imu_link is mounted"),
+        (np.eye(3), "xsens", 1.0, "where frame 'xsens' is mounted is not known"),
+    ],
+)
+def test_imu_that_cannot_be_right_is_refused_with_its_line(
+    tmp_path: Path, drive: raw.Messages, capsys: pytest.CaptureFixture[str], R_base_imu: np.ndarray, frame: str, unit: float, reason: str
+) -> None:
+    path = raw.write_ros1(robot_beside(tmp_path) / "run.bag", remounted(drive, R_base_imu, frame, unit))
+    text = refusal(capsys, path, "--out", tmp_path / "out")
+    assert reason in text and "messages of /imu/data left out" in text
+
+
+def test_imu_that_goes_wrong_on_the_way_is_told_in_one_line(tmp_path: Path, drive: raw.Messages) -> None:
+    begin, after = drive[:-400], drive[-400:]
+    messages = [*begin, *remounted(after, np.eye(3), "xsens")]
+    summary = mapped(raw.write_ros1(robot_beside(tmp_path) / "run.bag", messages), tmp_path / "out")
+    (note,) = summary["notes"]
+    assert note.endswith("it") and "messages of /imu/data left out, the last one: where frame 'xsens' is mounted is not known" in note
+
+
+OFF = TiltCalibration(offset_rad=0.01, scale=1.005, covariance=np.diag([1e-8, 1e-8, np.inf, np.inf, np.inf]))
+
+
+@pytest.fixture(scope="session")
+def off_bag(tmp_path_factory: pytest.TempPathFactory, drive: raw.Messages) -> Path:
+    """The drive of a mount that tells tilts which are `OFF`."""
+
+    def told(message: Any) -> Any:
+        return replace(message, position=(message.position - OFF.offset_rad) / OFF.scale)
+
+    messages = [(topic, kind, told(m) if topic == "/joint_states" else m) for topic, kind, m in drive]
+    return raw.write_ros1(robot_beside(tmp_path_factory.mktemp("off")) / "run.bag", messages)
+
+
+def worst_off_walls_m(out: Path) -> float:
+    points = SessionStore(out).load_sweep(0).points
+    return float(np.minimum(np.abs(points - raw.ROOM_LOW), np.abs(points - raw.ROOM_HIGH)).min(axis=1).max())
+
+
+def test_calibration_of_the_mount_is_applied(tmp_path: Path, off_bag: Path) -> None:
+    mapped(off_bag, tmp_path / "described")
+    assert worst_off_walls_m(tmp_path / "described") > 0.03
+    write_calibration(OFF, tmp_path / "mine.yaml")
+    mapped(off_bag, tmp_path / "named", "--mount-calibration", str(tmp_path / "mine.yaml"))
+    assert worst_off_walls_m(tmp_path / "named") < 0.02
+
+
+def test_calibration_that_the_run_left_beside_its_robot_is_applied_unless_none_is_wanted(tmp_path: Path, off_bag: Path) -> None:
+    beside = robot_beside(tmp_path)
+    shutil.copy(off_bag, beside / "run.bag")
+    write_calibration(OFF, beside / RECORDED_FILE)
+    mapped(beside / "run.bag", tmp_path / "out")
+    assert worst_off_walls_m(tmp_path / "out") < 0.02
+    mapped(beside / "run.bag", tmp_path / "described", "--mount-calibration", "")
+    assert worst_off_walls_m(tmp_path / "described") > 0.03
+
+
+def test_calibration_that_is_none_is_refused(tmp_path: Path, off_bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = [off_bag, "--out", tmp_path / "out", "--mount-calibration", tmp_path / "none.yaml"]
+    assert "none.yaml cannot be read: No such file or directory" in refusal(capsys, *words)
+    (tmp_path / "none.yaml").write_text("offset_rad: 0.1\n")
+    assert "none.yaml: has no section mount_calibration" in refusal(capsys, *words)
+    assert not (tmp_path / "out").exists()
+
+
+def test_mount_is_calibrated_from_the_sweeps_of_a_recording(tmp_path: Path, off_bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert calibrate_mount.main(["--from", str(off_bag), "--out", str(tmp_path / "found.yaml")]) == 0
+    assert "tilt offset" in capsys.readouterr().out
+    found = read_calibration(tmp_path / "found.yaml")
+    assert found.offset_rad == pytest.approx(OFF.offset_rad, abs=np.radians(0.05))
+    assert found.scale == pytest.approx(OFF.scale, abs=1e-3)
+    assert abs(found.mount_roll_rad) < np.radians(0.05) and found.backlash_rad < np.radians(0.05)
+
+
+def test_recording_without_what_calibrates_is_refused(tmp_path: Path, drive: raw.Messages, capsys: pytest.CaptureFixture[str]) -> None:
+    path = raw.write_ros1(robot_beside(tmp_path) / "run.bag", [message for message in drive if message[0] != "/scan"])
+    for recording, reason in ((path, "no sensor_msgs/msg/LaserScan on topic /scan"), (tmp_path / "none.bag", "no such bag or folder")):
+        assert calibrate_mount.main(["--from", str(recording), "--out", str(tmp_path / "found.yaml")]) == 2
+        text = capsys.readouterr().err
+        assert text.startswith("./calibrate_mount: ") and text.count("\n") == 1 and reason in text
+    assert not (tmp_path / "found.yaml").exists()
+
+
 def test_spinning_lidar_s_sweep_comes_out_with_odometry_at_its_stamp() -> None:
     def tilt(t: float) -> float:
         return float(np.interp(t, [2.0, 2.5, 3.8, 4.0], [0.0, 0.8, -0.61, 0.0]))
 
-    chain = SensorChain(SensorConfig(lidar=LIDAR, assembly=SweepAssemblyConfig(stray_neighbours=0)), RobotBody(), TILT, spinning=True)
+    config = SensorConfig(lidar=LIDAR, assembly=SweepAssemblyConfig(stray_neighbours=0))
+    chain = SensorChain(config, RobotBody(), TILT, lambda _: np.eye(3), spinning=True)
     found = []
     for k in range(120):
         t = round(1.5 + 0.03 * k, 6)

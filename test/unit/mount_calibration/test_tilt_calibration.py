@@ -8,10 +8,12 @@ import pytest
 from room_sweeps import T_BASE_MOUNT, T_TILT_LASER
 
 from mount_calibration import (
+    DEFAULT_FILE,
     PARAMETERS,
     TiltCalibration,
     TiltDirection,
     TiltGeometry,
+    named_calibration,
     read_calibration,
     tilt_directions,
     write_calibration,
@@ -136,3 +138,13 @@ def test_binary_file_is_no_calibration(tmp_path: Path) -> None:
     path.write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(ValueError, match="no YAML"):
         read_calibration(path)
+
+
+def test_calibration_is_named_by_its_path_by_auto_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert named_calibration("").is_nominal and named_calibration("auto").is_nominal
+    write_calibration(TiltCalibration(offset_rad=0.01), DEFAULT_FILE.expanduser())
+    write_calibration(TiltCalibration(offset_rad=0.02), tmp_path / "mine.yaml")
+    assert [named_calibration(name).offset_rad for name in ("", "auto", "~/mine.yaml")] == [0.0, 0.01, 0.02]
+    with pytest.raises(ValueError, match="none.yaml cannot be read: No such file or directory; calibrate_mount writes it"):
+        named_calibration(str(tmp_path / "none.yaml"))

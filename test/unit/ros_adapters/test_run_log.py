@@ -8,6 +8,7 @@ import pytest
 from explore_3dnav.msg import Contact, ExplorationDecision, RunEvent
 from nav_msgs.msg import Odometry
 
+from mount_calibration import RECORDED_FILE, TiltCalibration, read_calibration
 from rigid_geometry import transform_from_rpy
 from robot_body import DESCRIPTION, RobotBody, load_robot, robot_from_mapping
 from ros_adapters.conversions import header
@@ -89,6 +90,15 @@ def test_real_robot_that_set_all_aside_without_leaving_its_start_has_not_explore
     told = log.finish("explored: no reachable frontier is left in the whole map; 12 set aside")
     assert read_summary(tmp_path)["success"] is success
     assert ("never left its start" in told) is not success
+
+
+def test_run_keeps_the_calibration_that_its_nodes_applied(tmp_path: Path) -> None:
+    for name, calibration in (("off", TiltCalibration(offset_rad=0.01)), ("described", TiltCalibration()), ("none", None)):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / RECORDED_FILE).write_text("of an earlier run")
+        RunLog(tmp_path / name, {}, RobotBody(), calibration, judged=False)
+    assert read_calibration(tmp_path / "off" / RECORDED_FILE).offset_rad == 0.01
+    assert not (tmp_path / "described" / RECORDED_FILE).exists() and not (tmp_path / "none" / RECORDED_FILE).exists()
 
 
 def test_run_without_a_folder_only_keeps_its_status() -> None:

@@ -1,0 +1,54 @@
+"""From raw messages of IMU and wheels to an estimate for every wheel stamp: what odometry_fusion_node and ./map_bag both run."""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odometry_fusion.config import OdometryConfig
+from odometry_fusion.imu_input import ImuInput
+from odometry_fusion.odometry_filter import OdometryEstimate, OdometryFilter
+from robot_body import RobotBody
+from sensor_checks import ImuLimits
+
+FloatArray = NDArray[np.float64]
+
+
+class FusedOdometry:
+    """The wheels drive it: an estimate comes out at each of their stamps, once all inputs up to it are there."""
+
+    def __init__(self, config: OdometryConfig, limits: ImuLimits, robot: RobotBody, rotation_of: Callable[[str], FloatArray]) -> None:
+        """`rotation_of(frame)`: the (3, 3) rotation R_base_imu of a frame, or ValueError. ValueError when the configuration is wrong."""
+        self._filter = OdometryFilter(config, robot)
+        self._imu = ImuInput(limits, rotation_of)
+        self._due: deque[float] = deque()
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """As the filter's."""
+        return self._filter.dropped
+
+    def add_imu(self, stamp_s: float, frame: str, gyro: Sequence[float], accel: Sequence[float]) -> None:
+        """Takes rates in rad/s and specific force in m/s^2 in `frame`; ValueError in one line for an IMU that cannot be right."""
+        for sample in self._imu.add(stamp_s, frame, gyro, accel):
+            self._filter.add_imu(sample.stamp_s, sample.gyro, sample.accel)
+
+    def add_wheels(self, stamp_s: float, forward_mps: float, yaw_rate: float) -> None:
+        """Takes the wheels' velocities in m/s and rad/s."""
+        self._imu.add_wheels(stamp_s, yaw_rate)
+        if not self._filter.add_wheels(stamp_s, forward_mps, yaw_rate):
+            return
+        if self._due and stamp_s < self._due[-1]:
+            self._due.clear()  # time jumped back
+        self._due.append(stamp_s)
+
+    def poll(self) -> Iterator[OdometryEstimate]:
+        """The estimates that are due by now, oldest first."""
+        complete_until_s = self._filter.complete_until_s
+        if complete_until_s is None:
+            return
+        while self._due and self._due[0] <= complete_until_s:
+            estimate = self._filter.estimate(self._due.popleft())
+            if estimate is not None:
+                yield estimate
