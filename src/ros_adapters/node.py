@@ -138,14 +138,14 @@ class Node:
     def received(self, topic: str) -> None:
         """Counts a message that came otherwise than by a subscription to its topic."""
         self._heard(topic, time.monotonic())
-        self._count(topic)
+        self._count_message(topic)
 
     def _heard(self, topic: str, now_s: float) -> None:
         for watch in self.diagnostics.inputs:
             if watch.topic == topic:
                 watch.arrived(now_s)
 
-    def _count(self, topic: str) -> None:
+    def _count_message(self, topic: str) -> None:
         if self._barrier is not None:
             self._barrier.received(topic)
 
@@ -218,7 +218,7 @@ class Node:
             with self.lock:
                 if guard(message) is not False:
                     self._heard(topic, arrived_s)
-                self._count(topic)
+                self._count_message(topic)
                 self._proceed(message)
 
         self.watch(topic, silent_after_s)

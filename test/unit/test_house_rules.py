@@ -162,6 +162,25 @@ def test_every_module_says_what_it_is(path: Path) -> None:
     assert ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))), path
 
 
+def _own_names(node: ast.ClassDef) -> set[str]:
+    """Methods and attributes that a class gives itself."""
+    stored = {
+        n.attr
+        for n in ast.walk(node)
+        if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store) and isinstance(n.value, ast.Name) and n.value.id == "self"
+    }
+    return stored | {n.name for n in node.body if isinstance(n, ast.FunctionDef)}
+
+
+@pytest.mark.parametrize("path", NODES, ids=lambda p: p.name)
+def test_node_takes_no_private_name_of_what_all_nodes_share(path: Path) -> None:
+    shared = ast.parse((SRC / ADAPTERS / "node.py").read_text(encoding="utf-8"))
+    taken = next(_own_names(c) for c in shared.body if isinstance(c, ast.ClassDef) and c.name == "Node")
+    for c in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(c, ast.ClassDef) and any(isinstance(b, ast.Name) and b.id == "Node" for b in c.bases):
+            assert not {name for name in _own_names(c) & taken if name.startswith("_") and name != "__init__"}
+
+
 @pytest.mark.parametrize("path", NODES, ids=lambda p: p.name)
 def test_node_is_executable_and_named_as_one(path: Path) -> None:
     assert path.name.endswith("_node") and path.stat().st_mode & 0o100
