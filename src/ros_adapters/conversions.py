@@ -110,7 +110,8 @@ def _hits(message: PointCloud2) -> tuple[PointTable, NDArray[np.floating]]:
     if table.origins is None:
         raise ValueError("cloud without float fields vp_x, vp_y, vp_z, where its beams started")
     if not len(table.points):
-        raise ValueError(f"cloud of {message.height} x {message.width} points, none of which is finite")
+        what = "none of which is finite" if message.height * message.width else "a cloud without points"
+        raise ValueError(f"cloud of {message.height} x {message.width} points, {what}")
     return table, table.origins
 
 

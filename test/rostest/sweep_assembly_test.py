@@ -97,7 +97,7 @@ class SweepAssemblyTest(unittest.TestCase):
     def test_joint_sample_that_is_no_number_is_counted_and_dropped(self) -> None:
         self.joints.publish(joints(self.clock_s + 1.0, float("nan")))
         self.clouds.wait_for_stamp(round(self.sweep(), 6))
-        self.diagnostics.wait_for_count("joint_not_finite")
+        self.diagnostics.wait_for_dropped("bad JointState")
 
     def test_time_that_jumps_back_starts_afresh(self) -> None:
         self.clouds.wait_for_stamp(round(self.sweep(), 6))
