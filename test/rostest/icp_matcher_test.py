@@ -73,7 +73,7 @@ class IcpMatcherTest(unittest.TestCase):
         nan = cloud_message(0.0, "base_link", np.full((50, 3), np.nan, np.float32), np.zeros((50, 3), np.float32))
         cut = self.reading()
         cut.data = cut.data[:100]
-        for bad, reason in ((empty, "without points"), (nan, "finite"), (cut, "cannot be read"), (PointCloud2(), "without float32 fields")):
+        for bad, reason in ((empty, "without points"), (nan, "finite"), (cut, "cannot be read"), (PointCloud2(), "without float fields")):
             self.assert_refused(self.match(self.reference, bad, transform_message(np.eye(4)), []), reason)
             self.assert_refused(self.match(bad, self.reading(), transform_message(np.eye(4)), []), reason)
         self.assert_matches()
