@@ -153,7 +153,7 @@ class Node:
         """Acts on what is complete by now."""
         if not self._acts:
             return
-        act, then = (self._guard(step, cause) for step in self._acts)
+        act, then = (self.dropping(step, cause) for step in self._acts)
         if self._barrier is None:
             act(None)
             then(None)
@@ -168,7 +168,7 @@ class Node:
         assert self._tick_topic is not None
         self._tick_topic.publish(SimulationTick(header(tick.stamp_s, ""), list(counts), list(counts.values())))
 
-    def _guard(self, callback: Callable[[M], R], cause: object = None) -> Callable[[M], R | None]:
+    def dropping(self, callback: Callable[[M], R], cause: object = None) -> Callable[[M], R | None]:
         """`callback`, which drops what it cannot use: a ValueError is counted under the type of its message, as is a service that fails."""
 
         def run(message: M) -> R | None:
@@ -188,7 +188,7 @@ class Node:
 
     def guarded(self, callback: Callable[[M], R]) -> Callable[[M], R | None]:
         """`callback` under the node's lock; what it cannot use is dropped and counted."""
-        guard = self._guard(callback)
+        guard = self.dropping(callback)
 
         def run(message: M) -> R | None:
             with self.lock:
@@ -211,7 +211,7 @@ class Node:
         A pause longer than `silent_after_s` is told on /diagnostics. A callback that returns False says that the message was not for
         this node: it breaks no pause, and the barrier counts it. Arrays of numbers arrive as numpy arrays.
         """
-        guard = self._guard(callback)
+        guard = self.dropping(callback)
 
         def take_in(message: M) -> None:
             arrived_s = time.monotonic()
@@ -280,4 +280,4 @@ class Node:
             time.sleep(_WATCH_PERIOD_S)
             if not self.lockstep:
                 self.guarded(self._watchdog)(time.monotonic())
-            self._guard(lambda _: self.diagnostics.report_news())(None)
+            self.dropping(lambda _: self.diagnostics.report_news())(None)
