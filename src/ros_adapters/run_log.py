@@ -24,6 +24,8 @@ VERSION = "0.1.0"
 _COUNTED = ("pose_graph_mapping_node", "octomap_server_3dnav_node")
 _MAP_FILES = ("map.bt", "trajectory.txt", "cloud.ply")
 
+_CLOCK_JUMP_S = 60.0  # no odometry is silent for so long: somebody set the clock
+
 
 class RunLog:
     """Collects counters from messages; without a folder it only keeps the status line."""
@@ -43,8 +45,8 @@ class RunLog:
         self._out = out
         self._parameters = {**parameters, "robot": robot_mapping(robot)}
         self._started, self._begun = time.time(), time.monotonic()
-        self._first_stamp_s: float | None = None
-        self._last_stamp_s = 0.0
+        self._last_stamp_s: float | None = None
+        self._elapsed_s = 0.0
         self._first_wall_s = self._started
         self._event = RunEvent(state="starting")
         self._decision: ExplorationDecision | None = None
@@ -79,7 +81,8 @@ class RunLog:
 
     @property
     def sim_time_s(self) -> float:
-        return 0.0 if self._first_stamp_s is None else self._last_stamp_s - self._first_stamp_s
+        """Seconds of the stamps' time since the first odometry; a clock that is set anew counts for nothing."""
+        return self._elapsed_s
 
     def _is_over(self, stamp_s: float) -> bool:
         """Whether something comes after the run: the clock goes on until all nodes have ended, how far depends on the machine."""
@@ -113,8 +116,10 @@ class RunLog:
         stamp_s, xy = stamp_of(message), transform_from_pose(message.pose.pose)[:2, 3]
         if self._is_over(stamp_s):
             return
-        if self._first_stamp_s is None:
-            self._first_stamp_s, self._first_wall_s = stamp_s, time.time()
+        if self._last_stamp_s is None:
+            self._first_wall_s = time.time()
+        elif 0.0 < stamp_s - self._last_stamp_s < _CLOCK_JUMP_S:
+            self._elapsed_s += stamp_s - self._last_stamp_s
         self._last_stamp_s = stamp_s
         if self._last_xy is not None:
             self._distance_m += float(np.linalg.norm(xy - self._last_xy))

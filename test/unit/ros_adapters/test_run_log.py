@@ -107,3 +107,10 @@ def test_run_without_a_folder_only_keeps_its_status() -> None:
     log.odometry(odometry(3.0, 2.0))
     assert log.status_line().startswith("t=2.0 s")
     assert log.finish("stopped") == "ended: stopped"
+
+
+def test_clock_that_is_set_anew_does_not_count_as_time_driven(tmp_path: Path) -> None:
+    log = RunLog(tmp_path, {"robot_description": "<robot/>"}, RobotBody(), judged=False)
+    for stamp_s in (1.0, 1.05, 1e9, 1e9 + 0.05, 50.0, 50.05):
+        log.odometry(odometry(stamp_s, 0.0))
+    assert log.sim_time_s == pytest.approx(0.15, abs=1e-6)
