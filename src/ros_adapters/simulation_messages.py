@@ -16,12 +16,12 @@ from std_msgs.msg import Header
 from robot_body import RobotBody
 from ros_adapters.conversions import pose_message
 from ros_adapters.frames import frames
+from ros_adapters.node import TICK_TOPIC
 from ros_adapters.revolution_messages import revolution_message
 
 if TYPE_CHECKING:
     from pybullet_simulation import Delivery, ImuSample, JointSample, Revolution, Scan, ScanGeometry, TickData, Truth, WheelOdometry
 
-TICK_TOPIC = "/simulation/tick"
 _QUEUE = 100
 _UNKNOWN_ORIENTATION = [-1.0] + [0.0] * 8  # sensor_msgs/Imu: no orientation estimate
 
