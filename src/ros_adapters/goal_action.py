@@ -53,6 +53,12 @@ class GoalAction:
         self._server = actionlib.ActionServer("move_base", MoveBaseAction, self._on_goal, self._on_cancel, auto_start=False)
         self._server.lock = lock  # one lock for both: the server calls us under its own, and we call it under ours
         self._server.start()
+        rospy.core.add_preshutdown_hook(self._end)
+
+    def _end(self, _reason: str) -> None:
+        """Before the topics close: the server's own timer would publish to one that is closed."""
+        with self._lock:
+            self._server.started = False
 
     def on_simple_goal(self, goal: PoseStamped) -> None:
         """A goal from rviz's tool, which knows no height: where the one given is no ground, the storey nearest to the robot is meant.

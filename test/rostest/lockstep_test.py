@@ -92,13 +92,21 @@ class LockstepTest(unittest.TestCase):
         stamp_s = self.send()
         time.sleep(QUIET_S)
         self.assertFalse(self.answered(stamp_s))
-        self.decisions.publish(ExplorationDecision(header=header(stamp_s, "map"), kind="goal", reason="in the test"))
+        self.decisions.publish(ExplorationDecision(header=header(stamp_s, "map"), kind="goal", reason="in the test", has_terrain=True))
         time.sleep(QUIET_S)
         self.assertFalse(self.answered(stamp_s))
         LockstepTest.terrain_s, LockstepTest.commands_sent = stamp_s, LockstepTest.commands_sent + 1
         self.commands.publish(FollowerCommand(header=header(stamp_s, "base_link"), state="waiting", terrain_stamp=ros_time(stamp_s)))
         wait_until(lambda: self.answered(stamp_s), "the answer")
         self.assertEqual(self.state(), "driving")
+
+    def test_4_decision_about_a_robot_that_was_not_found_waits_for_no_terrain(self) -> None:
+        LockstepTest.clouds += 1
+        stamp_s = self.send()
+        time.sleep(QUIET_S)
+        self.assertFalse(self.answered(stamp_s))
+        self.decisions.publish(ExplorationDecision(header=header(stamp_s, "map"), kind="keep", reason="not found", has_terrain=False))
+        wait_until(lambda: self.answered(stamp_s), "the answer")
 
 
 if __name__ == "__main__":

@@ -88,7 +88,7 @@ class StopScanAndGoTest(unittest.TestCase):
 
     def decide(self, kind: str, terrain_s: float | None = None) -> None:
         """The decision about the sweep that has just ended, and the follower's word that it has its terrain."""
-        self.decisions.publish(ExplorationDecision(header=header(self.clock_s, "map"), kind=kind, reason="in the test"))
+        self.decisions.publish(ExplorationDecision(header=header(self.clock_s, "map"), kind=kind, reason="in the test", has_terrain=True))
         self.terrain_s = StopScanAndGoTest.terrain_s = self.clock_s if terrain_s is None else terrain_s
         self.commands.publish(
             FollowerCommand(header=header(self.clock_s, "base_link"), state="waiting", terrain_stamp=ros_time(self.terrain_s))
@@ -179,7 +179,7 @@ class StopScanAndGoTest(unittest.TestCase):
         self.drive()
         StopScanAndGoTest.clock_s -= 60.0
         StopScanAndGoTest.terrain_s = self.clock_s
-        self.decisions.publish(ExplorationDecision(header=header(self.clock_s, "map"), kind="goal"))
+        self.decisions.publish(ExplorationDecision(header=header(self.clock_s, "map"), kind="goal", has_terrain=True))
         self.tick(v=0.2)
         self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.2)
 
