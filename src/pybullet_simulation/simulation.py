@@ -4,7 +4,6 @@ It stands in for the robot: commands and requests for a sweep go in, laser scans
 out, and the truth, which only the evaluation may see. The same world, seed and commands give the same data, bit for bit.
 """
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,11 +13,12 @@ from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.drive import Drive, SlipModel
 from pybullet_simulation.ground import Ground
 from pybullet_simulation.lidar_config import SpinningLidarConfig
+from pybullet_simulation.mount_drive import MountDrive
 from pybullet_simulation.physics import BodyState, Physics
 from pybullet_simulation.records import Contact, ScanGeometry, TickData, Truth
 from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.sensors import IMU_PERIOD_S, SIDE_OF_WHEEL, SensorParts, Sensors
-from pybullet_simulation.sweep_profile import spinning_sweep_profile, sweep_profile
+from pybullet_simulation.sweep_profile import nod_moves, spinning_sweep_profile, sweep_profile
 from pybullet_simulation.tilt_mount import TiltMount
 from pybullet_simulation.timing_config import TimingConfig
 from pybullet_simulation.trace import PhysicsTick, Tilts, Trace
@@ -63,7 +63,8 @@ class Simulation:
         self._drive, self._slip, self._ground = Drive(config, body), SlipModel(config, slip_rng), Ground(config, ground_rng)
         self._mount = TiltMount(config, mount_rng)
         self._profile = spinning_sweep_profile(config, lidar) if lidar else sweep_profile(config)
-        self._tick, self._sweep_start_s = FIRST_TICK - 1 + round(config.clock_start_s * TICKS_PER_S), math.nan
+        self._mount_drive = MountDrive(self._profile, nod_moves(config))
+        self._tick = FIRST_TICK - 1 + round(config.clock_start_s * TICKS_PER_S)
         self._steps, self._dt_s = config.physics_rate_hz // TICKS_PER_S, 1.0 / config.physics_rate_hz
         self._command, self._command_age = (0.0, 0.0), 0
         self._settle()
@@ -103,12 +104,12 @@ class Simulation:
     @property
     def sweeping(self) -> bool:
         """Whether a sweep was asked for and is not over."""
-        return not math.isnan(self._sweep_start_s)
+        return self._mount_drive.sweeping
 
     @property
     def sweep_left_s(self) -> float:
         """What is left of the sweep under way, in seconds; 0 when there is none."""
-        return self._profile.duration_s - (self.stamp_s - self._sweep_start_s) if self.sweeping else 0.0
+        return self._mount_drive.sweep_left_s(self.stamp_s)
 
     @property
     def sweep_duration_s(self) -> float:
@@ -121,10 +122,12 @@ class Simulation:
         return ScanGeometry(range_min=self._config.range_min_m, range_max=self._config.range_max_m)
 
     def start_sweep(self) -> None:
-        """Begin a sweep with the next tick. ValueError when one is running."""
-        if self.sweeping:
-            raise ValueError(f"a sweep is running since {self._sweep_start_s:.2f} s")
-        self._sweep_start_s = self.stamp_s
+        """Begin a sweep with the next tick. ValueError while the mount moves."""
+        self._mount_drive.start_sweep(self.stamp_s)
+
+    def nod(self, wanted: bool) -> None:
+        """Have the mount nod from the next tick on, or come to rest level. ValueError while a sweep is made."""
+        self._mount_drive.nod(wanted, self.stamp_s)
 
     def tick(self, v: float | None = None, w: float = 0.0) -> TickData:
         """Advance by 0.05 s under a new command (m/s, rad/s), or under the last one until it is `command_timeout_s` old.
@@ -151,15 +154,11 @@ class Simulation:
         return self._command if age_s < self._config.command_timeout_s - 1e-9 else (0.0, 0.0)
 
     def _tilts(self, times_s: Array) -> Tilts:
-        measured = rates = np.zeros(times_s.size)
-        if self.sweeping:
-            elapsed = times_s - self._sweep_start_s
-            measured, rates = self._profile.tilt_at(elapsed), self._profile.rate_at(elapsed)
+        measured, rates = self._mount_drive.tilts(times_s)
         return Tilts(self._mount.true_tilts(measured), measured, rates)
 
     def _still_sweeping(self) -> bool:
-        if self.sweeping and self.stamp_s - self._sweep_start_s >= self._profile.duration_s - 1e-9:
-            self._sweep_start_s = math.nan
+        self._mount_drive.finish(self.stamp_s)
         return self.sweeping
 
     def _advance(self, command: tuple[float, float], tilts: Tilts) -> PhysicsTick:

@@ -1,4 +1,7 @@
-"""How the laser tilts during a sweep: fast over the nose to behind the robot, slowly back to above the horizon, then level."""
+"""How the laser tilts: a sweep goes fast over the nose to behind the robot, slowly back to above the horizon, then level.
+
+A nod goes to and fro in front of the robot.
+"""
 
 import math
 from collections.abc import Callable
@@ -19,7 +22,7 @@ STEP_S = 0.001
 
 @dataclass(frozen=True)
 class SweepProfile:
-    """Tilt (rad) and tilt rate (rad/s) over the time since the start of a sweep, (M,) each; it ends level and at rest."""
+    """Tilt (rad) and tilt rate (rad/s) over the time since the start of a move of the mount, (M,) each; it ends at rest."""
 
     times_s: Array
     tilts_rad: Array
@@ -27,16 +30,53 @@ class SweepProfile:
 
     @property
     def duration_s(self) -> float:
-        """Time from level to level."""
+        """Time from rest to rest."""
         return float(self.times_s[-1])
 
     def tilt_at(self, elapsed_s: Array) -> Array:
-        """Tilt at times since the start; level before and after."""
+        """Tilt at times since the start; that of its ends before and after."""
         return np.interp(elapsed_s, self.times_s, self.tilts_rad)
 
     def rate_at(self, elapsed_s: Array) -> Array:
         """Tilt rate at times since the start; zero before and after."""
         return np.interp(elapsed_s, self.times_s, self.rates_rps)
+
+
+@dataclass(frozen=True)
+class Nod:
+    """The moves of a mount that nods: from level to its lowest tilt, up, down, and from either end back to level."""
+
+    begin: SweepProfile
+    up: SweepProfile
+    down: SweepProfile
+    ends: tuple[SweepProfile, SweepProfile]
+
+    def after(self, tilt_rad: float) -> SweepProfile:
+        """The move that follows on the one that has ended at a tilt."""
+        if tilt_rad == 0.0:
+            return self.begin
+        return self.up if tilt_rad == self.up.tilts_rad[0] else self.down
+
+    def to_level(self, tilt_rad: float) -> SweepProfile:
+        """The way back from the end that the mount is at."""
+        return self.ends[0] if tilt_rad == self.up.tilts_rad[0] else self.ends[1]
+
+
+def nod_moves(config: SimulationConfig) -> Nod:
+    """The nod of a config: the law of the sweep, as many times faster or slower as its half-period asks for."""
+    low, high = config.nod_lowest_rad, config.nod_highest_rad
+    law, tilts = _even_lines(config), np.linspace(high, low, 2000)
+    factor = float(np.trapezoid([1.0 / law(tilt) for tilt in tilts], tilts)) / config.nod_half_period_s
+
+    def scaled(tilt: float) -> float:
+        return min(factor * law(tilt), config.slew_rate_rps)
+
+    def move(start: float, goal: float) -> SweepProfile:
+        moved = [start], [0.0]
+        _append_move(*moved, goal, scaled, config.tilt_acceleration_rps2)
+        return _profile(*moved)
+
+    return Nod(move(0.0, low), move(low, high), move(high, low), (move(low, 0.0), move(high, 0.0)))
 
 
 def sweep_profile(config: SimulationConfig) -> SweepProfile:
@@ -72,6 +112,10 @@ def _sweep(config: SimulationConfig, start_rad: float, end_rad: float, slow: Rat
     tilts, rates = [0.0], [0.0]
     for goal, law in ((start_rad, slew), (end_rad, slow), (0.0, slew)):
         _append_move(tilts, rates, goal, law, config.tilt_acceleration_rps2)
+    return _profile(tilts, rates)
+
+
+def _profile(tilts: list[float], rates: list[float]) -> SweepProfile:
     return SweepProfile(np.arange(len(tilts), dtype=np.float64) * STEP_S, np.array(tilts), np.array(rates))
 
 

@@ -29,7 +29,7 @@ from stage_config import check_ranges, parameter
 from sweep_assembly.beams import STAMP_TOLERANCE_S, Beams, FreeBeams, Sensor
 from sweep_assembly.geometry import FloatArray, TiltGeometry
 from sweep_assembly.stray_points import stray_points
-from sweep_assembly.sweep_window import SweepWindow, SweepWindowDetector
+from sweep_assembly.sweep_window import NodWindowDetector, SweepWindow, SweepWindowDetector
 
 NODE_SPACING_S = 0.002  # the laser's pose is exact at nodes and linear between them: 3 rad/s bends a 30 m beam by 0.1 mm
 
@@ -42,6 +42,11 @@ class SweepAssemblyConfig:
     still_rate_rad_s: float = parameter(
         0.05, "rad/s", "tilt rate up to which the mount rests; below the sweep's rate at the horizon", low=1e-4
     )
+    windows: str = parameter(
+        "rest", "-", "rest: a sweep goes from rest to rest; turning_points: so does a half-period of a nod", choices=("rest", "turning_points")
+    )
+    whole_sweep_rad: float = parameter(1.3, "rad", "no nod tilts lower: what does is a whole sweep, from rest to rest", low=0.1, high=3.1)
+    least_nod_rad: float = parameter(0.3, "rad", "a shorter way from turn to turn is no nod", low=0.05, high=3.0)
     max_duration_s: float = parameter(30.0, "s", "a sweep that takes longer is dropped", low=0.1)
     max_joint_gap_s: float = parameter(0.11, "s", "scans that overlap a longer pause of the joint samples are dropped", low=1e-3)
     max_odometry_gap_s: float = parameter(0.21, "s", "scans that overlap a longer pause of the odometry are dropped", low=1e-3)
@@ -74,7 +79,7 @@ class Sweep:
     `points`: (N, 3) float32 metres, in the order in which they were measured. `origins`: (N, 3) float32, where the laser was
     for each of them. `free_ends`, `free_origins`: (M, 3) float32, the same for a thinned part of the beams that met nothing, cut at
     `free_range_m`: what lies along them was seen to be free. `scans`: how many scans or revolutions gave points.
-    `place`: the same hits as the mount's calibration takes them; None when the robot moved meanwhile.
+    `place`: the same hits as the mount's calibration takes them; None when the robot moved meanwhile, or the mount went one way only.
     """
 
     stamp_s: float
@@ -164,7 +169,9 @@ class SweepAssembler:
         self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", config.jump_back_s, config.buffer_s, self._dropped)
         self._scans: StampedBuffer[Any] = StampedBuffer("scan", config.jump_back_s, config.buffer_s, self._dropped)
         self._direction = TiltDirection(self._tilt_geometry.calibration.backlash_rad)
-        self._detector = SweepWindowDetector(config.horizontal_tolerance_rad, config.still_rate_rad_s, config.max_duration_s, self._dropped)
+        rest = SweepWindowDetector(config.horizontal_tolerance_rad, config.still_rate_rad_s, config.max_duration_s, self._dropped)
+        nods = config.windows == "turning_points"
+        self._detector = NodWindowDetector(rest, config.whole_sweep_rad, config.least_nod_rad) if nods else rest
         self._pending: list[SweepWindow] = []
 
     def _arrives(self, buffer: StampedBuffer[Any], stamp_s: float) -> bool:
@@ -246,7 +253,7 @@ class SweepAssembler:
             translation_distance(T, poses[-1]) <= config.standing_m and rotation_angle(inverse(poses[-1]) @ T) <= config.standing_rad
             for T in poses
         )
-        if not poses or not stood:
+        if not (poses and stood and window.from_rest):
             return None
         joint_stamps, tilts = self._joints.stamps, np.array(self._joints.values)[:, 0]
         directions = steady_directions(joint_stamps, tilts, beams.times_s)

@@ -7,10 +7,11 @@ from enum import Enum, auto
 
 @dataclass(frozen=True)
 class SweepWindow:
-    """The time from the last horizontal joint sample before a sweep to the first one after it, in seconds."""
+    """From the last horizontal joint sample before a sweep to the first one after it, in seconds, or from one turn of a nod to the next."""
 
     start_stamp_s: float
     end_stamp_s: float
+    from_rest: bool = True
 
 
 class TiltPhase(Enum):
@@ -61,6 +62,10 @@ class SweepWindowDetector:
             return None
         return self._settle(before[0])
 
+    def forget(self) -> None:
+        """What moves now is no sweep; the next one begins at rest."""
+        self._phase, self._start_stamp_s, self._midway = TiltPhase.UNKNOWN, None, True
+
     def _level(self, tilt_rad: float) -> bool:
         return abs(tilt_rad) <= self._tolerance_rad
 
@@ -84,3 +89,62 @@ class SweepWindowDetector:
         if was is not TiltPhase.SWEEPING or start is None:
             return None
         return SweepWindow(start, end_stamp_s)
+
+
+_TURNED_BACK_RAD = 0.02  # from the outermost tilt: less may be the encoder's noise
+
+
+class NodWindowDetector:
+    """Finds the half-periods of a mount that nods, each from one turn to the next.
+
+    A movement from rest to beyond all nods is a whole sweep, and ends at rest, as without nodding.
+    """
+
+    def __init__(self, rest: SweepWindowDetector, whole_sweep_rad: float, least_rad: float) -> None:
+        """`whole_sweep_rad`: no nod tilts lower; `least_rad`: a shorter way from turn to turn is none."""
+        self._rest, self._whole_sweep_rad, self._least_rad = rest, whole_sweep_rad, least_rad
+        self._is_whole = False
+        self._forget_turns()
+
+    @property
+    def needed_from_s(self) -> float | None:
+        """Nothing before this stamp can belong to the present or a coming sweep; None before the first sample."""
+        return self._rest.needed_from_s if self._turn is None else self._turn[0]
+
+    def add(self, stamp_s: float, tilt_rad: float) -> SweepWindow | None:
+        """Takes the next joint sample (stamps increase); a window when with this sample a sweep, or half a nod, is seen to have ended."""
+        at_rest = self._rest.add(stamp_s, tilt_rad)
+        self._is_whole = self._is_whole or tilt_rad > self._whole_sweep_rad
+        if self._rest.phase is TiltPhase.HORIZONTAL:
+            window, self._is_whole = (at_rest if self._is_whole else None), False
+            self._forget_turns()
+            return window
+        return None if self._is_whole else self._after(stamp_s, tilt_rad)
+
+    def _forget_turns(self) -> None:
+        self._turn: tuple[float, float] | None = None  # stamp and tilt of the last one
+        self._outermost: tuple[float, float] | None = None
+        self._direction = 0.0
+
+    def _after(self, stamp_s: float, tilt_rad: float) -> SweepWindow | None:
+        if self._outermost is None:
+            self._outermost = stamp_s, tilt_rad
+        back_rad = tilt_rad - self._outermost[1]
+        if back_rad * self._direction > 0.0:
+            self._outermost = stamp_s, tilt_rad
+        elif abs(back_rad) > _TURNED_BACK_RAD:
+            return self._turned(stamp_s, tilt_rad)
+        return None
+
+    def _turned(self, stamp_s: float, tilt_rad: float) -> SweepWindow | None:
+        """The mount has left its outermost tilt: there it turned, but where it came from rest."""
+        assert self._outermost is not None
+        before, turn, moved = self._turn, self._outermost, self._direction != 0.0
+        self._direction, self._outermost = (1.0 if tilt_rad > turn[1] else -1.0), (stamp_s, tilt_rad)
+        if not moved:
+            return None
+        self._turn = turn
+        self._rest.forget()
+        if before is None or abs(turn[1] - before[1]) < self._least_rad:
+            return None
+        return SweepWindow(before[0], turn[0], from_rest=False)

@@ -129,7 +129,7 @@ class PybulletSimTest(unittest.TestCase):
         self.assertTrue(start_sweep().success)
         refused = start_sweep()
         self.assertFalse(refused.success)
-        self.assertIn("under way", refused.message)
+        self.assertIn("a sweep is running", refused.message)
         far = self.joints.wait_for(lambda m: m.position[m.name.index("tilt_joint")] > 2.5)
         wait_until(
             lambda: self.joints.messages[-1].header.stamp > far.header.stamp and abs(self.joints.messages[-1].position[0]) < 1e-3,
