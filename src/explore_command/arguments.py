@@ -14,6 +14,7 @@ NAMED_WORLDS = ("rooms", "doors", "ramp", "moon")
 SENSORS = ("tilting", "spinning")
 UPS = ("x", "y", "z")
 REALISMS = ("hardware", "ideal")
+MAPPINGS = ("stop_and_go", "driving")
 _RUN_FILES: tuple[str, ...] = (
     "run.json",
     "summary.json",
@@ -67,6 +68,7 @@ class ExploreArguments:
     world: str
     sensor: str
     realism: str
+    mapping: str
     seed: int
     start: tuple[float, ...] | None
     scale: float | None
@@ -125,6 +127,12 @@ def parser() -> argparse.ArgumentParser:
         "--realism",
         choices=REALISMS,
         help="hardware: sensors, clocks and drive as one buys them; ideal: without most of their faults; default hardware",
+    )
+    p.add_argument(
+        "--mapping",
+        choices=MAPPINGS,
+        default=MAPPINGS[0],
+        help="stop_and_go: the robot stands for each sweep; driving: the mount nods while it drives; default %(default)s",
     )
     p.add_argument("--seed", type=int, help="sets start, noise, slip and clutter; default 1")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for the results; default runs/WORLD-SEED")
@@ -186,6 +194,7 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         world=a.world if a.world in NAMED_WORLDS else str(Path(a.world).absolute()),
         sensor=a.sensor,
         realism=a.realism,
+        mapping=a.mapping,
         seed=a.seed,
         start=tuple(a.start) if a.start else None,
         scale=a.scale,

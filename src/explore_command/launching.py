@@ -62,6 +62,7 @@ def launch_arguments(arguments: ExploreArguments, robot: RobotBody, overrides: P
         "world": arguments.world,
         "sensor": arguments.sensor,
         "realism": arguments.realism,
+        "mapping": arguments.mapping,
         "seed": arguments.seed,
         "start": _joined(arguments.start),
         "scale": _joined((arguments.scale,)) if arguments.scale else "",

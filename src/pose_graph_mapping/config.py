@@ -121,7 +121,14 @@ class RegistrationConfig:
         low=0.0,
         high=0.9,
     )
-    free_space_viewpoints: int = parameter(6, "-", "most standpoints of the reference that are checked, nearest first", low=1, high=100)
+    free_space_viewpoints: int = parameter(6, "-", "most standpoints of a cloud that are checked, nearest first", low=1, high=100)
+    standpoint_m: float = parameter(
+        0.5,
+        "m",
+        "beams that start so near to each other have one standpoint; smaller for sweeps made while driving",
+        low=0.05,
+        high=2.0,
+    )
 
     chain_min_range_m: float = parameter(0.3, "m", "shorter beams are dropped", low=0.0)
     chain_max_range_m: float = parameter(30.0, "m", "longer beams are dropped", low=0.1)

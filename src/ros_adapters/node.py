@@ -120,7 +120,7 @@ class Node:
         self._acts = (act, then)
         if not self.lockstep:
             return
-        self._barrier = Barrier(after, on)
+        self._barrier = Barrier(after, [rospy.remap_name(topic) for topic in on])
         self._tick_topic = rospy.Publisher(f"{TICK_TOPIC}/{self.name}", SimulationTick, queue_size=None, tcp_nodelay=True)
         for upstream in after:
             topic = f"{TICK_TOPIC}/{upstream}".rstrip("/")
@@ -137,6 +137,7 @@ class Node:
 
     def received(self, topic: str) -> None:
         """Counts a message that came otherwise than by a subscription to its topic."""
+        topic = rospy.remap_name(topic)
         self._heard(topic, time.monotonic())
         self._count_message(topic)
 
@@ -211,17 +212,17 @@ class Node:
         A pause longer than `silent_after_s` is told on /diagnostics. A callback that returns False says that the message was not for
         this node: it breaks no pause, and the barrier counts it. Arrays of numbers arrive as numpy arrays.
         """
-        guard = self.dropping(callback)
+        guard, name = self.dropping(callback), rospy.remap_name(topic)
 
         def take_in(message: M) -> None:
             arrived_s = time.monotonic()
             with self.lock:
                 if guard(message) is not False:
-                    self._heard(topic, arrived_s)
-                self._count_message(topic)
+                    self._heard(name, arrived_s)
+                self._count_message(name)
                 self._proceed(message)
 
-        self.watch(topic, silent_after_s)
+        self.watch(name, silent_after_s)
         subscriber = rospy.Subscriber(
             topic,
             numpy_msg(message_type),
@@ -266,7 +267,7 @@ class Node:
         """
         small = None if self.lockstep else _QUEUE
         publisher = CountingPublisher(topic, message_type, queue_size=5 if large else small, tcp_nodelay=True, latch=latch)
-        self._sent[topic] = publisher
+        self._sent[rospy.remap_name(topic)] = publisher
         return publisher
 
     def run(self) -> None:

@@ -14,6 +14,10 @@ class StopScanAndGoConfig:
     )
     start_delay_s: float = parameter(1.0, "s", "odometry must have been there for so long before the first sweep", low=0.0, high=60.0)
     max_distance_m: float = parameter(2.5, "m", "distance since the last sweep that asks for the next", low=0.2, high=100.0)
+    looked_within_m: float = parameter(
+        0.5, "m", "while driving: where it looked so near before, it stands for a whole sweep", low=0.0, high=10.0
+    )
+    max_refused: int = parameter(2, "-", "while driving: so many refused matches in a row ask for a whole sweep", low=1, high=100)
     max_yaw_rad: float = parameter(3.5, "rad", "sum of turns since the last sweep that asks for the next", low=0.3, high=100.0)
     max_slope_turn_rad: float = parameter(
         2.0,

@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 
 
 class DriveState(enum.Enum):
-    """What the robot does; FINISHED and FAILED are for good."""
+    """What the robot does; FINISHED and FAILED are for good. LOOKING: it stands while its mount nods, until the next decision."""
 
     STARTING = "starting"
     SETTLING = "settling"
     SWEEPING = "sweeping"
     MAPPING = "mapping"
     DRIVING = "driving"
+    LOOKING = "looking"
     FINISHED = "finished"
     FAILED = "failed"
 

@@ -34,6 +34,15 @@ class StopScanAndGo:
         self._awaits_follower = False
         self._sweeps = self._unsettled = self._ignored = 0
         self._sweep_end_s: float | None = None
+        self._answers = {
+            DriveState.STARTING: self._starting,
+            DriveState.SETTLING: self._settling,
+            DriveState.SWEEPING: self._sweeping,
+            DriveState.MAPPING: self._mapping,
+            DriveState.DRIVING: self._driving,
+            DriveState.FINISHED: self._standing,
+            DriveState.FAILED: self._standing,
+        }
 
     @property
     def state(self) -> DriveState:
@@ -86,19 +95,15 @@ class StopScanAndGo:
             raise ValueError(f"stamp_s is a finite time, not {tick.stamp_s!r}")
         self._take_stamp(tick.stamp_s)
         self._measure(tick)
-        answers = {
-            DriveState.STARTING: self._starting,
-            DriveState.SETTLING: self._settling,
-            DriveState.SWEEPING: self._sweeping,
-            DriveState.MAPPING: self._mapping,
-            DriveState.DRIVING: self._driving,
-            DriveState.FINISHED: self._standing,
-            DriveState.FAILED: self._standing,
-        }
-        return answers[self._state](tick)
+        return self._answers[self._state](tick)
 
-    def on_decision(self, stamp_s: float, kind: Decision | str, reason: str) -> TickAction | None:
-        """Take the planner's decision about the sweep that ended at `stamp_s`; ValueError for an unknown kind.
+    @property
+    def nods(self) -> bool:
+        """Whether the mount is to nod."""
+        return False
+
+    def on_decision(self, stamp_s: float, kind: Decision | str, reason: str, *, refused: bool = False) -> TickAction | None:
+        """Take the planner's decision about the sweep that ended at `stamp_s`; `refused`: its match was. ValueError for an unknown kind.
 
         Returns the answer to the tick that was held back, to be sent now. None when none was: a decision that overtakes the end
         of its sweep waits for it, any other is counted and ignored.
@@ -210,7 +215,7 @@ class StopScanAndGo:
     def _driving(self, tick: TickObservation) -> TickAction:
         ended = self._end_of_drive(tick)
         if ended is not None:
-            return self._prepare_sweep(*ended)
+            return self._end_drive(*ended)
         if _finite_pose(tick) is None:
             return self._answer(reason="no odometry")
         if tick.tilt_rad is None:
@@ -218,6 +223,9 @@ class StopScanAndGo:
         if tick.command is None or not all(math.isfinite(c) for c in tick.command):
             return self._answer(reason="no command from the follower")
         return self._answer(*tick.command)
+
+    def _end_drive(self, kind: SweepKind, reason: str) -> TickAction:
+        return self._prepare_sweep(kind, reason)
 
     def _end_of_drive(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
         end = FOLLOWER_ENDS.get(tick.follower_state)

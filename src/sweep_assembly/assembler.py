@@ -43,7 +43,10 @@ class SweepAssemblyConfig:
         0.05, "rad/s", "tilt rate up to which the mount rests; below the sweep's rate at the horizon", low=1e-4
     )
     windows: str = parameter(
-        "rest", "-", "rest: a sweep goes from rest to rest; turning_points: so does a half-period of a nod", choices=("rest", "turning_points")
+        "rest",
+        "-",
+        "rest: sweeps go from rest to rest; turning_points: or are half of a nod",
+        choices=("rest", "turning_points"),
     )
     whole_sweep_rad: float = parameter(1.3, "rad", "no nod tilts lower: what does is a whole sweep, from rest to rest", low=0.1, high=3.1)
     least_nod_rad: float = parameter(0.3, "rad", "a shorter way from turn to turn is no nod", low=0.05, high=3.0)

@@ -11,6 +11,7 @@ from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from node_testing import QUIET_S, Inbox, feed, joints, odometry, wait_for_node, wait_until
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 import rostest
@@ -20,7 +21,7 @@ TICK_S = 0.05
 
 
 class LockstepTest(unittest.TestCase):
-    clock_s, terrain_s = 100.0, 0.0
+    clock_s = 100.0
     commands_sent = clouds = 0
 
     @classmethod
@@ -32,6 +33,7 @@ class LockstepTest(unittest.TestCase):
         cls.odometry, cls.joints = feed("/odom", Odometry), feed("/joint_states", JointState)
         cls.commands = feed("/cmd_vel/move_base", FollowerCommand)
         cls.decisions = feed("/exploration/decision", ExplorationDecision)
+        cls.terrains = feed("/move_base_node/terrain_taken", Header)
         cls.ticks = feed("/simulation/tick/move_base_node", SimulationTick)
         wait_for_node("stop_scan_and_go_node")
         cls.velocities = Inbox("/cmd_vel", Twist).wait_until_connected()
@@ -46,9 +48,7 @@ class LockstepTest(unittest.TestCase):
         counts = {"/cmd_vel/move_base": told_commands or cls.commands_sent, "/sweep_cloud": cls.clouds}
         self.ticks.publish(SimulationTick(header(cls.clock_s, ""), list(counts), list(counts.values())))
         if command:
-            self.commands.publish(
-                FollowerCommand(header=header(cls.clock_s, "base_link"), state="following", terrain_stamp=ros_time(self.terrain_s))
-            )
+            self.commands.publish(FollowerCommand(header=header(cls.clock_s, "base_link"), state="following"))
         self.joints.publish(joints(cls.clock_s - 0.013, tilt_rad))
         self.odometry.publish(odometry(cls.clock_s - 0.004))
         time.sleep(0.005)
@@ -95,8 +95,7 @@ class LockstepTest(unittest.TestCase):
         self.decisions.publish(ExplorationDecision(header=header(stamp_s, "map"), kind="goal", reason="in the test", has_terrain=True))
         time.sleep(QUIET_S)
         self.assertFalse(self.answered(stamp_s))
-        LockstepTest.terrain_s, LockstepTest.commands_sent = stamp_s, LockstepTest.commands_sent + 1
-        self.commands.publish(FollowerCommand(header=header(stamp_s, "base_link"), state="waiting", terrain_stamp=ros_time(stamp_s)))
+        self.terrains.publish(Header(stamp=ros_time(stamp_s)))
         wait_until(lambda: self.answered(stamp_s), "the answer")
         self.assertEqual(self.state(), "driving")
 

@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
 import rostest
-from ros_adapters.conversions import header, ros_time
+from ros_adapters.conversions import header
 
 NODE = "stop_scan_and_go_node"
 TICK_S = 0.05
@@ -24,7 +24,6 @@ class StopScanAndGoTest(unittest.TestCase):
     clock_s = 100.0
     sweeps_asked_for = 0
     held: list[bool] = []
-    terrain_s = 0.0
     x = 0.0
 
     @classmethod
@@ -60,7 +59,7 @@ class StopScanAndGoTest(unittest.TestCase):
         if without != "/odom":
             self.odometry.publish(odometry(self.clock_s - 0.0042, x=self.x, v=moving))
         time.sleep(0.002)
-        command = FollowerCommand(header=header(self.clock_s, "base_link"), state=state, terrain_stamp=ros_time(self.terrain_s))
+        command = FollowerCommand(header=header(self.clock_s, "base_link"), state=state)
         command.twist.linear.x = v
         self.commands.publish(command)
         wait_until(lambda: len(self.velocities.messages) > answers, "the velocity of the tick")
@@ -86,13 +85,9 @@ class StopScanAndGoTest(unittest.TestCase):
                 return self.clock_s
         self.fail("the sweep did not end")
 
-    def decide(self, kind: str, terrain_s: float | None = None) -> None:
-        """The decision about the sweep that has just ended, and the follower's word that it has its terrain."""
+    def decide(self, kind: str) -> None:
+        """The decision about the sweep that has just ended."""
         self.decisions.publish(ExplorationDecision(header=header(self.clock_s, "map"), kind=kind, reason="in the test", has_terrain=True))
-        self.terrain_s = StopScanAndGoTest.terrain_s = self.clock_s if terrain_s is None else terrain_s
-        self.commands.publish(
-            FollowerCommand(header=header(self.clock_s, "base_link"), state="waiting", terrain_stamp=ros_time(self.terrain_s))
-        )
 
     def drive(self) -> None:
         """Up to driving, from wherever the last test left the robot."""
@@ -178,7 +173,6 @@ class StopScanAndGoTest(unittest.TestCase):
     def test_8_time_that_jumps_back_starts_afresh(self) -> None:
         self.drive()
         StopScanAndGoTest.clock_s -= 60.0
-        StopScanAndGoTest.terrain_s = self.clock_s
         self.decisions.publish(ExplorationDecision(header=header(self.clock_s, "map"), kind="goal", has_terrain=True))
         self.tick(v=0.2)
         self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.2)

@@ -91,8 +91,8 @@ class FreeSpace:
         """`near` (3,), in the reference: of many standpoints there, the nearest to it are asked."""
         self._config = config
         self._reference, self._reading = _with_normals(reference), _with_normals(reading)
-        self._seen_by_reference = _images(reference, near, config.free_space_viewpoints)
-        self._seen_by_reading = _images(reading, np.zeros(3), 1)
+        self._seen_by_reference = _images(reference, near, config)
+        self._seen_by_reading = _images(reading, np.zeros(3), config)
 
     def contradiction(self, T_reference_reading: Array, most: int | None = None) -> float:
         """Share of the points of one cloud that lie in space the other saw free, the worse of both directions; NaN without origins.
@@ -137,12 +137,12 @@ def _with_normals(cloud: PointCloud) -> PointCloud:
     return PointCloud(cloud.points, None, np.zeros_like(cloud.points) if cloud.normals is None else cloud.normals)
 
 
-def _images(observer: PointCloud, near: Array, most: int) -> list[tuple[Array, Array]]:
+def _images(observer: PointCloud, near: Array, config: RegistrationConfig) -> list[tuple[Array, Array]]:
     """Standpoints (those nearest to `near`) with what was seen from them."""
     if observer.origins is None or not len(observer):
         return []
-    eyes, index = viewpoints(observer.origins)
-    order = np.argsort(np.linalg.norm(eyes - near, axis=1), kind="stable")[:most]
+    eyes, index = viewpoints(observer.origins, config.standpoint_m)
+    order = np.argsort(np.linalg.norm(eyes - near, axis=1), kind="stable")[: config.free_space_viewpoints]
     return [(eyes[k], range_image(observer.points[index == k], eyes[k])) for k in order]
 
 

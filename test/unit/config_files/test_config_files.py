@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import yaml
 
-from explore_command.parameters import NODE_CONFIGS, config_class, override_problems, parsed_overrides, robot_of
+from explore_command.parameters import NODE_CONFIGS, config_class, override_problems, parsed_overrides, read_profile, robot_of
 from robot_body import DEFAULT_ROBOT_FILE, RobotBody, robot_mapping
 from stage_config import load_config, to_mapping
 
@@ -94,3 +94,8 @@ def test_reference_names_every_parameter_once_a_node() -> None:
 
 def test_reference_on_disk_is_up_to_date() -> None:
     assert (ROOT / "docs" / "parameters.md").read_text(encoding="utf-8") == REFERENCE.reference()
+
+
+@pytest.mark.parametrize("mode", sorted((ROOT / "config" / "modes").glob("*.yaml")), ids=lambda path: path.stem)
+def test_parameters_of_a_mode_are_ones_that_its_nodes_know(mode: Path) -> None:
+    assert not override_problems(read_profile(str(mode)))

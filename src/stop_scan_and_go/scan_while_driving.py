@@ -1,0 +1,74 @@
+"""Scan while driving: the mount nods all the time, and each half of a nod is a sweep. The robot stands only where it has to.
+
+It stands until the next decision at a goal, where the follower has failed, and where it has come far without a decision. It stands for a
+whole sweep at the start, where a look from the same place did not help, and after matches that were refused.
+"""
+
+import math
+
+from stop_scan_and_go.config import StopScanAndGoConfig
+from stop_scan_and_go.interface import Decision, DriveState, SweepKind, TickAction, TickObservation
+from stop_scan_and_go.machine import StopScanAndGo
+
+
+class ScanWhileDriving(StopScanAndGo):
+    """The same machine, with LOOKING beside DRIVING."""
+
+    def __init__(self, config: StopScanAndGoConfig) -> None:
+        """A machine before its first tick; ValueError lists what is wrong with `config`."""
+        super().__init__(config)
+        self._answers[DriveState.LOOKING] = self._looking
+        self._looked_at_m = -math.inf  # way driven when it last stood to look
+        self._refused = 0  # matches in a row
+
+    @property
+    def nods(self) -> bool:
+        """Whether the mount is to nod."""
+        return self._state in (DriveState.DRIVING, DriveState.LOOKING)
+
+    def on_decision(self, stamp_s: float, kind: Decision | str, reason: str, *, refused: bool = False) -> TickAction | None:
+        """Take the planner's decision about the sweep that ended at `stamp_s`; `refused`: its match was. ValueError for an unknown kind."""
+        decision = Decision(kind)
+        self._refused = self._refused + 1 if refused else 0
+        if not self.nods:
+            return super().on_decision(stamp_s, decision, reason)
+        self._sweeps += 1
+        self._travel.restart()
+        if decision is Decision.KEEP and (self._state is DriveState.DRIVING or stamp_s <= self._entered_s):
+            return None
+        return self._decided(decision, reason)
+
+    def _settling(self, tick: TickObservation) -> TickAction:
+        """The mount comes to rest before a whole sweep begins."""
+        if tick.tilt_rad is not None and abs(tick.tilt_rad) <= self._config.level_tilt_rad:
+            return super()._settling(tick)
+        self._still.holds(tick.stamp_s, False)
+        if tick.stamp_s - self._entered_s > self._config.settle_limit_s:
+            self._enter(DriveState.FAILED, f"the mount was not level within {self._config.settle_limit_s:.0f} s")
+        return self._answer()
+
+    def _end_drive(self, kind: SweepKind, reason: str) -> TickAction:
+        here_m = self._travel.total_m
+        is_seen, self._looked_at_m = here_m - self._looked_at_m < self._config.looked_within_m, here_m
+        if is_seen and kind is not SweepKind.INTERMEDIATE:
+            self._looked_at_m = -math.inf
+            return self._prepare_sweep(kind, reason)
+        self._kind = kind
+        self._enter(DriveState.LOOKING, reason)
+        return self._answer()
+
+    def _too_far(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
+        if self._travel.distance_m > self._config.max_distance_m:
+            return SweepKind.INTERMEDIATE, f"{self._travel.distance_m:.2f} m without a decision"
+        return None
+
+    def _driving(self, tick: TickObservation) -> TickAction:
+        if self._refused >= self._config.max_refused:
+            self._refused = 0
+            return self._prepare_sweep(SweepKind.INTERMEDIATE, "matches were refused")
+        return super()._driving(tick)
+
+    def _looking(self, tick: TickObservation) -> TickAction:
+        if tick.stamp_s - self._entered_s > self._config.decision_limit_s:
+            self._enter(DriveState.FAILED, f"no decision about a sweep within {self._config.decision_limit_s:.0f} s")
+        return self._answer()

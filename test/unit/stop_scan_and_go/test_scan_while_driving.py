@@ -1,0 +1,103 @@
+"""Scripted runs of the machine that maps while it drives: when it stands, for what, and when its mount nods."""
+
+import pytest
+from test_stop_scan_and_go import FORWARD, Script
+
+from stop_scan_and_go import DriveState, ScanWhileDriving, StopScanAndGoConfig, SweepKind
+
+
+class DrivingScript(Script):
+    def __init__(self, **changes: float) -> None:
+        super().__init__()
+        self.machine = ScanWhileDriving(StopScanAndGoConfig(**changes))
+
+    def drive(self, seconds: float) -> None:
+        for _ in range(round(seconds / 0.05)):
+            self.tick(FORWARD, "following")
+
+
+@pytest.fixture
+def script() -> DrivingScript:
+    made = DrivingScript()
+    return made.driving()
+
+
+def test_first_sweep_is_made_standing_with_a_mount_that_does_not_nod() -> None:
+    script = DrivingScript()
+    script.until(DriveState.SWEEPING)
+    assert not script.machine.nods
+    script.until(DriveState.MAPPING)
+    script.decide("goal")
+    assert script.machine.nods and script.machine.state is DriveState.DRIVING
+
+
+def test_drives_on_while_decisions_keep_the_plan_or_bring_a_new_one(script: DrivingScript) -> None:
+    for kind in ("keep", "goal", "keep"):
+        script.drive(2.0)
+        script.decide(kind)
+        assert script.tick(FORWARD, "following").v == FORWARD[0]
+    assert script.states() == ["driving"]
+
+
+def test_stands_where_no_decision_came_for_too_long_and_goes_on_with_the_next(script: DrivingScript) -> None:
+    script.drive(6.0)
+    assert script.machine.state is DriveState.LOOKING and script.machine.sweep_kind is SweepKind.INTERMEDIATE
+    assert script.actions[-1].v == 0.0
+    script.t += 1.0
+    script.decide("keep")
+    assert script.machine.state is DriveState.DRIVING
+
+
+def test_at_the_goal_it_looks_until_a_decision_about_a_later_sweep(script: DrivingScript) -> None:
+    script.drive(1.0)
+    script.tick((0.0, 0.0), "reached")
+    reached_s = script.t
+    assert script.machine.state is DriveState.LOOKING and script.machine.nods
+    script.decide("keep", stamp=reached_s - 0.2)
+    assert script.machine.state is DriveState.LOOKING
+    script.decide("goal", stamp=reached_s + 1.0)
+    assert script.machine.state is DriveState.DRIVING
+
+
+def test_new_goal_from_a_sweep_on_the_way_is_driven_to_at_once(script: DrivingScript) -> None:
+    script.drive(1.0)
+    script.tick((0.0, 0.0), "reached")
+    script.decide("goal", stamp=script.t - 0.2)
+    assert script.machine.state is DriveState.DRIVING
+
+
+def test_second_look_from_one_place_asks_for_a_whole_sweep_with_the_mount_at_rest_before_it(script: DrivingScript) -> None:
+    script.drive(1.0)
+    script.tick((0.0, 0.0), "reached")
+    script.decide("goal", stamp=script.t + 1.0)
+    for _ in range(20):
+        script.tick((0.0, 0.0), "turning_to_path")
+    script.tick((0.0, 0.0), "reached")
+    assert script.machine.state is DriveState.SETTLING and not script.machine.nods
+    for _ in range(40):
+        assert not script.tick(tilt_rad=0.4).start_sweep
+    script.until(DriveState.SWEEPING)
+    assert script.sweeps_started == 2
+
+
+def test_matches_refused_in_a_row_ask_for_a_whole_sweep(script: DrivingScript) -> None:
+    for refused in (True, False, True, True):
+        script.drive(1.0)
+        script.machine.on_decision(script.t, "keep", "", refused=refused)
+    script.tick(FORWARD, "following")
+    assert script.machine.state is DriveState.SETTLING
+
+
+def test_what_ends_exploration_ends_it_while_driving(script: DrivingScript) -> None:
+    script.drive(1.0)
+    script.decide("explored")
+    assert script.machine.state is DriveState.FINISHED and not script.machine.nods
+    assert script.tick(FORWARD, "following").v == 0.0
+
+
+def test_mount_that_does_not_come_to_rest_fails_the_run(script: DrivingScript) -> None:
+    script.machine.on_decision(script.t, "keep", "", refused=True)
+    script.machine.on_decision(script.t, "keep", "", refused=True)
+    for _ in range(450):
+        script.tick(FORWARD, "following", tilt_rad=0.5)
+    assert script.machine.state is DriveState.FAILED
