@@ -26,6 +26,7 @@ ORDER: dict[str, set[str]] = {
     "odometry_fusion": BASE | {"sensor_checks"},
     "mount_calibration": BASE,
     "sweep_assembly": BASE | {"mount_calibration", "point_cloud2"},
+    "scan_tracking": BASE | {"mount_calibration", "sweep_assembly"},
     "pose_graph_mapping": {"stage_config"},  # what its rooms are configured by
     "pose_graph_mapping.registration": BASE | {"pose_graph_mapping"},
     "pose_graph_mapping.graph": BASE | {"pose_graph_mapping", "pose_graph_mapping.registration"},

@@ -1,0 +1,60 @@
+"""What tracking believes of odometry, ranges and map, and when it refuses: the only home of these defaults."""
+
+import math
+from dataclasses import dataclass
+
+from stage_config import check_ranges, parameter
+
+
+@dataclass(frozen=True)
+class ScanTrackingConfig:
+    """Errors of odometry are random walks: their variance grows with the way and with the turn, whatever the bundles' length."""
+
+    bundle_s: float = parameter(0.1, "s", "readings of so long are matched together while the robot moves", low=0.02, high=1.0)
+    most_wait_s: float = parameter(
+        0.3, "s", "after it a bundle is closed without the readings or tilts that have not come", low=0.0, high=5.0
+    )
+    most_gap_s: float = parameter(0.16, "s", "a bundle with a longer pause of odometry or tilts is not matched", low=0.01, high=5.0)
+    moved_m: float = parameter(0.002, "m", "a robot that moved less in a bundle stands: nothing is matched ..", low=0.0, high=0.1)
+    moved_rad: float = parameter(0.001, "rad", ".. unless it turned by more", low=0.0, high=0.1)
+
+    along_walk: float = parameter(0.03, "m/sqrt(m)", "error of odometry's position along each axis, by the way", low=1e-4, high=1.0)
+    skid_walk: float = parameter(0.08, "m/sqrt(rad)", "the same by the turn: a skid steer slides aside", low=1e-4, high=1.0)
+    turn_walk: float = parameter(0.003, "rad/sqrt(m)", "error of odometry's attitude about each axis, by the way", low=1e-5, high=0.1)
+    gyro_walk: float = parameter(0.005, "rad/sqrt(rad)", "the same by the turn: scale of the gyroscope", low=1e-5, high=0.1)
+    start_sigma_m: float = parameter(0.01, "m", "of the position at the first sample", low=1e-4, high=1.0)
+    start_sigma_rad: float = parameter(0.005, "rad", "of the attitude at the first sample", low=1e-5, high=0.5)
+
+    cell_m: float = parameter(
+        0.1, "m", "map and bundles are thinned to one point a cell, the map to one a cell and face", low=0.02, high=1.0
+    )
+    most_points: int = parameter(1500, "-", "most points of a bundle", low=50, high=20000)
+    min_range_m: float = parameter(0.5, "m", "nearer points are not matched", low=0.0, high=10.0)
+    max_range_m: float = parameter(12.0, "m", "nor are farther ones", low=1.0, high=100.0)
+    reach_m: float = parameter(
+        0.3, "m", "largest distance of a point to its partner in the map, at first; two thirds of it later", low=0.05, high=2.0
+    )
+    facing_cos: float = parameter(
+        0.1, "-", "least cosine of a surface's normal with the beam back: the other side of a wall is no partner", low=0.0, high=0.9
+    )
+    point_sigma_m: float = parameter(0.015, "m", "error of a point against its surface that is its own: range noise", low=1e-3, high=0.5)
+    patch_sigma_m: float = parameter(0.01, "m", "error that all points of a patch have in common: map and mount", low=0.0, high=0.5)
+    patch_m: float = parameter(0.5, "m", "edge of the cubes that patches are told by", low=0.05, high=10.0)
+    half_weight_m: float = parameter(0.04, "m", "distance to the surface at which a point counts half", low=0.005, high=1.0)
+    normal_sigma_rad: float = parameter(
+        0.03, "rad", "error of the map's normals; what they alone would tell is taken off", low=0.0, high=0.5
+    )
+    min_points: int = parameter(60, "-", "fewer partners are no match", low=6)
+    most_sigmas: float = parameter(5.0, "-", "a correction of more sigmas of the prior, in six dimensions, is refused", low=1.0, high=100.0)
+
+    most_speed_mps: float = parameter(3.0, "m/s", "odometry that moves faster has jumped", low=0.1, high=50.0)
+    most_turn_rps: float = parameter(2.0 * math.pi, "rad/s", "so has one that turns faster", low=0.1, high=50.0)
+    jump_back_s: float = parameter(0.5, "s", "a stamp this much older than its topic's latest is a jump of time: start afresh", low=0.0)
+    buffer_s: float = parameter(5.0, "s", "oldest data kept while another topic is silent", low=1.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        found = check_ranges(self)
+        if self.min_range_m >= self.max_range_m:
+            found.append(f"min_range_m = {self.min_range_m} is not below max_range_m = {self.max_range_m}")
+        return found

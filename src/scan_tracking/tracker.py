@@ -1,0 +1,277 @@
+"""Odometry, tilts, readings and the map in, tracked poses out: bundle by bundle, each matched once all of it is there.
+
+The tracked odometry frame goes on where odometry's would jump or drift: T_tracked_base = T_tracked_odom @ T_odom_base, and each bundle
+moves T_tracked_odom a little. Inputs come in order within a topic and in any order between topics.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mount_calibration import TiltDirection
+from rigid_geometry import Arrival, StampedBuffer, as_covariance, as_transform, inverse, rotation_angle
+from scan_tracking.alignment import Alignment, align
+from scan_tracking.bundle import Bundler, Motion, Samples
+from scan_tracking.config import ScanTrackingConfig
+from scan_tracking.local_map import LocalMap
+from scan_tracking.pose_error import orthonormal, predicted_covariance, rotated_covariance, spread_poses
+from sweep_assembly import TiltGeometry
+from sweep_assembly.beams import Sensor
+
+Array = NDArray[np.float64]
+
+STAMP_TOLERANCE_S = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedPose:
+    """Where base_link was at an odometry stamp, in the tracked odometry frame.
+
+    `covariance` (6, 6) of its error against the map: x, y, z, rotation x, y, z, about the axes of the tracked frame, as in
+    nav_msgs/Odometry. `refused`: why the last bundle was not believed, "" when it was, or there was nothing to match.
+    """
+
+    stamp_s: float
+    T_odom_base: Array
+    covariance: Array
+    refused: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Track:
+    """The end of the last bundle: its stamp, odometry there, the tracked pose with its covariance, and why it was refused."""
+
+    stamp_s: float
+    T_odom_base: Array
+    T_tracked_base: Array
+    covariance: Array
+    refused: str = ""
+
+
+class ScanTracker:
+    """Keeps odometry on the map."""
+
+    def __init__(self, config: ScanTrackingConfig, sensor: Sensor, mount: TiltGeometry) -> None:
+        """For a sensor on a tilting mount; ValueError when the configuration is wrong."""
+        problems = config.validate()
+        if problems:
+            raise ValueError("; ".join(problems))
+        self._config, self._sensor = config, sensor
+        self._bundler = Bundler(config, sensor, mount)
+        self._backlash_rad = mount.calibration.backlash_rad
+        self._counts: Counter[str] = Counter()
+        self._map: LocalMap | None = None
+        self._T_tracked_odom: Array | None = None  # None: odometry as it is
+        self._track: _Track | None = None
+        self._newest: tuple[float, Array] | None = None
+        self._settled: list[TrackedPose] = []
+        self._longest_s = 0.0  # that a reading took so far
+        self._reset()
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many bundles were matched or refused, and messages given up, by reason."""
+        return dict(self._counts)
+
+    @property
+    def complete_until_s(self) -> float | None:
+        """Up to here all has come that a bundle needs; None before that."""
+        odometry, tilt, scan = self._odometry.last_stamp_s, self._tilts.last_stamp_s, self._scans.last_stamp_s
+        if odometry is None or tilt is None or scan is None:
+            return None
+        return min(odometry, tilt, self._sensor.known_until(scan))
+
+    def set_map(self, points: ArrayLike, normals: ArrayLike, T_map_odom: ArrayLike, covariance: ArrayLike | None = None) -> None:
+        """Takes the surfaces around the robot, (N, 3) points and normals in map, and (4, 4) where the tracked odometry frame lies in it.
+
+        `covariance`: (6, 6) of the robot's pose where the graph has just placed it, about the axes of map; None: what was tracked stands.
+        ValueError for wrong shapes, what is not finite or rigid, and a map without normals; the old map stays then.
+        """
+        T = as_transform(T_map_odom)
+        given = None if covariance is None else rotated_covariance(T[:3, :3].T, as_covariance(covariance))
+        found = LocalMap(points, normals, self._config.cell_m)
+        found.moved(inverse(T))
+        self._map = found
+        if given is not None and self._track is not None:
+            track = self._track
+            self._track = _Track(track.stamp_s, track.T_odom_base, track.T_tracked_base, given, track.refused)
+
+    def add_odometry(self, stamp_s: float, T_odom_base: ArrayLike) -> None:
+        """Takes the (4, 4) pose of base_link at a time. What is not finite, not rigid, late or repeated is dropped and counted.
+
+        A jump is no motion: the tracked pose stays where it was.
+        """
+        try:
+            pose = as_transform(T_odom_base)
+        except ValueError:
+            self._counts["odometry_not_rigid"] += 1
+            return
+        if not np.isfinite(stamp_s):
+            self._counts["odometry_not_finite"] += 1
+        elif self._arrives(self._odometry, stamp_s):
+            if self._track is None:
+                self._begin(stamp_s, pose)
+            elif self._jumped(stamp_s, pose):
+                self._begin_again(stamp_s, pose)
+            self._newest = stamp_s, pose
+            self._odometry.append(stamp_s, pose)
+            self._due.append((stamp_s, pose))
+
+    def add_tilt(self, stamp_s: float, tilt_rad: float) -> None:
+        """Takes the mount's measured tilt. What is not finite, late or repeated is dropped and counted."""
+        if not np.isfinite([stamp_s, tilt_rad]).all():
+            self._counts["tilt_not_finite"] += 1
+        elif self._arrives(self._tilts, stamp_s):
+            self._tilts.append(stamp_s, (tilt_rad, self._direction.after(tilt_rad)))
+
+    def add_scan(self, stamp_s: float, filtered: object) -> None:
+        """Takes a filtered reading, of a laser a `Scan`, with the stamp of its first beam.
+
+        ValueError for one of another sensor. What is not finite, late or repeated is dropped and counted.
+        """
+        reading = self._sensor.checked(filtered)
+        if not np.isfinite(stamp_s):
+            self._counts["scan_not_finite"] += 1
+        elif self._arrives(self._scans, stamp_s):
+            self._scans.append(stamp_s, reading)
+            self._longest_s = max(self._longest_s, self._sensor.duration_of(reading))
+
+    def advance(self, to_s: float) -> list[TrackedPose]:
+        """A pose for every odometry sample up to `to_s` that has none yet, corrected by all bundles that are complete by now."""
+        while (end := self._bundle_end()) is not None:
+            self._finish_bundle(*end)
+        poses = []
+        while self._due and self._due[0][0] <= to_s + STAMP_TOLERANCE_S:
+            poses.append(self._tracked(*self._due.pop(0)))
+        return poses
+
+    def settled(self) -> list[TrackedPose]:
+        """The same samples once more, when their bundle was matched, with its correction spread over its motion: for de-skewing.
+
+        Each is given out once, 0.1 to 0.2 s after `advance` gave it; unasked for, those of the last `buffer_s` are kept.
+        """
+        found = self._settled
+        self._settled = []
+        return found
+
+    def _reset(self) -> None:
+        config = self._config
+        self._odometry: StampedBuffer[Array] = StampedBuffer("odometry", config.jump_back_s, config.buffer_s, self._counts)
+        self._tilts: StampedBuffer[tuple[float, float]] = StampedBuffer("tilt", config.jump_back_s, config.buffer_s, self._counts)
+        self._scans: StampedBuffer[Any] = StampedBuffer("scan", config.jump_back_s, config.buffer_s, self._counts)
+        self._direction = TiltDirection(self._backlash_rad)
+        self._due: list[tuple[float, Array]] = []
+        self._settled = []
+
+    def _arrives(self, buffer: StampedBuffer[Any], stamp_s: float) -> bool:
+        """Whether a sample is to be kept; when time jumped back, all that waits is forgotten first."""
+        arrival = buffer.judge(stamp_s)
+        if arrival is Arrival.TIME_JUMP:
+            self._reset()
+        return arrival is not Arrival.LATE
+
+    def _jumped(self, stamp_s: float, pose: Array) -> bool:
+        """Whether odometry moved faster than the robot can, be it that time jumped back."""
+        if self._newest is None:
+            return False
+        motion, passed_s = inverse(self._newest[1]) @ pose, max(stamp_s - self._newest[0], 0.0)
+        too_far = float(np.linalg.norm(motion[:3, 3])) > self._config.most_speed_mps * passed_s
+        return too_far or rotation_angle(motion) > self._config.most_turn_rps * passed_s
+
+    def _begin(self, stamp_s: float, pose: Array) -> None:
+        sigmas = np.repeat([self._config.start_sigma_m, self._config.start_sigma_rad], 3)
+        self._track = _Track(stamp_s, pose, pose, np.diag(sigmas**2))
+
+    def _begin_again(self, stamp_s: float, pose: Array) -> None:
+        """After a jump, at the tracked pose before it: the robot may have moved meanwhile."""
+        assert self._newest is not None
+        self._counts["odometry_jump"] += 1
+        last_s, last = self._newest
+        kept, covariance = self._placed(last), self._grown(last)
+        unseen_s = max(stamp_s - last_s, self._config.bundle_s)
+        unseen = np.repeat([self._config.most_speed_mps, self._config.most_turn_rps], 3) * unseen_s
+        to_new = pose @ inverse(last)
+        self._due = [(at, to_new @ waiting) for at, waiting in self._due]
+        self._odometry.clear()
+        self._T_tracked_odom = orthonormal(kept @ inverse(pose))
+        self._track = _Track(stamp_s, pose, kept, covariance + np.diag(unseen**2), "odometry jumped")
+
+    def _placed(self, T_odom_base: Array) -> Array:
+        """(4, 4) the tracked pose of an odometry pose; odometry itself, to the bit, as long as nothing corrected it."""
+        return T_odom_base if self._T_tracked_odom is None else orthonormal(self._T_tracked_odom @ T_odom_base)
+
+    def _grown(self, T_odom_base: Array) -> Array:
+        """(6, 6) covariance there, after what odometry adds since the last bundle."""
+        assert self._track is not None
+        return predicted_covariance(self._track.covariance, self._track.T_tracked_base, self._placed(T_odom_base), self._config)
+
+    def _tracked(self, stamp_s: float, T_odom_base: Array) -> TrackedPose:
+        assert self._track is not None
+        return TrackedPose(stamp_s, self._placed(T_odom_base), self._grown(T_odom_base), self._track.refused)
+
+    def _bundle_end(self) -> tuple[float, Array] | None:
+        """Stamp and odometry at which the next bundle ends, once all of it is there or will not come."""
+        newest_s = self._odometry.last_stamp_s
+        if self._track is None or newest_s is None:
+            return None
+        stamps, poses = self._odometry.between(self._track.stamp_s + self._config.bundle_s - STAMP_TOLERANCE_S, newest_s)
+        if not len(poses):
+            return None
+        complete_s = max(self.complete_until_s or -np.inf, newest_s - self._config.most_wait_s)
+        return (float(stamps[0]), poses[0]) if stamps[0] <= complete_s + STAMP_TOLERANCE_S else None
+
+    def _finish_bundle(self, end_s: float, T_odom_base: Array) -> None:
+        track, T_prior, covariance = self._track, self._placed(T_odom_base), self._grown(T_odom_base)
+        assert track is not None
+        found = self._aligned(track, end_s, T_prior, covariance) if self._moved(track, T_odom_base) else None
+        if found is None:
+            self._counts["bundle_nothing_to_match"] += 1
+            found = Alignment(T_prior, covariance, 0)
+        elif found.refused:
+            self._counts["bundle_refused"] += 1
+        else:
+            self._counts["bundle_matched"] += 1
+            self._T_tracked_odom = orthonormal(found.T @ inverse(T_odom_base))
+        self._track = _Track(end_s, T_odom_base, self._placed(T_odom_base), found.covariance, found.refused)
+        self._settle(track, self._track)
+        self._odometry.forget_before(end_s)
+        self._tilts.forget_before(end_s)
+        self._scans.forget_before(end_s - self._longest_s)
+
+    def _moved(self, track: _Track, T_odom_base: Array) -> bool:
+        motion = inverse(track.T_odom_base) @ T_odom_base
+        return float(np.linalg.norm(motion[:3, 3])) > self._config.moved_m or rotation_angle(motion) > self._config.moved_rad
+
+    def _aligned(self, track: _Track, end_s: float, T_prior: Array, covariance: Array) -> Alignment | None:
+        """None where there is nothing to match."""
+        if self._map is None or not len(self._map):
+            return None
+        odometry, tilts = (Samples(s, np.array(v)) for s, v in (b.around(track.stamp_s, end_s) for b in (self._odometry, self._tilts)))
+        stamps, readings = self._scans.between(track.stamp_s - self._longest_s, end_s)
+        if not len(readings):
+            return None
+        if _pause(odometry, track.stamp_s, end_s) > self._config.most_gap_s:
+            return Alignment(T_prior, covariance, 0, "odometry paused")
+        if _pause(tilts, track.stamp_s, end_s) > self._config.most_gap_s:
+            return Alignment(T_prior, covariance, 0, "no tilt of the mount")
+        bundle = self._bundler.bundle(stamps, readings, (track.stamp_s, end_s), Motion(odometry, tilts))
+        return align(bundle, self._map, T_prior, covariance, self._config)
+
+    def _settle(self, begin: _Track, end: _Track) -> None:
+        """Odometry's samples of a bundle with its correction spread over them."""
+        stamps, poses = self._odometry.between(begin.stamp_s + STAMP_TOLERANCE_S, end.stamp_s + STAMP_TOLERANCE_S)
+        if self._T_tracked_odom is not None:
+            poses = list(spread_poses(begin.T_tracked_base, inverse(begin.T_odom_base) @ np.array(poses), end.T_tracked_base))
+        self._settled += [TrackedPose(float(s), T, end.covariance, end.refused) for s, T in zip(stamps, poses, strict=True)]
+        self._settled = [pose for pose in self._settled if pose.stamp_s > end.stamp_s - self._config.buffer_s]
+
+
+def _pause(samples: Samples, begin_s: float, end_s: float) -> float:
+    """The longest time between two samples around a bundle; infinite where they do not reach over it."""
+    stamps = samples.stamps_s
+    if not len(stamps) or stamps[0] > begin_s + STAMP_TOLERANCE_S or stamps[-1] < end_s - STAMP_TOLERANCE_S:
+        return np.inf
+    return float(np.diff(stamps).max(initial=0.0))

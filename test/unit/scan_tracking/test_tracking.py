@@ -1,0 +1,160 @@
+"""Odometry that slips is kept on the map, as far as the map tells; where it does not, odometry stands, and its covariance grows."""
+
+import numpy as np
+import pytest
+from drive_in_a_box import CORRIDOR, MOUNT, ROOM, Drive, ahead, bend, level, nod, still, tracker_in, walls
+
+from rigid_geometry import inverse, transform_from_rpy
+from scan_tracking import ScanTracker, ScanTrackingConfig
+from scan_tracking.pose_error import error_between
+from sweep_assembly import LaserScans, Scan
+
+
+def slipping(t: float) -> np.ndarray:
+    return transform_from_rpy((0.03 * t, 0.02 * t, 0.0), (0.0, 0.0, 0.01 * t))
+
+
+def off_by(T: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
+    """Metres and radians."""
+    error = error_between(truth, T)
+    return float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
+
+
+def sigmas(pose) -> np.ndarray:
+    return np.sqrt(np.diag(pose.covariance))
+
+
+def test_pose_is_found_in_a_room_from_a_prior_that_is_off() -> None:
+    tracker = ScanTracker(ScanTrackingConfig(start_sigma_m=0.05, start_sigma_rad=0.02), LaserScans(), MOUNT)
+    tracker.set_map(*walls(ROOM), transform_from_rpy((0.04, -0.03, 0.03), (0.005, -0.01, 0.015)))
+    drive = Drive(pose=bend, end_s=3.0)
+    last = drive.into(tracker)[-1]
+    T_tracked_map = inverse(transform_from_rpy((0.04, -0.03, 0.03), (0.005, -0.01, 0.015)))
+    metres, radians = off_by(last.T_odom_base, T_tracked_map @ drive.pose(last.stamp_s))
+    assert metres < 0.004 and radians < 0.002
+    assert tracker.counts["bundle_matched"] > 25 and not tracker.counts.get("bundle_refused")
+
+
+def test_odometry_that_slips_is_held_in_a_room() -> None:
+    drive = Drive(slip=slipping, range_sigma_m=0.01, end_s=3.0)
+    worst = max(off_by(pose.T_odom_base, drive.pose(pose.stamp_s))[0] for pose in drive.into(tracker_in(ROOM)))
+    assert off_by(drive.odometry(3.0), drive.pose(3.0))[0] > 0.1
+    assert worst < 0.04
+
+
+def test_along_a_corridor_the_prior_stands_and_its_covariance_grows_and_across_it_shrinks() -> None:
+    drive = Drive(box=CORRIDOR, tilt=level, slip=slipping, range_sigma_m=0.01, end_s=4.0)
+    poses = drive.into(tracker_in(CORRIDOR))
+    walked = ScanTrackingConfig().along_walk * np.sqrt(2.0)
+    assert sigmas(poses[-1])[0] > 0.95 * walked
+    assert poses[-1].T_odom_base[0, 3] == pytest.approx(drive.odometry(4.0)[0, 3], abs=0.005)
+    assert sigmas(poses[-1])[1] < 0.012 and abs(poses[-1].T_odom_base[1, 3]) < 0.01
+    assert sigmas(poses[-1])[5] < 0.003
+
+
+def test_errors_of_normals_do_not_hold_the_robot_along_a_corridor() -> None:
+    points, normals = walls(CORRIDOR)
+    normals = normals + np.random.default_rng(3).normal(0.0, 0.02, normals.shape)
+    tracker = tracker_in(None)
+    tracker.set_map(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), np.eye(4))
+    last = Drive(box=CORRIDOR, tilt=level, slip=slipping, range_sigma_m=0.01, end_s=4.0).into(tracker)[-1]
+    assert sigmas(last)[0] > 0.95 * ScanTrackingConfig().along_walk * np.sqrt(2.0)
+
+
+def test_far_side_of_a_wall_is_no_partner() -> None:
+    points, normals = walls(ROOM)
+    tracker = tracker_in(None)
+    tracker.set_map(points, -normals, np.eye(4))
+    last = Drive(slip=slipping).into(tracker)[-1]
+    assert "have a partner" in last.refused
+    assert np.array_equal(last.T_odom_base, Drive(slip=slipping).odometry(2.0))
+
+
+@pytest.mark.parametrize("tilt", [nod, level])
+def test_covariance_is_true_where_map_ranges_and_odometry_err(tilt) -> None:
+    found = [nees(seed, tilt) for seed in range(12)]
+    assert 0.5 * 3 < np.mean(found) < 2.0 * 3
+
+
+def nees(seed: int, tilt) -> float:
+    """Mean of x, y and yaw over a drive, with patches of the map and the way of the odometry off at random."""
+    rng = np.random.default_rng(seed)
+    points, normals = walls(ROOM)
+    _, patch = np.unique(np.floor(points / 0.5), axis=0, return_inverse=True)
+    points = points + normals * rng.normal(0.0, 0.01, patch.max() + 1)[patch.ravel(), None]
+    tracker = tracker_in(None, start_sigma_m=0.01, start_sigma_rad=0.003)
+    tracker.set_map(points, normals, np.eye(4))
+    steps = np.cumsum(rng.normal(0.0, 1.0, (200, 3)), axis=0) * np.sqrt(0.025) * [0.03, 0.03, 0.003]
+    start = rng.normal(0.0, 1.0, 3) * [0.01, 0.01, 0.003]
+
+    def walk(t: float) -> np.ndarray:
+        x, y, yaw = steps[round(t * 20)] + start
+        return transform_from_rpy((x, y, 0.0), (0.0, 0.0, yaw))
+
+    drive = Drive(tilt=tilt, slip=walk, range_sigma_m=0.01, end_s=3.0, seed=seed)
+    some = [0, 1, 5]
+    values = []
+    for pose in drive.into(tracker)[20::4]:
+        error = error_between(pose.T_odom_base, drive.pose(pose.stamp_s))[some]
+        values.append(error @ np.linalg.solve(pose.covariance[np.ix_(some, some)], error))
+    return float(np.mean(values))
+
+
+def test_without_a_map_odometry_passes_to_the_bit() -> None:
+    for box in (None, np.zeros((2, 3))):
+        tracker = tracker_in(None)
+        if box is not None:
+            tracker.set_map(np.zeros((0, 3)), np.zeros((0, 3)), np.eye(4))
+        drive = Drive(pose=bend, slip=slipping)
+        poses = drive.into(tracker)
+        assert all(np.array_equal(pose.T_odom_base, drive.odometry(pose.stamp_s)) and pose.refused == "" for pose in poses)
+        assert all(np.array_equal(pose.T_odom_base, drive.odometry(pose.stamp_s)) for pose in tracker.settled())
+
+
+def test_a_robot_that_stands_stays_where_it_was_tracked() -> None:
+    tracker = tracker_in(ROOM)
+    poses = Drive(pose=still, range_sigma_m=0.01).into(tracker)
+    assert "bundle_matched" not in tracker.counts
+    assert np.array_equal(poses[0].T_odom_base, poses[-1].T_odom_base)
+    assert np.allclose(poses[0].covariance, poses[-1].covariance, rtol=1e-9)
+
+
+def test_a_covariance_that_comes_with_the_map_stands_for_the_tracked_one() -> None:
+    tracker = tracker_in(None)
+    Drive(pose=still).into(tracker)
+    T_map_odom, given = transform_from_rpy((5.0, 0.0, 0.0), (0.0, 0.0, np.pi / 2)), np.diag([4e-4, 1e-4, 1e-4, 1e-6, 2e-6, 1e-6])
+    points, normals = walls(ROOM)
+    tracker.set_map(points, normals, T_map_odom, given)
+    last = Drive(pose=still, end_s=2.5).into(tracker, begin_s=2.025)[-1]
+    assert sigmas(last) == pytest.approx(np.sqrt([1e-4, 4e-4, 1e-4, 2e-6, 1e-6, 1e-6]), rel=1e-6)
+
+
+def test_samples_settle_once_with_the_correction_spread_over_their_bundle() -> None:
+    tracker, drive = tracker_in(ROOM), Drive(slip=slipping, end_s=3.0)
+    causal, settled = drive.into(tracker), tracker.settled()
+    assert [pose.stamp_s for pose in settled] == [pose.stamp_s for pose in causal[1 : len(settled) + 1]] and not tracker.settled()
+    late = [np.mean([off_by(p.T_odom_base, drive.pose(p.stamp_s))[0] for p in poses[1 : len(settled)]]) for poses in (causal, settled)]
+    assert late[1] < late[0]
+
+
+def test_the_map_may_move_with_its_frame() -> None:
+    tracker = tracker_in(ROOM)
+    first = Drive(slip=slipping, end_s=1.0).into(tracker)[-1]
+    T = transform_from_rpy((8.0, -3.0, 0.2), (0.0, 0.0, 1.0))
+    points, normals = walls(ROOM)
+    tracker.set_map(points @ T[:3, :3].T + T[:3, 3], normals @ T[:3, :3].T, T)
+    later = Drive(slip=slipping, end_s=2.0).into(tracker, begin_s=1.025)
+    assert off_by(later[0].T_odom_base, first.T_odom_base)[0] < 0.04
+    assert off_by(later[-1].T_odom_base, ahead(2.0))[0] < 0.03
+
+
+def test_scans_of_nothing_leave_odometry_alone() -> None:
+    far = Drive(box=np.array([[-90.0, -90.0, -90.0], [90.0, 90.0, 90.0]]))
+    poses = far.into(tracker_in(ROOM))
+    assert np.array_equal(poses[-1].T_odom_base, far.odometry(2.0)) and "0 of 0" in poses[-1].refused
+
+
+def test_a_scan_of_another_sensor_is_an_error() -> None:
+    with pytest.raises(ValueError, match="a reading of a laser is a Scan"):
+        tracker_in(ROOM).add_scan(1.0, "scan")
+    assert isinstance(Drive().scan(0.0), Scan)
