@@ -116,11 +116,11 @@ class TransformInput:
 
     def _on_transforms(self, message: TFMessage) -> None:
         for transform in message.transforms:
+            between = transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")
+            if between == (frames().odom, frames().base):
+                continue  # the odometry itself has told
             T = self._keep(transform, static=False)
-            if T is not None and (transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")) == (
-                frames().map,
-                frames().odom,
-            ):
+            if T is not None and between == (frames().map, frames().odom):
                 self._map_odom.add(stamp_of(transform), T)
                 self._node.received(MAP_ODOM)
 

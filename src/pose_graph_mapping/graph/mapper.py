@@ -59,6 +59,11 @@ class PoseGraphMapper:
         self._old_last_vertex_estimate = np.eye(4)
 
     @property
+    def graph_dist_m(self) -> float:
+        """How far along the graph the area around the last vertex reaches."""
+        return self._config.graph_dist_m
+
+    @property
     def stamps_s(self) -> tuple[float, ...]:
         """The stamp of every vertex, seconds."""
         return tuple(self._stamps_s)

@@ -1,0 +1,41 @@
+"""The odometry that is held on the map, and the mapped surfaces around the robot for who holds it there."""
+
+import numpy as np
+import rospy
+from explore_3dnav.srv import SetLocalMap
+from numpy.typing import NDArray
+
+from pose_graph_mapping.graph.mapper import PoseGraphMapper
+from pose_graph_mapping.registration.cloud import merged
+from ros_adapters.conversions import cloud_message, pose_message
+from ros_adapters.diagnostics import Diagnostics
+from ros_adapters.frames import frames
+
+
+def is_tracking() -> bool:
+    """Whether scan_tracking_node stands between the odometry and who uses it, as /tracking says."""
+    return bool(rospy.get_param("/tracking", False))
+
+
+def odometry_topic() -> str:
+    """Where the robot's odometry is: as tracked on the map, or as fused."""
+    return "/odom_tracked" if is_tracking() else "/odom"
+
+
+class LocalMapService:
+    """Calls scan_tracking_node/set_map; it is a service, so that the map is there before anybody acts on the sweep."""
+
+    def __init__(self, mapper: PoseGraphMapper) -> None:
+        """`mapper` has the clouds."""
+        self._mapper = mapper
+        self._call = rospy.ServiceProxy("scan_tracking_node/set_map", SetLocalMap, persistent=True)
+
+    def send(self, stamp_s: float, T_map_odom: NDArray[np.float64], diagnostics: Diagnostics) -> None:
+        """The area around the last vertex; when nobody takes it the old one stays, and that is counted."""
+        area = self._mapper.area_cloud(self._mapper.graph_dist_m)
+        known = area.selected(np.abs(area.normals).sum(axis=1) > 0.5) if area.normals is not None else merged([])
+        message = cloud_message(stamp_s, frames().map, known.points, known.origins, known.normals)
+        try:
+            self._call(message, pose_message(T_map_odom))
+        except rospy.ServiceException as error:
+            diagnostics.dropped("local map not taken", str(error))
