@@ -45,7 +45,7 @@ def test_odometry_that_slips_is_held_in_a_room() -> None:
 def test_along_a_corridor_the_prior_stands_and_its_covariance_grows_and_across_it_shrinks() -> None:
     drive = Drive(box=CORRIDOR, tilt=level, slip=slipping, range_sigma_m=0.01, end_s=4.0)
     poses = drive.into(tracker_in(CORRIDOR))
-    walked = ScanTrackingConfig().along_walk * np.sqrt(2.0)
+    walked = ScanTrackingConfig().ground_walk * np.sqrt(2.0)
     assert sigmas(poses[-1])[0] > 0.95 * walked
     assert poses[-1].T_odom_base[0, 3] == pytest.approx(drive.odometry(4.0)[0, 3], abs=0.005)
     assert sigmas(poses[-1])[1] < 0.012 and abs(poses[-1].T_odom_base[1, 3]) < 0.01
@@ -58,12 +58,12 @@ def test_errors_of_normals_do_not_hold_the_robot_along_a_corridor() -> None:
     tracker = tracker_in(None)
     tracker.set_map(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), np.eye(4))
     last = Drive(box=CORRIDOR, tilt=level, slip=slipping, range_sigma_m=0.01, end_s=4.0).into(tracker)[-1]
-    assert sigmas(last)[0] > 0.95 * ScanTrackingConfig().along_walk * np.sqrt(2.0)
+    assert sigmas(last)[0] > 0.95 * ScanTrackingConfig().ground_walk * np.sqrt(2.0)
 
 
 def test_far_side_of_a_wall_is_no_partner() -> None:
     points, normals = walls(ROOM)
-    tracker = tracker_in(None)
+    tracker = tracker_in(None, own_every_m=0.0)
     tracker.set_map(points, -normals, np.eye(4))
     last = Drive(slip=slipping).into(tracker)[-1]
     assert "have a partner" in last.refused
