@@ -154,14 +154,14 @@ def drive_poses(world: World, seed: int, count: int) -> Array:
         yaw = float(rng.uniform(-math.pi, math.pi))
         z = ground.level(x, y, yaw, near_z, 1.5)
         spots = [np.array([x, y, z, yaw])] if z is not None else []
-        while 0 < len(spots) < count and (spot := _next(ground, spots, rng)) is not None:
+        while 0 < len(spots) < count and (spot := next_spot(ground, spots, rng)) is not None:
             spots.append(spot)
         if len(spots) == count:
             return np.array([ground.pose(*spot) for spot in spots])
     raise ValueError(f"no drive of {count} sweeps was found in {world.name}")
 
 
-def _next(ground: Ground, spots: list[Array], rng: np.random.Generator) -> Array | None:
+def next_spot(ground: Ground, spots: list[Array], rng: np.random.Generator) -> Array | None:
     """Of a few places that can be driven to the one farthest from all that were seen, preferably up or down: (x, y, z, yaw)."""
     here, best, most = spots[-1], None, -1.0
     for k in range(24):

@@ -1,20 +1,22 @@
-"""Where a bundle lies in the map: a maximum a posteriori estimate of six dimensions, with odometry as the prior.
+"""Where a bundle lies: a maximum a posteriori estimate, with odometry as the prior.
 
-Point to plane, robust weights, Gauss-Newton. Two things keep its covariance true. Points of one patch share an error, so that many of
-them count little more than one. And a direction in which the geometry does not hold is told by the eigenvalues of the information in
-the whitened prior: there the prior stands (solution remapping, Zhang, Kaess and Singh 2016). What errors of the normals alone would
-tell of such a direction is taken off first (probabilistic degeneracy, Hatleskog and Alexis 2024).
+Point to plane, robust weights, Gauss-Newton, over the pose and the error of the own surfaces. Two things keep its covariance true.
+Points of one patch share an error, so that many of them count little more than one. And a direction in which the geometry does not hold
+is told by the eigenvalues of the information in the whitened prior: there the prior stands (solution remapping, Zhang, Kaess and Singh
+2016). What errors of the normals alone would tell of such a direction is taken off first (probabilistic degeneracy, Hatleskog and
+Alexis 2024).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scan_tracking.bundle import Bundle
 from scan_tracking.config import ScanTrackingConfig
-from scan_tracking.local_map import LocalMap, cell_keys
-from scan_tracking.pose_error import error_between, moved_by, skew
+from scan_tracking.estimate import OWN, POSE, Estimate
+from scan_tracking.local_map import LocalMap, Partners, cell_keys
+from scan_tracking.pose_error import moved_by, skew
 
 Array = NDArray[np.float64]
 
@@ -22,73 +24,114 @@ _ROUNDS = 6
 _COARSE_ROUNDS = 2  # with the whole reach, and robust weights that bend later
 _LATER = 2.0 / 3.0  # of the reach
 _STILL_M, _STILL_RAD = 2e-4, 1e-4  # a step that small ends the rounds
+_MAP, _RELATIVE = np.eye(6, 12), np.eye(6, 12) - np.eye(6, 12, 6)  # what surfaces of the map, and own ones, tell of both errors
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """The pose (4, 4) and its covariance (6, 6), of as many partners; `refused`: why the prior stands, "" where it does not."""
+    """The estimate at a bundle's end, `own_error` (6,) by which own surfaces are off at its pose, and how many points had partners.
 
-    T: Array
-    covariance: Array
+    `refused`: why the prior stands, "" where it does not. `alone`: (K,) points without a partner.
+    """
+
+    estimate: Estimate
+    own_error: Array
     partners: int
+    alone: NDArray[np.intp]
     refused: str = ""
+
+    def with_estimate(self, estimate: Estimate) -> "Alignment":
+        """The same with another estimate."""
+        return replace(self, estimate=estimate)
 
 
 @dataclass(frozen=True, eq=False)
 class _Information:
-    """Of a pose's error: `matrix` (6, 6), the part `faked` (6, 6) that errors of normals give, `pull` (6,) minus the gradient."""
+    """Of both errors: `matrix` (12, 12), the part `faked` (12, 12) that errors of normals give, `pull` (12,) minus the gradient."""
 
     matrix: Array
     faked: Array
     pull: Array
 
+    def __add__(self, other: "_Information") -> "_Information":
+        return _Information(self.matrix + other.matrix, self.faked + other.faked, self.pull + other.pull)
 
-def align(bundle: Bundle, surfaces: LocalMap, T_prior: Array, covariance: Array, config: ScanTrackingConfig) -> Alignment:
-    """The bundle's pose in the map's frame, from a prior with its (6, 6) covariance of `pose_error`'s kind.
 
-    When it is refused the prior comes back, and nothing is not finite.
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """(K, 3) points, their partners' normals, and (K,) distances off these surfaces."""
+
+    points: Array
+    normals: Array
+    off: Array
+
+
+def align(bundle: Bundle, mapped: LocalMap, own: LocalMap, prior: Estimate, config: ScanTrackingConfig) -> Alignment:
+    """The bundle's place in surfaces of the map, and in own ones for points that have no partner there, from a prior that odometry made.
+
+    When it is refused the prior comes back.
     """
-    L = np.asarray(np.linalg.cholesky(covariance), np.float64)
-    T, whitened, after = T_prior, np.zeros(6), covariance
-    count = 0
+    L = np.asarray(np.linalg.cholesky(prior.joint), np.float64)
+    state, whitened, joint = np.zeros(12), np.zeros(12), prior.joint
     for k in range(_ROUNDS):
         coarse = k < _COARSE_ROUNDS
-        information, count = _information(bundle, surfaces, T, config, coarse)
-        if count < config.min_points:
-            return Alignment(T_prior, covariance, count, f"{count} of {len(bundle)} points have a partner in the map")
-        whitened, after = _posterior(information, L, error_between(T_prior, T))
-        step, T = T, moved_by(T_prior, L @ whitened)
-        moved = np.abs(error_between(step, T))
-        if not coarse and moved[:3].max() < _STILL_M and moved[3:].max() < _STILL_RAD:
+        information, alone = _told(bundle, (mapped, own), (prior.T, state), config, coarse)
+        partners = len(bundle) - len(alone)
+        if partners < config.min_points:
+            return Alignment(prior, np.zeros(6), partners, alone, f"{partners} of {len(bundle)} points have a partner in the map")
+        whitened, joint = _posterior(information, L, state)
+        before, state = state, L @ whitened
+        step = np.abs(state - before)[POSE]
+        if not coarse and step[:3].max() < _STILL_M and step[3:].max() < _STILL_RAD:
             break
     sigmas = float(np.linalg.norm(whitened))
     if not sigmas <= config.most_sigmas:
-        return Alignment(T_prior, covariance, count, f"a correction of {sigmas:.1f} sigmas of odometry")
-    return Alignment(T, after, count)
+        return Alignment(prior, np.zeros(6), partners, alone, f"a correction of {sigmas:.1f} sigmas of odometry")
+    return Alignment(Estimate(moved_by(prior.T, state[POSE]), joint), state[OWN], partners, alone)
 
 
-def _information(bundle: Bundle, surfaces: LocalMap, T: Array, config: ScanTrackingConfig, coarse: bool) -> tuple[_Information, int]:
-    """What the points tell at a pose, and how many of them have a partner on the right side."""
-    points = bundle.points @ T[:3, :3].T + T[:3, 3]
-    found = surfaces.partners(points, config.reach_m * (1.0 if coarse else _LATER))
-    points, beams = points[found.which], (bundle.origins - bundle.points)[found.which] @ T[:3, :3].T
-    facing = np.einsum("ij,ij->i", found.normals, beams) > config.facing_cos * np.linalg.norm(beams, axis=1)
-    points, normals = points[facing], found.normals[facing]
-    off = np.einsum("ij,ij->i", normals, points - found.points[facing])
-    weights = _weights(points, off, config, (2.0 if coarse else 1.0) * config.half_weight_m)
-    arms = points - T[:3, 3]
-    rows = np.hstack([normals, np.cross(arms, normals)])
+def _told(
+    bundle: Bundle, surfaces: tuple[LocalMap, LocalMap], at: tuple[Array, Array], config: ScanTrackingConfig, coarse: bool
+) -> tuple[_Information, NDArray[np.intp]]:
+    """What the points tell at a prior pose with (12,) errors, and which of them have no partner."""
+    (mapped, own), (T_prior, state) = surfaces, at
+    T = moved_by(T_prior, state[POSE])
+    points, beams = bundle.points @ T[:3, :3].T + T[:3, 3], (bundle.origins - bundle.points) @ T[:3, :3].T
+    reach_m, half_m = config.reach_m * (1.0 if coarse else _LATER), config.half_weight_m * (2.0 if coarse else 1.0)
+    pairs, alone = _pairs(points, beams, np.arange(len(points)), mapped.partners(points, reach_m), config.facing_cos)
+    told = _information(pairs, T[:3, 3], _MAP, config, half_m)
+    if not len(own) or not len(alone):
+        return told, alone
+    back = moved_by(np.eye(4), -state[OWN])  # own surfaces stay where they are, and points go the other way
+    shifted = (points[alone] - T_prior[:3, 3]) @ back[:3, :3].T + back[:3, 3] + T_prior[:3, 3]
+    pairs, alone = _pairs(shifted, beams[alone], alone, own.partners(shifted, reach_m), config.facing_cos)
+    return told + _information(pairs, T[:3, 3], _RELATIVE, config, half_m), alone
+
+
+def _pairs(points: Array, beams: Array, numbers: NDArray[np.intp], found: Partners, facing_cos: float) -> tuple[_Pairs, NDArray[np.intp]]:
+    """Points with a partner on the side that they were seen from, and the `numbers` of the others."""
+    back = beams[found.which]
+    facing = np.einsum("ij,ij->i", found.normals, back) > facing_cos * np.linalg.norm(back, axis=1)
+    which, normals = found.which[facing], found.normals[facing]
+    off = np.einsum("ij,ij->i", normals, points[which] - found.points[facing])
+    return _Pairs(points[which], normals, off), np.delete(numbers, which)
+
+
+def _information(pairs: _Pairs, centre: Array, tells: Array, config: ScanTrackingConfig, half_m: float) -> _Information:
+    """What pairs tell of the (6,) error of a pose at `centre`, as `tells` (6, 12) spreads it over both errors."""
+    weights, arms = _weights(pairs, config, half_m), pairs.points - centre
+    rows = np.hstack([pairs.normals, np.cross(arms, pairs.normals)])
     weighted = rows * weights[:, None]
     matrix = weighted.T @ rows
     faked = config.normal_sigma_rad**2 * (_all_around(arms, weights) - matrix)
-    return _Information(matrix, faked, -weighted.T @ off), len(points)
+    return _Information(tells.T @ matrix @ tells, tells.T @ faked @ tells, -tells.T @ (weighted.T @ pairs.off))
 
 
-def _weights(points: Array, off: Array, config: ScanTrackingConfig, half_m: float) -> Array:
+def _weights(pairs: _Pairs, config: ScanTrackingConfig, half_m: float) -> Array:
     """(K,) inverse variances: Cauchy's weight over what is a point's own error and its share of the patch's common one."""
-    _, patch, counts = np.unique(cell_keys(points, config.patch_m), return_inverse=True, return_counts=True)
+    _, patch, counts = np.unique(cell_keys(pairs.points, config.patch_m), return_inverse=True, return_counts=True)
     variances = config.point_sigma_m**2 + counts[patch] * config.patch_sigma_m**2
-    return np.asarray(1.0 / (variances * (1.0 + (off / half_m) ** 2)))
+    return np.asarray(1.0 / (variances * (1.0 + (pairs.off / half_m) ** 2)))
 
 
 def _all_around(arms: Array, weights: Array) -> Array:
@@ -102,8 +145,8 @@ def _all_around(arms: Array, weights: Array) -> Array:
     return matrix
 
 
-def _posterior(information: _Information, L: Array, error: Array) -> tuple[Array, Array]:
-    """(6,) the estimate in units of the prior L L', and its (6, 6) covariance; `error`: where `information` was taken.
+def _posterior(information: _Information, L: Array, state: Array) -> tuple[Array, Array]:
+    """(12,) the estimate in units of the prior L L', and its (12, 12) covariance; `state`: where `information` was taken.
 
     Along each eigenvector of the whitened information counts what is left of it without the faked part, and as much of the pull.
     """
@@ -111,7 +154,7 @@ def _posterior(information: _Information, L: Array, error: Array) -> tuple[Array
     whitening = L @ axes
     faked = np.einsum("ij,ij->j", whitening, information.faked @ whitening)
     true = np.maximum(values - faked, 0.0)
-    share = np.divide(true, values, out=np.zeros(6), where=values > 0.0)
-    here = np.linalg.solve(whitening, error)
+    share = np.divide(true, values, out=np.zeros(len(values)), where=values > 0.0)
+    here = np.linalg.solve(whitening, state)
     estimate = (true * here + share * (whitening.T @ information.pull)) / (1.0 + true)
     return axes @ estimate, np.asarray((whitening / (1.0 + true)) @ whitening.T)

@@ -18,10 +18,12 @@ class ScanTrackingConfig:
     moved_m: float = parameter(0.002, "m", "a robot that moved less in a bundle stands: nothing is matched ..", low=0.0, high=0.1)
     moved_rad: float = parameter(0.001, "rad", ".. unless it turned by more", low=0.0, high=0.1)
 
-    along_walk: float = parameter(0.03, "m/sqrt(m)", "error of odometry's position along each axis, by the way", low=1e-4, high=1.0)
+    ground_walk: float = parameter(0.03, "m/sqrt(m)", "error of odometry's position forward and sideways, by the way", low=1e-4, high=1.0)
     skid_walk: float = parameter(0.08, "m/sqrt(rad)", "the same by the turn: a skid steer slides aside", low=1e-4, high=1.0)
-    turn_walk: float = parameter(0.003, "rad/sqrt(m)", "error of odometry's attitude about each axis, by the way", low=1e-5, high=0.1)
+    height_walk: float = parameter(0.01, "m/sqrt(m)", "error of its position along the body's z, by the way", low=1e-4, high=1.0)
+    yaw_walk: float = parameter(0.003, "rad/sqrt(m)", "error of its heading, by the way", low=1e-5, high=0.1)
     gyro_walk: float = parameter(0.005, "rad/sqrt(rad)", "the same by the turn: scale of the gyroscope", low=1e-5, high=0.1)
+    tilt_walk: float = parameter(0.001, "rad/sqrt(m)", "error of roll and pitch, by the way in m and the turn in rad", low=1e-5, high=0.1)
     start_sigma_m: float = parameter(0.01, "m", "of the position at the first sample", low=1e-4, high=1.0)
     start_sigma_rad: float = parameter(0.005, "rad", "of the attitude at the first sample", low=1e-5, high=0.5)
 
@@ -44,8 +46,12 @@ class ScanTrackingConfig:
     normal_sigma_rad: float = parameter(
         0.03, "rad", "error of the map's normals; what they alone would tell is taken off", low=0.0, high=0.5
     )
-    min_points: int = parameter(60, "-", "fewer partners are no match", low=6)
+    min_points: int = parameter(20, "-", "fewer partners are no match, and fewer new points no own surface", low=6)
     most_sigmas: float = parameter(5.0, "-", "a correction of more sigmas of the prior, in six dimensions, is refused", low=1.0, high=100.0)
+
+    own_every_m: float = parameter(1.0, "m", "way after which surfaces that the map lacks are put down; 0: never", low=0.0, high=20.0)
+    own_sigma_m: float = parameter(0.003, "m", "their own error in position, beside the pose's", low=1e-4, high=0.5)
+    own_sigma_rad: float = parameter(0.001, "rad", "and in attitude", low=1e-5, high=0.1)
 
     most_speed_mps: float = parameter(3.0, "m/s", "odometry that moves faster has jumped", low=0.1, high=50.0)
     most_turn_rps: float = parameter(2.0 * math.pi, "rad/s", "so has one that turns faster", low=0.1, high=50.0)

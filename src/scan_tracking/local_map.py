@@ -32,6 +32,7 @@ class LocalMap:
         _check(rows, directions)
         known = np.abs(directions).sum(axis=1) > 0.0
         rows, directions = rows[known], directions[known]
+        self._cell_m = cell_m
         kept = _one_a_cell(rows, cell_m, _faces(directions))
         self.points, self.normals = rows[kept], directions[kept]
         self._tree = cKDTree(self.points, balanced_tree=False, compact_nodes=False)
@@ -39,8 +40,17 @@ class LocalMap:
     def __len__(self) -> int:
         return len(self.points)
 
-    def moved(self, T: Array) -> None:
-        """Takes points and normals to another frame."""
+    @classmethod
+    def empty(cls, cell_m: float) -> "LocalMap":
+        """No surface at all."""
+        return cls(np.zeros((0, 3)), np.zeros((0, 3)), cell_m)
+
+    def joined(self, points: Array, normals: Array) -> "LocalMap":
+        """With more of them; what stands in a cell already stays."""
+        return LocalMap(np.vstack([self.points, points]), np.vstack([self.normals, normals]), self._cell_m)
+
+    def move(self, T: Array) -> None:
+        """Moves points and normals by a (4, 4) motion."""
         self.points = np.asarray(transform_points(T, self.points), np.float64)
         self.normals = self.normals @ T[:3, :3].T
         self._tree = cKDTree(self.points, balanced_tree=False, compact_nodes=False)

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from rigid_geometry import rotation_angles
-from scan_tracking.config import ScanTrackingConfig
 
 Array = NDArray[np.float64]
 
-_ARM_M = 0.3
+TURN_ARM_M = 0.3
+"""A turn counts as the way that a point so far out makes."""
 
 
 def skew(v: Array) -> Array:
@@ -48,25 +48,18 @@ def rotated_covariance(R: Array, covariance: Array) -> Array:
     return np.asarray(turn @ covariance @ turn.T)
 
 
-def predicted_covariance(covariance: Array, T_a: Array, T_b: Array, config: ScanTrackingConfig) -> Array:
-    """(6, 6) after the robot drove from pose a to b: the error of a carried along, and what odometry adds on the way."""
-    step = T_b[:3, 3] - T_a[:3, 3]
-    carry = np.eye(6)
-    carry[:3, 3:] = -skew(step)
-    way = float(np.linalg.norm(step))
-    turn = float(rotation_angles((T_a[:3, :3].T @ T_b[:3, :3])[None])[0])
-    position = config.along_walk**2 * way + config.skid_walk**2 * turn
-    attitude = config.turn_walk**2 * way + config.gyro_walk**2 * turn
-    return np.asarray(carry @ covariance @ carry.T + np.diag([position] * 3 + [attitude] * 3))
+def way_of(T_a_b: Array) -> float:
+    """Metres from one pose to another, its turn counted by `TURN_ARM_M`."""
+    return float(np.linalg.norm(T_a_b[:3, 3]) + TURN_ARM_M * rotation_angles(T_a_b[None])[0])
 
 
 def spread_poses(T_begin: Array, T_begin_samples: Array, T_end: Array) -> Array:
     """(K, 4, 4) poses from (4, 4) `T_begin` by (K, 4, 4) measured motions, whose last is to end at `T_end`.
 
-    The difference is spread over them in proportion to the way and the turn so far, an arm of 0.3 m standing for the turn.
+    The difference is spread over them in proportion to the way so far.
     """
     raw = T_begin @ T_begin_samples
-    gone = np.linalg.norm(T_begin_samples[:, :3, 3], axis=1) + _ARM_M * rotation_angles(T_begin_samples)
+    gone = np.array([way_of(T) for T in T_begin_samples])
     share = np.minimum(gone / gone[-1], 1.0) if gone[-1] > 0.0 else np.ones(len(gone))
     error = error_between(raw[-1], T_end)
     return np.array([orthonormal(moved_by(T, part * error)) for T, part in zip(raw, share, strict=True)])

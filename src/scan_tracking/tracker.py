@@ -5,7 +5,7 @@ moves T_tracked_odom a little. Inputs come in order within a topic and in any or
 """
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from mount_calibration import TiltDirection
 from rigid_geometry import Arrival, StampedBuffer, as_covariance, as_transform, inverse, rotation_angle
-from scan_tracking.alignment import Alignment, align
-from scan_tracking.bundle import Bundler, Motion, Samples
+from scan_tracking.bundle import Bundle, Bundler, Motion, Samples
 from scan_tracking.config import ScanTrackingConfig
-from scan_tracking.local_map import LocalMap
-from scan_tracking.pose_error import orthonormal, predicted_covariance, rotated_covariance, spread_poses
+from scan_tracking.estimate import Estimate
+from scan_tracking.pose_error import orthonormal, rotated_covariance, spread_poses
+from scan_tracking.surroundings import Surroundings
 from sweep_assembly import TiltGeometry
 from sweep_assembly.beams import Sensor
 
@@ -42,12 +42,11 @@ class TrackedPose:
 
 @dataclass(frozen=True, eq=False)
 class _Track:
-    """The end of the last bundle: its stamp, odometry there, the tracked pose with its covariance, and why it was refused."""
+    """The end of the last bundle: its stamp, odometry there, what is known of the tracked pose, and why it was refused."""
 
     stamp_s: float
     T_odom_base: Array
-    T_tracked_base: Array
-    covariance: Array
+    estimate: Estimate
     refused: str = ""
 
 
@@ -63,7 +62,7 @@ class ScanTracker:
         self._bundler = Bundler(config, sensor, mount)
         self._backlash_rad = mount.calibration.backlash_rad
         self._counts: Counter[str] = Counter()
-        self._map: LocalMap | None = None
+        self._around = Surroundings(config)
         self._T_tracked_odom: Array | None = None  # None: odometry as it is
         self._track: _Track | None = None
         self._newest: tuple[float, Array] | None = None
@@ -92,12 +91,10 @@ class ScanTracker:
         """
         T = as_transform(T_map_odom)
         given = None if covariance is None else rotated_covariance(T[:3, :3].T, as_covariance(covariance))
-        found = LocalMap(points, normals, self._config.cell_m)
-        found.moved(inverse(T))
-        self._map = found
-        if given is not None and self._track is not None:
-            track = self._track
-            self._track = _Track(track.stamp_s, track.T_odom_base, track.T_tracked_base, given, track.refused)
+        self._around.set_map(points, normals, T)
+        if (track := self._track) is not None:
+            estimate = Estimate.of(track.estimate.T, track.estimate.covariance if given is None else given)
+            self._track = replace(track, estimate=estimate)
 
     def add_odometry(self, stamp_s: float, T_odom_base: ArrayLike) -> None:
         """Takes the (4, 4) pose of base_link at a time. What is not finite, not rigid, late or repeated is dropped and counted.
@@ -183,34 +180,35 @@ class ScanTracker:
 
     def _begin(self, stamp_s: float, pose: Array) -> None:
         sigmas = np.repeat([self._config.start_sigma_m, self._config.start_sigma_rad], 3)
-        self._track = _Track(stamp_s, pose, pose, np.diag(sigmas**2))
+        self._track = _Track(stamp_s, pose, Estimate.of(pose, np.diag(sigmas**2)))
 
     def _begin_again(self, stamp_s: float, pose: Array) -> None:
         """After a jump, at the tracked pose before it: the robot may have moved meanwhile."""
         assert self._newest is not None
         self._counts["odometry_jump"] += 1
         last_s, last = self._newest
-        kept, covariance = self._placed(last), self._grown(last)
+        kept = self._reached(last)
         unseen_s = max(stamp_s - last_s, self._config.bundle_s)
         unseen = np.repeat([self._config.most_speed_mps, self._config.most_turn_rps], 3) * unseen_s
         to_new = pose @ inverse(last)
         self._due = [(at, to_new @ waiting) for at, waiting in self._due]
         self._odometry.clear()
-        self._T_tracked_odom = orthonormal(kept @ inverse(pose))
-        self._track = _Track(stamp_s, pose, kept, covariance + np.diag(unseen**2), "odometry jumped")
+        self._T_tracked_odom = orthonormal(kept.T @ inverse(pose))
+        self._track = _Track(stamp_s, pose, kept.widened(unseen), "odometry jumped")
 
     def _placed(self, T_odom_base: Array) -> Array:
         """(4, 4) the tracked pose of an odometry pose; odometry itself, to the bit, as long as nothing corrected it."""
         return T_odom_base if self._T_tracked_odom is None else orthonormal(self._T_tracked_odom @ T_odom_base)
 
-    def _grown(self, T_odom_base: Array) -> Array:
-        """(6, 6) covariance there, after what odometry adds since the last bundle."""
+    def _reached(self, T_odom_base: Array) -> Estimate:
+        """What is known there, after what odometry adds since the last bundle."""
         assert self._track is not None
-        return predicted_covariance(self._track.covariance, self._track.T_tracked_base, self._placed(T_odom_base), self._config)
+        return self._track.estimate.moved(self._placed(T_odom_base), self._config)
 
     def _tracked(self, stamp_s: float, T_odom_base: Array) -> TrackedPose:
         assert self._track is not None
-        return TrackedPose(stamp_s, self._placed(T_odom_base), self._grown(T_odom_base), self._track.refused)
+        reached = self._reached(T_odom_base)
+        return TrackedPose(stamp_s, reached.T, reached.covariance, self._track.refused)
 
     def _bundle_end(self) -> tuple[float, Array] | None:
         """Stamp and odometry at which the next bundle ends, once all of it is there or will not come."""
@@ -224,48 +222,58 @@ class ScanTracker:
         return (float(stamps[0]), poses[0]) if stamps[0] <= complete_s + STAMP_TOLERANCE_S else None
 
     def _finish_bundle(self, end_s: float, T_odom_base: Array) -> None:
-        track, T_prior, covariance = self._track, self._placed(T_odom_base), self._grown(T_odom_base)
+        track, prior = self._track, self._reached(T_odom_base)
         assert track is not None
-        found = self._aligned(track, end_s, T_prior, covariance) if self._moved(track, T_odom_base) else None
-        if found is None:
+        bundle = self._bundle(track, end_s) if self._around.known and self._moved(track, T_odom_base) else None
+        self._track = _Track(end_s, T_odom_base, prior)
+        if isinstance(bundle, str):
+            self._refuse(bundle)
+        elif bundle is None:
             self._counts["bundle_nothing_to_match"] += 1
-            found = Alignment(T_prior, covariance, 0)
-        elif found.refused:
-            self._counts["bundle_refused"] += 1
         else:
-            self._counts["bundle_matched"] += 1
-            self._T_tracked_odom = orthonormal(found.T @ inverse(T_odom_base))
-        self._track = _Track(end_s, T_odom_base, self._placed(T_odom_base), found.covariance, found.refused)
+            self._match(bundle, self._track)
         self._settle(track, self._track)
         self._odometry.forget_before(end_s)
         self._tilts.forget_before(end_s)
         self._scans.forget_before(end_s - self._longest_s)
 
+    def _match(self, bundle: Bundle, track: _Track) -> None:
+        found = self._around.match(bundle, track.estimate)
+        self._track = replace(track, estimate=found.estimate)
+        if found.refused:
+            self._refuse(found.refused)
+            return
+        self._counts["bundle_matched"] += 1
+        self._T_tracked_odom = orthonormal(found.estimate.T @ inverse(track.T_odom_base))
+        self._track = replace(track, estimate=replace(found.estimate, T=self._placed(track.T_odom_base)))
+
+    def _refuse(self, reason: str) -> None:
+        assert self._track is not None
+        self._counts["bundle_refused"] += 1
+        self._track = replace(self._track, refused=reason)
+
     def _moved(self, track: _Track, T_odom_base: Array) -> bool:
         motion = inverse(track.T_odom_base) @ T_odom_base
         return float(np.linalg.norm(motion[:3, 3])) > self._config.moved_m or rotation_angle(motion) > self._config.moved_rad
 
-    def _aligned(self, track: _Track, end_s: float, T_prior: Array, covariance: Array) -> Alignment | None:
-        """None where there is nothing to match."""
-        if self._map is None or not len(self._map):
-            return None
+    def _bundle(self, track: _Track, end_s: float) -> Bundle | str | None:
+        """None where there is nothing to match; a reason where it cannot be matched."""
         odometry, tilts = (Samples(s, np.array(v)) for s, v in (b.around(track.stamp_s, end_s) for b in (self._odometry, self._tilts)))
         stamps, readings = self._scans.between(track.stamp_s - self._longest_s, end_s)
         if not len(readings):
             return None
         if _pause(odometry, track.stamp_s, end_s) > self._config.most_gap_s:
-            return Alignment(T_prior, covariance, 0, "odometry paused")
+            return "odometry paused"
         if _pause(tilts, track.stamp_s, end_s) > self._config.most_gap_s:
-            return Alignment(T_prior, covariance, 0, "no tilt of the mount")
-        bundle = self._bundler.bundle(stamps, readings, (track.stamp_s, end_s), Motion(odometry, tilts))
-        return align(bundle, self._map, T_prior, covariance, self._config)
+            return "no tilt of the mount"
+        return self._bundler.bundle(stamps, readings, (track.stamp_s, end_s), Motion(odometry, tilts))
 
     def _settle(self, begin: _Track, end: _Track) -> None:
         """Odometry's samples of a bundle with its correction spread over them."""
         stamps, poses = self._odometry.between(begin.stamp_s + STAMP_TOLERANCE_S, end.stamp_s + STAMP_TOLERANCE_S)
         if self._T_tracked_odom is not None:
-            poses = list(spread_poses(begin.T_tracked_base, inverse(begin.T_odom_base) @ np.array(poses), end.T_tracked_base))
-        self._settled += [TrackedPose(float(s), T, end.covariance, end.refused) for s, T in zip(stamps, poses, strict=True)]
+            poses = list(spread_poses(begin.estimate.T, inverse(begin.T_odom_base) @ np.array(poses), end.estimate.T))
+        self._settled += [TrackedPose(float(s), T, end.estimate.covariance, end.refused) for s, T in zip(stamps, poses, strict=True)]
         self._settled = [pose for pose in self._settled if pose.stamp_s > end.stamp_s - self._config.buffer_s]
 
 

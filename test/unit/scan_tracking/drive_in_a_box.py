@@ -57,12 +57,16 @@ class Drive:
     def scan(self, stamp_s: float) -> Scan:
         times = stamp_s + GEOMETRY.beam_times
         T = np.stack([self.pose(t) @ MOUNT.base_from_laser(self.tilt(t))[0] for t in times])
-        heading = np.einsum("nij,nj->ni", T[:, :3, :3], GEOMETRY.directions)
-        heading[heading == 0.0] = 1e-12
-        origin = T[:, :3, 3]
-        ranges = np.where(heading > 0, (self.box[1] - origin) / heading, (self.box[0] - origin) / heading).min(axis=1)
+        ranges = self.ranges(T, GEOMETRY.directions)
         noise = np.random.default_rng([self.seed, round(stamp_s * 1000)]).normal(0.0, 1.0, len(ranges))
         return Scan(GEOMETRY, ranges + self.range_sigma_m * noise)
+
+    def ranges(self, T: np.ndarray, directions: np.ndarray) -> np.ndarray:
+        """(n,) distances to the box from (n, 4, 4) poses of the laser along (n, 3) directions."""
+        heading = np.einsum("nij,nj->ni", T[:, :3, :3], directions)
+        heading[heading == 0.0] = 1e-12
+        origin = T[:, :3, 3]
+        return np.where(heading > 0, (self.box[1] - origin) / heading, (self.box[0] - origin) / heading).min(axis=1)
 
     def into(self, tracker: ScanTracker, begin_s: float = 0.0) -> list:
         """All tracked poses, asked for at every odometry sample with what has come by then."""

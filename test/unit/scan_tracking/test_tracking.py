@@ -7,7 +7,7 @@ from drive_in_a_box import CORRIDOR, MOUNT, ROOM, Drive, ahead, bend, level, nod
 from rigid_geometry import inverse, transform_from_rpy
 from scan_tracking import ScanTracker, ScanTrackingConfig
 from scan_tracking.pose_error import error_between
-from sweep_assembly import LaserScans, Scan
+from sweep_assembly import LaserScans, LidarConfig, LidarRevolutions, Revolution, Scan
 
 
 def slipping(t: float) -> np.ndarray:
@@ -45,7 +45,7 @@ def test_odometry_that_slips_is_held_in_a_room() -> None:
 def test_along_a_corridor_the_prior_stands_and_its_covariance_grows_and_across_it_shrinks() -> None:
     drive = Drive(box=CORRIDOR, tilt=level, slip=slipping, range_sigma_m=0.01, end_s=4.0)
     poses = drive.into(tracker_in(CORRIDOR))
-    walked = ScanTrackingConfig().along_walk * np.sqrt(2.0)
+    walked = ScanTrackingConfig().ground_walk * np.sqrt(2.0)
     assert sigmas(poses[-1])[0] > 0.95 * walked
     assert poses[-1].T_odom_base[0, 3] == pytest.approx(drive.odometry(4.0)[0, 3], abs=0.005)
     assert sigmas(poses[-1])[1] < 0.012 and abs(poses[-1].T_odom_base[1, 3]) < 0.01
@@ -58,12 +58,12 @@ def test_errors_of_normals_do_not_hold_the_robot_along_a_corridor() -> None:
     tracker = tracker_in(None)
     tracker.set_map(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), np.eye(4))
     last = Drive(box=CORRIDOR, tilt=level, slip=slipping, range_sigma_m=0.01, end_s=4.0).into(tracker)[-1]
-    assert sigmas(last)[0] > 0.95 * ScanTrackingConfig().along_walk * np.sqrt(2.0)
+    assert sigmas(last)[0] > 0.95 * ScanTrackingConfig().ground_walk * np.sqrt(2.0)
 
 
 def test_far_side_of_a_wall_is_no_partner() -> None:
     points, normals = walls(ROOM)
-    tracker = tracker_in(None)
+    tracker = tracker_in(None, own_every_m=0.0)
     tracker.set_map(points, -normals, np.eye(4))
     last = Drive(slip=slipping).into(tracker)[-1]
     assert "have a partner" in last.refused
@@ -109,6 +109,21 @@ def test_without_a_map_odometry_passes_to_the_bit() -> None:
         poses = drive.into(tracker)
         assert all(np.array_equal(pose.T_odom_base, drive.odometry(pose.stamp_s)) and pose.refused == "" for pose in poses)
         assert all(np.array_equal(pose.T_odom_base, drive.odometry(pose.stamp_s)) for pose in tracker.settled())
+
+
+def test_surfaces_that_the_map_lacks_are_put_down_and_hold_the_robot_with_a_covariance_that_owns_to_it() -> None:
+    points, normals = walls(ROOM)
+    known = points[:, 0] < -2.9  # the wall behind, alone
+    drive = Drive(tilt=level, slip=slipping, range_sigma_m=0.005, end_s=4.0)
+    found = {}
+    for every_m in (0.0, 1.0):
+        tracker = tracker_in(None, own_every_m=every_m)
+        tracker.set_map(points[known], normals[known], np.eye(4))
+        found[every_m] = drive.into(tracker)
+    alone, with_own = (poses[-1] for poses in found.values())
+    assert abs(alone.T_odom_base[1, 3]) > 0.05 and abs(with_own.T_odom_base[1, 3]) < 0.02
+    assert sigmas(with_own)[1] < 0.5 * sigmas(alone)[1]
+    assert sigmas(with_own)[1] >= sigmas(found[1.0][4])[1]  # never surer than where they were put down
 
 
 def test_a_robot_that_stands_stays_where_it_was_tracked() -> None:
@@ -158,3 +173,31 @@ def test_a_scan_of_another_sensor_is_an_error() -> None:
     with pytest.raises(ValueError, match="a reading of a laser is a Scan"):
         tracker_in(ROOM).add_scan(1.0, "scan")
     assert isinstance(Drive().scan(0.0), Scan)
+
+
+def test_revolutions_of_a_spinning_lidar_are_tracked_as_well() -> None:
+    lidar, drive = LidarConfig(), Drive(box=ROOM, slip=slipping, end_s=2.0)
+    tracker = ScanTracker(ScanTrackingConfig(), LidarRevolutions(lidar), MOUNT)
+    tracker.set_map(*walls(ROOM), np.eye(4))
+    poses = []
+    for k in range(41):
+        t = 0.05 * k
+        tracker.add_tilt(t, 0.4)
+        tracker.add_odometry(t, drive.odometry(t))
+        if k and k % 2 == 0:
+            tracker.add_scan(t - 0.1, revolution(drive, lidar, t - 0.1))
+        poses += tracker.advance(t)
+    assert tracker.counts["bundle_matched"] > 15
+    assert off_by(drive.odometry(2.0), drive.pose(2.0))[0] > 0.07
+    assert max(off_by(pose.T_odom_base, drive.pose(pose.stamp_s))[0] for pose in poses) < 0.02
+
+
+def revolution(drive: Drive, lidar: LidarConfig, stamp_s: float) -> Revolution:
+    """One turn of 180 columns through the box, the mount pitched down by 0.4 rad."""
+    columns, rings = (a.ravel() for a in np.meshgrid(np.arange(180), np.arange(lidar.rings), indexing="ij"))
+    times, azimuths, up = columns / 180 * lidar.duration_s, np.pi - 2 * np.pi * columns / 180, lidar.elevations[rings]
+    directions = np.stack([np.cos(up) * np.cos(azimuths), np.cos(up) * np.sin(azimuths), np.sin(up)], axis=1)
+    by_column = np.stack([drive.pose(stamp_s + t) for t in np.arange(180) / 180 * lidar.duration_s])
+    T = by_column[columns] @ MOUNT.base_from_laser(0.4)[0]
+    points = drive.ranges(T, directions)[:, None] * directions
+    return Revolution(points.astype(np.float32), rings, times)
