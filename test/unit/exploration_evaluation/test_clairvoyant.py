@@ -86,6 +86,23 @@ def test_search_finds_the_best_of_all_tours_of_a_few_views(seed):
         assert order_cost(times, tour) + stop_s * len(tour) == pytest.approx(best)
 
 
+@pytest.mark.parametrize(("stop_s", "tour"), [(8.0, [0, 3]), (1.0, [0, 1, 2])])
+def test_second_view_is_worth_a_longer_way_only_where_views_take_long(stop_s, tour):
+    at, sees = np.array([0.0, 3.0, 6.0, -10.0]), np.zeros((4, 10), dtype=np.bool_)
+    sees[1, :6] = sees[2, 4:] = sees[3] = True
+    assert covering_tour(sees, np.abs(at[:, None] - at), 0, stop_s, 200, np.random.default_rng(0)) == tour
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_view_of_a_tour_is_needless_however_short_the_search(seed):
+    rng = np.random.default_rng(seed)
+    places = 10 * rng.random((12, 2))
+    times, sees = np.linalg.norm(places[:, None] - places[None], axis=2), rng.random((12, 30)) < 0.35
+    tour = covering_tour(sees, times, 0, 1.0, 0, np.random.default_rng(seed))
+    for view in tour[1:]:
+        assert (sees[[other for other in tour if other != view]].any(axis=0) != sees.any(axis=0)).any()
+
+
 def test_same_world_has_the_same_clairvoyant():
     assert found(two_rooms(12.0), MIDDLE) == found(two_rooms(12.0), MIDDLE)
 
