@@ -27,6 +27,7 @@ JUDGE_CONFIGS = (
     "exploration_evaluation.config.RobotShape",
     "exploration_evaluation.config.EvaluationConfig",
     "exploration_evaluation.visible_surface.VisibilityConfig",
+    "exploration_evaluation.clairvoyant.ClairvoyantConfig",
     "exploration_evaluation.classification.ClassificationConfig",
 )
 HEADER = ("Parameter", "Default", "Unit", "Allowed", "Meaning")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evaluation_campaign.plan import OUTCOME_FILE, Limits, RunSpec
-from exploration_evaluation import read_json, write_json
+from exploration_evaluation import add_clairvoyant, read_json, write_json
 from roslaunch_process import end_with_parent, free_port
 
 _GRACE_S = 90.0  # for nodes to save and the judge to score after an interrupt
@@ -50,6 +50,8 @@ def make_run(request: RunRequest) -> dict[str, object]:
     attempts = _count_attempt(folder)
     started, begun = time.strftime("%Y-%m-%dT%H:%M:%S"), time.monotonic()
     exit_code, in_time = _explore(request, folder)
+    with contextlib.suppress(ValueError):  # a run that was not judged
+        add_clairvoyant(folder)
     _draw_missed(folder)
     spec = request.spec
     outcome = {

@@ -49,6 +49,11 @@ SCORES: tuple[Score, ...] = (
     Score("max_tilt_rad", "greatest tilt", "deg", _DEGREES, 0, "greatest"),
     Score("fell", "falls", "", 1.0, 0, "sum"),
     Score("path_ratio", "path driven / shortest", "", 1.0, 2),
+    Score("clairvoyant_ratio", "time / clairvoyant's", "", 1.0, 2),
+    Score("time_spent.driving_s", "driving", "s", 1.0, 0),
+    Score("time_spent.turning_s", "turning on the spot", "s", 1.0, 0),
+    Score("time_spent.sweeping_s", "standing to sweep", "s", 1.0, 0),
+    Score("time_spent.waiting_s", "waiting", "s", 1.0, 0),
 )
 
 

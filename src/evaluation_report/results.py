@@ -8,6 +8,7 @@ _COUNTED = (
     "runtime_s",
     "sim_time_s",
     "compute_s",
+    "clairvoyant_time_s",
     "distance_m",
     "sweeps",
     "refused_matches",

@@ -1,12 +1,13 @@
 """The judge: scores a finished run against the true world, and draws what it left.
 
 From the world's mesh: the ground that the robot can reach (`reachable_ground`). From a run folder: coverage, map and
-trajectory error, collisions, tilt and falls (`evaluate_run`, `scores`), a screen of text (`format_summary`), and two
-pictures (`pictures.draw_pictures`, which is imported by itself because it loads matplotlib). Nothing here is shared with the
-terrain classifier, nor with any other stage that is judged.
+trajectory error, collisions, tilt and falls (`evaluate_run`, `scores`), the time against that of a robot that knows the
+world (`add_clairvoyant`), a screen of text (`format_summary`), and two pictures (`pictures.draw_pictures`, which is imported by
+itself because it loads matplotlib). Nothing here is shared with the terrain classifier, nor with any other stage that is judged.
 """
 
 from exploration_evaluation.activity import ActivityTimes, activity_times
+from exploration_evaluation.clairvoyant_score import add_clairvoyant
 from exploration_evaluation.config import EvaluationConfig, RobotShape
 from exploration_evaluation.curves import CurvePoint, coverage_curve, driven_distances, placed_sweeps, swept_coverage
 from exploration_evaluation.mesh import read_cloud, read_mesh
@@ -57,6 +58,7 @@ __all__ = [
     "TerrainSafety",
     "TrajectoryErrors",
     "activity_times",
+    "add_clairvoyant",
     "align_poses",
     "align_positions",
     "contact_episodes",

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from exploration_evaluation.clairvoyant_score import add_clairvoyant
 from exploration_evaluation.mesh import read_mesh
 from exploration_evaluation.report import format_summary
 from exploration_evaluation.run_folder import evaluate_run
@@ -26,6 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         print(f"exploration_evaluation: {error}", file=sys.stderr)
         return 2
+    if options.clairvoyant:
+        summary = add_clairvoyant(options.directory)
     print(format_summary(summary))
     if options.pictures:
         _draw(options.directory, summary)
@@ -39,6 +42,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("directory", type=Path, metavar="DIR", help="folder of the run: run.json, trajectory.txt, occupied.npz, ...")
     parser.add_argument(
         "--world-mesh", type=Path, metavar="FILE", help="true mesh in the world frame, .ply .obj or .stl (default: DIR/world.ply)"
+    )
+    parser.add_argument(
+        "--clairvoyant",
+        action="store_true",
+        help="compare the time with that of a robot that knows the world: some seconds the first time, then kept in ~/.cache/explore_3dnav",
     )
     parser.add_argument("--no-pictures", dest="pictures", action="store_false", help="write summary.json only")
     return parser

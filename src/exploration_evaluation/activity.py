@@ -1,6 +1,6 @@
-"""What the time of a run went to: the simulated seconds by activity, and the seconds for which the robot stood and computed.
+"""What the time of a run went to: the simulated seconds by what the robot meant to do, and by how it moved, and the seconds of computing.
 
-Between the monitor's events.csv, which has a line for every change of what the robot does, and the summary.
+Between the monitor's events.csv, which has a line for every change of what the robot does, the true trajectory, and the summary.
 """
 
 from collections.abc import Sequence
@@ -8,11 +8,22 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+
+from exploration_evaluation.config import EvaluationConfig
+from rigid_geometry import rotation_angles
 
 # The states that stop, scan and go tells of; a robot that starts, or comes to rest before a sweep, waits.
-_ACTIVITIES = {"starting": "waiting", "settling": "waiting", "sweeping": "sweeping", "mapping": "mapping", "driving": "driving"}
+_ACTIVITIES = {
+    "starting": "waiting",
+    "settling": "waiting",
+    "sweeping": "sweeping",
+    "mapping": "mapping",
+    "driving": "driving",
+    "looking": "sweeping",  # it stands while its mount nods
+}
 _ENDS = ("finished", "failed")
+_STEP_S = 0.2  # over which a motion is told from the tremble of a robot that stands
 _OLD_STAMP_S = 1.0  # a decision has the stamp of its sweep, a little before the tick that it is acted on
 
 
@@ -49,6 +60,38 @@ def activity_times(stamps: ArrayLike, wall_s: ArrayLike, states: Sequence[str], 
         if state not in _ENDS:
             spent[_ACTIVITIES[state]] += float(end - begin)
     return ActivityTimes(spent, _compute_s(wall.tolist(), states))
+
+
+def time_spent(
+    stamps: ArrayLike,
+    states: Sequence[str],
+    truth: tuple[NDArray[np.float64], NDArray[np.float64]],
+    body_radius_m: float,
+    config: EvaluationConfig,
+) -> dict[str, float]:
+    """Seconds of driving, turning on the spot, standing to sweep, and waiting.
+
+    stamps (N,), states: the changes of state. truth: (M,) stamps and (M, 4, 4) true poses.
+
+    How it moves comes first, so that a sweep while driving is driving. It turns on the spot when it turns about a point under its own
+    body, `body_radius_m` around the centre. Standing without a sweep is waiting: coming to rest, matching, planning. ValueError as above,
+    and for fewer than two poses.
+    """
+    times, poses = truth
+    kept = np.flatnonzero(np.diff(np.floor((times - times[0]) / _STEP_S + 1e-3), prepend=-1.0))
+    at, moved = np.maximum.accumulate(np.asarray(stamps, dtype=np.float64)), poses[kept]
+    if len(kept) < 2 or not len(at) == len(states) > 0:
+        raise ValueError(f"two true poses and a state that begins with every change, not {len(kept)}, {len(states)} and {len(at)}")
+    lasts = np.diff(times[kept])
+    speed = np.linalg.norm(np.diff(moved[:, :3, 3], axis=0), axis=1) / lasts
+    rate = rotation_angles(moved[:-1, :3, :3].transpose(0, 2, 1) @ moved[1:, :3, :3]) / lasts
+    state = np.searchsorted(at, 0.5 * (times[kept][:-1] + times[kept][1:]), side="right") - 1
+    sweeps = np.array([_ACTIVITIES.get(name) == "sweeping" for name in states])[state] & (state >= 0)
+    turning = (rate > config.still_turn_rate_radps) & (speed < body_radius_m * rate)
+    driving = (speed > config.still_speed_mps) & ~turning
+    parts = {"driving_s": driving, "turning_s": turning, "sweeping_s": sweeps & ~driving & ~turning}
+    spent = {name: float(lasts[part].sum()) for name, part in parts.items()}
+    return {**spent, "waiting_s": float(lasts.sum()) - sum(spent.values())}
 
 
 def _compute_s(wall: Sequence[float], states: Sequence[str]) -> float | None:

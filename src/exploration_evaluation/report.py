@@ -10,7 +10,7 @@ from exploration_evaluation.verdict import Fault
 
 _UNKNOWN = "unknown"
 _COLUMNS = 100
-_MISSING_SHOWN = 6
+_MISSING_SHOWN = 5
 
 
 def format_summary(summary: JsonObject) -> str:
@@ -76,10 +76,22 @@ def _own_rows(s: Mapping[str, Any]) -> list[tuple[str, str]]:
             "driven",
             f"{_value(s, 'distance_m', '.1f', ' m')} in {_clock(s, 'sim_time_s')} of ROS time, {_clock(s, 'wall_time_s')} wall time",
         ),
+        ("time", _time(s)),
         ("sweeps", f"{_value(s, 'sweeps')}, {_value(s, 'loop_closures')} loop closures, {_value(s, 'refused_matches')} matches refused"),
         ("classification", f"local {_classified(s, 'local')}, global {_classified(s, 'global')}"),
         ("version", _value(s, "version")),
     ]
+
+
+def _time(s: Mapping[str, Any]) -> str:
+    """Where the time went and, where that was asked for, how much longer it took than a robot takes that knows the world."""
+    spent = s.get("time_spent") or {}
+    total = sum(spent.values())
+    names = ("driving", "turning", "sweeping", "waiting")
+    parts = [f"{name} {_share({name: spent[f'{name}_s'] / total}, name)}" for name in names] if total > 0 else [_UNKNOWN]
+    if s.get("clairvoyant_ratio") is not None:
+        parts.append(f"{_value(s, 'clairvoyant_ratio', '.2f')} of the clairvoyant's {_clock(s, 'clairvoyant_time_s')}")
+    return ", ".join(parts)
 
 
 def _value(s: Mapping[str, Any], key: str, form: str = "", unit: str = "") -> str:

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from exploration_evaluation.activity import ActivityTimes, activity_times
+from exploration_evaluation.activity import ActivityTimes, activity_times, time_spent
 from exploration_evaluation.config import EvaluationConfig, RobotShape
 from exploration_evaluation.curves import coverage_curve, driven_distances, placed_sweeps, swept_coverage
 from exploration_evaluation.graph_edges import read_edges, wrong_edges
@@ -85,7 +85,7 @@ def evaluate_run(
     missed_piece_m2, reachable_area_m2, reachable_straight_m2, turning_area_m2, map_rmse_m, map_p95_m, trajectory_ate_m,
     trajectory_origin_error_m, map_tilt_rad, collisions, collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m,
     coverage_curve (a CurvePoint a sweep), rpe_translation_m, rpe_rotation_rad, wrong_edges, shortest_length_m, path_ratio,
-    activity_s, compute_s, runtime_s, visible_surface_m2, seen_surface_share, map_completeness_rms_m, map_completeness_p95_m,
+    activity_s, time_spent, compute_s, runtime_s, visible_surface_m2, seen_surface_share, map_completeness_rms_m, map_completeness_p95_m,
     classification (confusion, false-safe and false-unsafe ground), and "missing": what is None and why. ValueError when the folder does
     not exist, or its robot.yaml is none.
     """
@@ -195,14 +195,18 @@ class _Judgement:
 
     def _activity(self, truth: Trajectory | None, sim_time_s: float | None) -> dict[str, Any]:
         found: ActivityTimes | None = None
-        if truth is not None:
+        spent: dict[str, float] | None = None
+        events = self._try("activity", lambda: read_events(self._folder / "events.csv"))
+        if truth is not None and events is not None:
             end_s = float(truth[0][-1])
-            found = self._try("activity", lambda: activity_times(*read_events(self._folder / "events.csv"), end_s))
+            found = self._try("activity", lambda: activity_times(*events, end_s))
+            spent = self._try("time spent", lambda: time_spent(events[0], events[2], truth, self._robot.inscribed_radius_m, self._config))
         compute_s = found.compute_s if found else None
         if found and compute_s is None:
             self._missing.append("compute_s: the run was cut off while it was mapping")
         return {
             "activity_s": found.simulated_s if found else None,
+            "time_spent": spent,
             "compute_s": compute_s,
             "runtime_s": None if compute_s is None or sim_time_s is None else sim_time_s + compute_s,
         }

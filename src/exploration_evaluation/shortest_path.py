@@ -26,6 +26,7 @@ _STRETCH = 1.0 / math.cos(0.5 * math.atan2(1, 5))  # midway between two directio
 _JOIN_M = 0.3
 _AT_ENDS_M = 0.02  # by which a way is longer because a place is joined to cells beside its line
 _LEAST_WAY_M = 0.5
+_AT_A_TIME = 32  # sources of ways, so that their distances to all cells fit into memory
 _BELOW_M, _ABOVE_M = -0.1, 0.5  # a place's height above its ground
 
 
@@ -55,6 +56,19 @@ def path_ratio(driven_m: float, shortest_m: float) -> float:
     if not shortest_m >= _LEAST_WAY_M:
         raise ValueError(f"a way of {shortest_m:.2f} m is too short to compare one with; {_LEAST_WAY_M} m are not")
     return driven_m / shortest_m
+
+
+def lengths_between(ground: ReachableGround, points: Ints, reach_m: float) -> Floats:
+    """(P, P) metres of the shortest way between any two of (P,) way points, inf where none leads.
+
+    Longer ways than the reach lead over others of the points: up to a percent too long where these are a third of the reach apart.
+    """
+    graph = _graph(ground.way_points, _edges(ground.way_links))
+    near = [dijkstra(graph, indices=some, limit=reach_m)[:, points] for some in np.array_split(points, max(1, len(points) // _AT_A_TIME))]
+    lengths = np.vstack(near)
+    row, column = np.nonzero(np.isfinite(lengths) & ~np.eye(len(points), dtype=np.bool_))
+    joined = coo_array((np.maximum(lengths[row, column], 1e-9), (row, column)), shape=lengths.shape).tocsr()
+    return np.asarray(dijkstra(joined))
 
 
 def _leg(graph: csr_array, place: int, straight_m: float) -> float:

@@ -88,7 +88,7 @@ def visible_surface(
         raise ValueError("nothing can be seen from reachable ground without points")
     mesh = checked_mesh(vertices, triangles)
     centroids, normals, areas = _pieces(*mesh, config.piece_m)
-    eyes = _standpoints(ground.points, config.standpoint_m) + [0.0, 0.0, config.sensor_height_m]
+    eyes = ground.points[standpoints(ground.points, config.standpoint_m)] + [0.0, 0.0, config.sensor_height_m]
     seen = _seen_from_any(RayScene(*mesh), eyes, centroids, normals, config)
     return VisibleSurface(centroids[seen], areas[seen])
 
@@ -154,13 +154,13 @@ def _halved(corners: Floats, edge: Ints) -> Floats:
     return np.concatenate([np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)])
 
 
-def _standpoints(points: Floats, step_m: float) -> Floats:
-    """(S, 3) of the points: in every cube of a coarse grid the one that is nearest to its middle."""
+def standpoints(points: Floats, step_m: float) -> Ints:
+    """(S,) indices of some of (N, 3) points: in every cube of a coarse grid the one that is nearest to its middle."""
     cubes = np.floor(points / step_m)
     off = np.linalg.norm(points / step_m - cubes - 0.5, axis=1)
     order = np.lexsort((off, *cubes.T))
     _, first = np.unique(cubes[order], axis=0, return_index=True)
-    return points[order[first]]
+    return np.asarray(order[first])
 
 
 def _seen_from_any(scene: RayScene, eyes: Floats, points: Floats, normals: Floats, config: VisibilityConfig) -> Mask:

@@ -88,6 +88,7 @@ class ExploreArguments:
     robot: Path | None
     profile: str
     set_parameters: tuple[str, ...]
+    clairvoyant: bool
     check_only: bool
 
 
@@ -165,6 +166,9 @@ def parser() -> argparse.ArgumentParser:
         metavar="NODE/PARAMETER=VALUE",
         help="overrides one parameter, also of the robot, as robot/max_step_m=0.08; may be repeated",
     )
+    p.add_argument(
+        "--clairvoyant", action="store_true", help="compare the time with that of a robot that knows the world: some seconds at the end"
+    )
     p.add_argument("--setup", action="store_true", help="only set up: packages, .venv, workspace")
     return p
 
@@ -214,6 +218,7 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         robot=a.robot.absolute() if a.robot else earlier.robot,
         profile=a.profile,
         set_parameters=tuple(a.set),
+        clairvoyant=a.clairvoyant,
         check_only=a.setup,
     )
 

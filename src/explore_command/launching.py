@@ -106,7 +106,23 @@ def run_launch(arguments: ExploreArguments, robot: RobotBody, clock_start_s: flo
         for line in shown_lines(launch, _MONITOR_MARK):
             log.write(f"{line}\n")
         launch.wait()
+    if arguments.clairvoyant:
+        _compare_with_clairvoyant(arguments.out)
     return _exit_code(arguments.out)
+
+
+def _compare_with_clairvoyant(out: Path) -> None:
+    from exploration_evaluation import add_clairvoyant  # loads open3d: only when it is asked for
+
+    try:
+        summary = add_clairvoyant(out)
+    except ValueError as error:
+        print(f"{_MONITOR_MARK} no clairvoyant: {error}", flush=True)
+        return
+    why = next((text for text in summary["missing"] if text.startswith("clairvoyant")), "")
+    ratio, time_s = summary["clairvoyant_ratio"], summary["clairvoyant_time_s"]
+    told = why if ratio is None else f"{ratio:.2f} of the {time_s:.0f} s of a robot that knows the world"
+    print(f"{_MONITOR_MARK} {told}", flush=True)
 
 
 def _exit_code(out: Path) -> int:

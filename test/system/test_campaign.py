@@ -61,4 +61,5 @@ def test_killed_campaign_goes_on_to_the_report_of_an_undisturbed_one(tmp_path: P
     assert json.loads(first)["attempts"] == 2
     reports = [steady(json.loads((out / "results.json").read_text())) for out in (calm, disturbed)]
     assert reports[0] == reports[1]
+    assert all(run["clairvoyant_ratio"] > 1.0 for run in reports[0]["runs"])
     assert (disturbed / "report.html").stat().st_size > 10_000 and (disturbed / "report.md").exists()

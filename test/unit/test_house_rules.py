@@ -21,6 +21,7 @@ ORDER: dict[str, set[str]] = {
     "robot_body": {"rigid_geometry", "stage_config"},
     "point_cloud2": set(),
     "sensor_checks": BASE,
+    "visiting_order": set(),
     # stages
     "pybullet_simulation": BASE,
     "odometry_fusion": BASE | {"sensor_checks"},
@@ -39,7 +40,7 @@ ORDER: dict[str, set[str]] = {
     "local_terrain_costmap": BASE,
     "path_following": BASE,
     "stop_scan_and_go": BASE,
-    "exploration_evaluation": BASE,  # the judge knows no stage that it judges
+    "exploration_evaluation": BASE | {"visiting_order"},  # the judge knows no stage that it judges
     # between the stages and ROS
     ADAPTERS: BASE
     | MAPPING
@@ -55,7 +56,7 @@ ORDER: dict[str, set[str]] = {
     },
     # programs: they use stages, and no stage uses them
     "roslaunch_process": set(),
-    "explore_command": BASE | {"pose_graph_mapping.session", "pybullet_simulation", "roslaunch_process"},
+    "explore_command": BASE | {"exploration_evaluation", "pose_graph_mapping.session", "pybullet_simulation", "roslaunch_process"},
     "mapping_tools": BASE
     | MAPPING
     | {"explore_command", "mount_calibration", "odometry_fusion", "point_cloud2", "sensor_checks", "sweep_assembly"},
@@ -65,7 +66,7 @@ ORDER: dict[str, set[str]] = {
     "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "roslaunch_process"},
 }
 """Every package and what it may import, earlier ones only. Rooms count as packages."""
-SHARED = BASE | {"point_cloud2"}
+SHARED = BASE | {"point_cloud2", "visiting_order"}
 PROGRAMS = set(list(ORDER)[list(ORDER).index(ADAPTERS) + 1 :])
 STAGES = {name.partition(".")[0] for name in ORDER} - SHARED - PROGRAMS - {ADAPTERS}
 ROS = {

@@ -43,6 +43,14 @@ def test_run_with_a_summary_is_finished(tmp_path):
     assert (outcome["status"], outcome["error"], outcome["attempts"]) == ("finished", None, 1)
 
 
+def test_run_that_is_over_is_compared_with_the_clairvoyant(tmp_path):
+    request = request_with(tmp_path, summary("explored: nothing left"))
+    make_run(request)
+    kept = json.loads((request.out / SPEC.folder / "summary.json").read_text())
+    assert kept["clairvoyant_ratio"] is None
+    assert kept["missing"] == ["clairvoyant: nothing is known of the views of sensor None; only of tilting, spinning"]
+
+
 def test_run_is_made_with_the_sensor_that_was_asked_for(tmp_path):
     request = request_with(tmp_path, "")
     (request.project / "explore").write_text(f'#!/bin/bash\necho "$@" > {tmp_path}/asked\n')

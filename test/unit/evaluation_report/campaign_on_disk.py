@@ -36,6 +36,7 @@ SUMMARY: dict[str, Any] = {
     "max_tilt_rad": 0.2,
     "fell": False,
     "path_ratio": 1.4,
+    "time_spent": {"driving_s": 180.0, "turning_s": 20.0, "sweeping_s": 160.0, "waiting_s": 40.0},
     "distance_m": 80.0,
     "activity_s": {"driving": 200.0, "sweeping": 160.0, "waiting": 40.0},
     "coverage_curve": [

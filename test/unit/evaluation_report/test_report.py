@@ -15,6 +15,7 @@ from evaluation_report.gallery import worst_first
 from evaluation_report.pictures import small_picture
 from evaluation_report.report import markdown_text
 from evaluation_report.tables import ratio_table, run_table, score_table, success_rows
+from evaluation_report.wording import UNKNOWN
 
 VOID = {"meta", "link", "img", "br", "hr", "input", "rect", "use", "path"}
 
@@ -95,6 +96,17 @@ def test_means_say_how_many_runs_they_cover(folder):
     assert [row.cells[1].note for row in rows[3:]] == ["1/3", "2/3"]
     assert rows[2].cells[2].text == "missing"
     assert score_table("ours", runs).rows[-1].cells[1].note == "2/3"
+
+
+def test_scores_say_where_the_time_went_and_what_the_clairvoyant_would_have_taken(tmp_path):
+    campaign = write_campaign(tmp_path, seeds=(1, 2))
+    write_run(campaign, "ramp", 1, clairvoyant_ratio=2.125)
+    write_run(campaign, "ramp", 2)
+    table = score_table("ours", load_campaign(campaign).runs_of("ramp", "ours"))
+    shown = {heading: [row.cells[k].text for row in table.rows] for k, heading in enumerate(table.columns)}
+    assert shown["time / clairvoyant's"] == ["2.12", UNKNOWN, "2.12"]
+    assert shown["turning on the spot [s]"] == ["20"] * 3
+    assert shown["standing to sweep [s]"] == ["160"] * 3
 
 
 def test_thesis_s_own_result_stands_beside_ours_where_there_is_one(folder):

@@ -1,8 +1,11 @@
 """Times by activity of runs that end well, in time, or in the middle."""
 
+import numpy as np
 import pytest
 
-from exploration_evaluation.activity import activity_times
+from exploration_evaluation import EvaluationConfig
+from exploration_evaluation.activity import activity_times, time_spent
+from rigid_geometry import transform_from_rpy
 
 STATES = ("starting", "settling", "sweeping", "mapping", "driving", "settling", "sweeping", "mapping", "finished")
 STAMPS = (1.0, 2.0, 2.5, 9.0, 9.0, 15.0, 15.5, 22.0, 22.0)
@@ -53,3 +56,56 @@ def test_end_before_the_last_change_takes_no_time_away():
 def test_what_is_no_record_of_a_run_is_refused(stamps, wall, states, text):
     with pytest.raises(ValueError, match=text):
         activity_times(stamps, wall, states, end_s=10.0)
+
+
+def moved(*parts):
+    """Stamps and poses of parts of a drive from 1 s on: seconds, metres a second ahead, radians a second."""
+    stamps, poses = [1.0], [np.eye(4)]
+    for seconds, speed, rate in parts:
+        for _ in range(round(seconds / 0.05)):
+            stamps.append(stamps[-1] + 0.05)
+            poses.append(poses[-1] @ transform_from_rpy((0.05 * speed, 0, 0), (0, 0, 0.05 * rate)))
+    return np.array(stamps), np.array(poses)
+
+
+def spent(states, truth):
+    stamps, names = zip(*states, strict=True)
+    return time_spent(stamps, names, truth, 0.335, EvaluationConfig())
+
+
+def test_time_is_spent_driving_turning_on_the_spot_sweeping_and_waiting():
+    states = [
+        (1.0, "starting"),
+        (2.0, "sweeping"),
+        (8.0, "mapping"),
+        (8.0, "driving"),
+        (19.0, "settling"),
+        (20.0, "sweeping"),
+        (26.0, "finished"),
+    ]
+    truth = moved((7, 0, 0), (2, 0, 0.8), (6, 0.5, 0.1), (1, 0, 0), (2, 0.1, 0.6), (7, 0, 0))
+    assert spent(states, truth) == pytest.approx({"driving_s": 6.0, "turning_s": 4.0, "sweeping_s": 12.0, "waiting_s": 3.0}, abs=0.2)
+
+
+def test_sweep_while_driving_is_driving_and_a_drive_that_stands_is_waiting():
+    truth = moved((4, 0.5, 0), (3, 0, 0))
+    assert spent([(1.0, "sweeping")], truth) == pytest.approx(
+        {"driving_s": 4.0, "turning_s": 0.0, "sweeping_s": 3.0, "waiting_s": 0.0}, abs=0.2
+    )
+    assert spent([(1.0, "driving")], truth) == pytest.approx(
+        {"driving_s": 4.0, "turning_s": 0.0, "sweeping_s": 0.0, "waiting_s": 3.0}, abs=0.2
+    )
+
+
+def test_robot_that_trembles_stands_and_one_that_creeps_drives():
+    stamps, poses = moved((10, 0, 0))
+    poses[:, 0, 3] += 0.001 * (np.arange(len(poses)) % 2)
+    assert spent([(1.0, "driving")], (stamps, poses))["waiting_s"] == pytest.approx(10.0)
+    assert spent([(1.0, "driving")], moved((10, 0.08, 0)))["driving_s"] == pytest.approx(10.0)
+
+
+def test_time_spent_needs_a_record():
+    with pytest.raises(ValueError, match="two true poses"):
+        time_spent((), (), moved((1, 0, 0)), 0.335, EvaluationConfig())
+    with pytest.raises(ValueError, match="two true poses"):
+        time_spent((1.0,), ("driving",), moved(), 0.335, EvaluationConfig())

@@ -232,7 +232,7 @@ def test_text_of_a_summary_fits_a_screen_and_says_what_is_unknown(run):
     nothing = format_summary({"coverage": None, "missing": [f"thing {k}" for k in range(30)]})
     assert nothing.startswith("UNDECIDED")
     assert "coverage       unknown" in nothing
-    assert "and 24 more" in nothing
+    assert "and 25 more" in nothing
     for lines in (text.splitlines(), nothing.splitlines()):
         assert len(lines) <= 24
         assert max(map(len, lines)) <= 100

@@ -119,5 +119,9 @@ def test_run_is_of_hardware_and_free_running_in_real_time_unless_told_otherwise(
     assert [(a.rate, a.realism) for a in map(parse, asked)] == [(1.0, "hardware"), (0.0, "hardware"), (0.0, "hardware"), (2.0, "ideal")]
 
 
+def test_clairvoyant_is_asked_only_where_one_says_so() -> None:
+    assert [parse(words).clairvoyant for words in ([], ["--clairvoyant"])] == [False, True]
+
+
 def test_realisms_are_the_simulator_s() -> None:
     assert REALISMS == HARDWARE_OR_IDEAL
