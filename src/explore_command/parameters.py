@@ -26,6 +26,7 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
     },
     "scan_filter_node": {"": "sweep_assembly.ScanFilterConfig", "lidar": "sweep_assembly.LidarConfig"},
     "odometry_fusion_node": {"": "odometry_fusion.OdometryConfig", "imu": "sensor_checks.ImuLimits"},
+    "scan_tracking_node": {"": "scan_tracking.ScanTrackingConfig", "lidar": "sweep_assembly.LidarConfig"},
     "sweep_assembler_node": {
         "": "sweep_assembly.SweepAssemblyConfig",
         "lidar": "sweep_assembly.LidarConfig",

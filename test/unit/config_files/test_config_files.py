@@ -74,8 +74,9 @@ def test_reference_begins_with_the_twelve_parameters_that_people_change() -> Non
     assert first.count("\n| `") == len(REFERENCE.COMMON) == 12
 
 
-def test_both_nodes_behind_a_spinning_lidar_know_the_same_one() -> None:
-    assert _values("scan_filter_node")["lidar"] == _values("sweep_assembler_node")["lidar"]
+@pytest.mark.parametrize("node", ["sweep_assembler_node", "scan_tracking_node"])
+def test_nodes_behind_a_spinning_lidar_know_the_same_one(node: str) -> None:
+    assert _values("scan_filter_node")["lidar"] == _values(node)["lidar"]
 
 
 def test_every_file_belongs_to_a_node_or_is_the_robot() -> None:
