@@ -39,7 +39,7 @@ class LocalCostmap:
         self._window = window
         self._terrain.move(window)
         self._obstacles.move(window)
-        self._lines.move(window, self._terrain.height)
+        self._lines.move(window, self._terrain)
         self._view = None
 
     def set_terrain(
@@ -59,7 +59,7 @@ class LocalCostmap:
         """
         self._terrain.set_terrain(cost, origin_xy, resolution, height, distance)
         self._obstacles.drop_explained(self._terrain.height)
-        self._lines.explain(self._terrain.height)
+        self._lines.explain(self._terrain)
         self._view = None
 
     def add_scan(

@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from local_terrain_costmap.config import CostmapConfig
+from local_terrain_costmap.terrain import TerrainLayer
+from local_terrain_costmap.view import LETHAL
 from local_terrain_costmap.window import Window, shifted
 from rigid_geometry import JUMP_BACK_S
 from robot_body import RobotBody
@@ -35,7 +37,7 @@ class LineLayer:
         self._half_cell_m = config.resolution_m / 2
         self._tolerance_m, self._steepest = robot.max_step_m + self._half_cell_m, math.tan(robot.max_slope_rad)
         self._layers = 2 * math.ceil(self._overhead_m / config.resolution_m)
-        self._set_ground(np.full((window.cells, window.cells), np.nan, dtype=np.float32))
+        self._know(TerrainLayer(window))
         self.clear()
 
     def clear(self) -> None:
@@ -46,16 +48,16 @@ class LineLayer:
         self._newest_s = -math.inf
         self.marked: NDArray[np.bool_] = np.zeros(shape[1:], dtype=np.bool_)
 
-    def move(self, window: Window, ground: Singles) -> None:
-        """Keep the evidence that lies in `window`, at its place; `ground` as in `explain`."""
+    def move(self, window: Window, terrain: TerrainLayer) -> None:
+        """Keep the evidence that lies in `window`, at its place; `terrain` has moved there already."""
         self._met_s = shifted(self._met_s, self._window, window, -math.inf)
         self._z = shifted(self._z, self._window, window, math.nan)
         self._window = window
-        self.explain(ground)
+        self.explain(terrain)
 
-    def explain(self, ground: Singles) -> None:
-        """Judge the evidence by the known ground's (n, n) heights in map, metres, NaN where there is none."""
-        self._set_ground(ground)
+    def explain(self, terrain: TerrainLayer) -> None:
+        """Judge the evidence by a newer terrain of the same window."""
+        self._know(terrain)
         self.marked = self._judged()
 
     def add_line(self, stamp_s: float, hits: Floats, free_ends: Floats, origin: Floats) -> bool:
@@ -87,8 +89,13 @@ class LineLayer:
         self._met_s.flat[found[enough]] = stamp_s
         self._z.flat[found[enough]] = mean[enough]
 
-    def _set_ground(self, ground: Singles) -> None:
-        """The ground of a column without its own is the nearest known, as much less exact as the steepest slope takes it up or down."""
+    def _know(self, terrain: TerrainLayer) -> None:
+        """The ground of a column without its own is the nearest known, as much less exact as the steepest slope takes it up or down.
+
+        What the terrain knows to be lethal it knows more exactly than a line, which errs by a cell: nothing is marked beside it.
+        """
+        ground = terrain.height
+        self._is_known = ndimage.binary_dilation(terrain.cost == LETHAL, np.ones((3, 3)))
         distance, (row, column) = ndimage.distance_transform_edt(np.isnan(ground), self._window.resolution, return_indices=True)
         near = distance <= self._config.ground_reach_m
         self._ground = np.where(near, ground[row, column] - self._half_cell_m, np.nan).astype(np.float32)
@@ -98,7 +105,7 @@ class LineLayer:
         above = np.where(self._met_s >= self._newest_s - self._config.keep_s, self._z, np.nan) - self._ground
         # Comparisons with NaN are False: evidence over ground that is not known marks nothing.
         in_the_way = (above > self._allowed_m) & (above < self._overhead_m + self._half_cell_m)
-        return np.asarray((in_the_way | (above < -self._allowed_m)).any(axis=0))
+        return np.asarray((in_the_way | (above < -self._allowed_m)).any(axis=0) & ~self._is_known)
 
 
 @njit(cache=True)
