@@ -3,7 +3,7 @@
 No physics: the robot stands on its wheels along a seeded drive, at 0.5 m/s; noise, mixed pixels, play and offset of the mount are those
 of `realism:=hardware`, and its pose errs slowly as a tracked one does. The map is made of its own half-sweeps, each known half a second
 after its end. A stop is false where the way ahead is free without the lines' marks and not with them. Boxes of 0.3 m are put in the way
-3 m ahead, on every other leg; what they do to the map is left out.
+2.3 m ahead wherever it drives straight so far; what they do to the map is left out.
 
     python benchmarks/costmap_lines.py --worlds rooms,ramp,moon --seeds 1-3 [--set least_hits=3 ..]
 """
@@ -20,7 +20,7 @@ import yaml
 from numpy.typing import NDArray
 from registration_worlds import Ground, drive_poses, world_of
 
-from local_terrain_costmap import CostmapConfig, LocalCostmap
+from local_terrain_costmap import LETHAL, CostmapConfig, LocalCostmap
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid, project
 from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, Beams, MapBuilder, MapConfig
@@ -46,7 +46,7 @@ STEP_S, SCAN_S, POSE_S = 0.005, 0.025, 0.05
 HALF_PERIOD_S, LATE_S = 2.75, 0.5
 HIGHEST_RAD, LOWEST_RAD = -0.61, 1.75
 ERROR_M, ERROR_RAD, ERROR_S = (0.01, 0.01, 0.006), (0.002, 0.002, 0.002), 2.0
-BOX_M, BOX_AHEAD_M = 0.3, 3.0
+BOX_M, BOX_AHEAD_M = 0.3, 2.3
 ROBOT = RobotBody()
 MODEL = read_robot_model(ROBOT)
 MOUNT = TiltGeometry(MODEL.T_base_mount, MODEL.T_tilt_laser)
@@ -172,8 +172,30 @@ class Found:
     stops: int = 0
     stopped_s: float = 0.0
     marks: list[int] = field(default_factory=list)
-    boxes_marked_at_m: list[float] = field(default_factory=list)
-    boxes_seen_at_m: list[float] = field(default_factory=list)
+    boxes_m: list[tuple[float, float, float]] = field(default_factory=list)
+    """From the nearest side of a box: where it was put, first met by a line, and marked; NaN for never before the robot was there."""
+
+
+@dataclass
+class PlacedBox:
+    """A box on the ground at `middle` (3,), and how far off its nearest side was when it was put and met."""
+
+    middle: Array
+    put_m: float = math.nan
+    met_m: float = math.nan
+
+    def from_m(self, T_map_base: Array) -> float:
+        """How far off its side is."""
+        return float(np.hypot(*(self.middle[:2] - T_map_base[:2, 3]))) - BOX_M / 2
+
+    def is_met(self, line: Line) -> bool:
+        """Whether beams end on it, higher than the robot's step."""
+        off = line.hits - self.middle
+        return int(((np.abs(off[:, :2]) < 0.2).all(axis=1) & (off[:, 2] > 0.5 * BOX_M) & (off[:, 2] < BOX_M + 0.05)).sum()) > 3
+
+    def around_xy(self) -> Array:
+        """(N, 2) places on it and just beside."""
+        return self.middle[:2] + np.stack(np.meshgrid(*[np.linspace(-0.2, 0.2, 11)] * 2), axis=-1).reshape(-1, 2)
 
 
 def is_free(costmap: LocalCostmap, T_map_base: Array) -> bool:
@@ -191,7 +213,7 @@ def outcome(name: str, seed: int, config: CostmapConfig, count: int, *, with_box
     costmap, bare = LocalCostmap(config, ROBOT), LocalCostmap(config, ROBOT)
     half: list[Line] = []
     due: list[tuple[float, TerrainGrid]] = []
-    placed: tuple[int, Array, float] | None = None
+    placed: PlacedBox | None = None
     ran_into, passes = False, 0
     for k in range(len(drive.poses) - 1):
         now_s, here = k * POSE_S, drive.estimate(k)
@@ -200,6 +222,8 @@ def outcome(name: str, seed: int, config: CostmapConfig, count: int, *, with_box
         for line in drive.feed(source, k):
             costmap.add_line(line.stamp_s, line.hits, line.free_ends, line.origin)
             half.append(line)
+            if placed is not None and math.isnan(placed.met_m) and placed.is_met(line):
+                placed.met_m = placed.from_m(drive.poses[k])
         if (now_s + POSE_S) // HALF_PERIOD_S > now_s // HALF_PERIOD_S and half:
             passes += 1
             if placed is None:
@@ -224,32 +248,28 @@ def outcome(name: str, seed: int, config: CostmapConfig, count: int, *, with_box
     return found
 
 
-def _box(drive: Drive, k: int, placed: tuple[int, Array, float] | None, costmap: LocalCostmap, found: Found, passes: int):
-    here, ahead_k = drive.poses[k], k + round(BOX_AHEAD_M / SPEED_MPS / POSE_S)
+def _box(drive: Drive, k: int, placed: PlacedBox | None, costmap: LocalCostmap, found: Found, passes: int) -> PlacedBox | None:
+    """The box that is in the way now; none where the last one was marked or reached, and the way is not straight enough for another."""
+    here = drive.poses[k]
     if placed is not None:
-        middle = placed[1]
-        distance = float(np.hypot(*(middle[:2] - here[:2, 3]))) - BOX_M / 2
-        around = middle[:2] + np.stack(np.meshgrid(*[np.linspace(-0.2, 0.2, 11)] * 2), axis=-1).reshape(-1, 2)
-        marked = bool((costmap.master().cost_at(around) == 254).any())
-        if marked or distance < ROBOT.half_length_m + 0.05:
-            found.boxes_marked_at_m.append(distance if marked else 0.0)
-            found.boxes_seen_at_m.append(placed[2])
-            drive.take_away()
-            return None
-        return placed
-    is_straight = (
-        ahead_k < len(drive.poses)
-        and abs(math.remainder(yaw_of(drive.poses[ahead_k]) - yaw_of(here), 2 * math.pi)) < 0.01
-        and float(np.hypot(*(drive.poses[ahead_k][:2, 3] - here[:2, 3]))) > BOX_AHEAD_M - 0.3
-    )
-    if passes < 3 or not is_straight or k % 7:
+        marked = bool((costmap.master().cost_at(placed.around_xy()) == LETHAL).any())
+        distance = placed.from_m(here)
+        if not marked and distance > ROBOT.half_length_m:
+            return placed
+        found.boxes_m.append((placed.put_m, placed.met_m, distance if marked else math.nan))
+        drive.take_away()
+        return None
+    ahead_k = k + round(BOX_AHEAD_M / SPEED_MPS / POSE_S)
+    if passes < 2 or ahead_k >= len(drive.poses):
         return None
     there = drive.poses[ahead_k]
-    middle = there[:3, 3] - ROBOT.base_height_m * there[:3, 2]
-    half = BOX_M / 2
-    drive.put(middle - [half, half, 0.1], middle + [half, half, BOX_M])
+    placed = PlacedBox(there[:3, 3] - ROBOT.base_height_m * there[:3, 2])
+    placed.put_m = placed.from_m(here)
+    if placed.put_m < BOX_AHEAD_M - BOX_M / 2 - 0.05 or abs(math.remainder(yaw_of(there) - yaw_of(here), 2 * math.pi)) > 0.01:
+        return None
+    drive.put(placed.middle - [BOX_M / 2, BOX_M / 2, 0.1], placed.middle + [BOX_M / 2, BOX_M / 2, BOX_M])
     costmap.clear_obstacles()
-    return k, middle, float(np.hypot(*(middle[:2] - here[:2, 3]))) - half
+    return placed
 
 
 def main() -> None:
@@ -267,9 +287,8 @@ def main() -> None:
         for seed in range(int(low), int(high or low) + 1):
             found = outcome(name, seed, config, arguments.count, with_boxes=arguments.boxes)
             if arguments.boxes:
-                print(
-                    name, seed, "marked at", np.round(found.boxes_marked_at_m, 2), "put at", np.round(found.boxes_seen_at_m, 2), flush=True
-                )
+                for put_m, met_m, marked_m in found.boxes_m:
+                    print(f"{name} {seed}: put {put_m:.2f} m away, first met at {met_m:.2f}, marked at {marked_m:.2f}", flush=True)
             else:
                 mean = np.mean(found.marks) if found.marks else math.nan
                 print(
