@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from local_terrain_costmap.config import CostmapConfig
 from local_terrain_costmap.inflation import distance_to_lethal, inflated
+from local_terrain_costmap.line_layer import LineLayer
 from local_terrain_costmap.obstacle import ObstacleLayer
 from local_terrain_costmap.terrain import TerrainLayer
 from local_terrain_costmap.view import FREE, LETHAL, CostmapView
@@ -27,6 +28,7 @@ class LocalCostmap:
         self._window = Window.centred(0.0, 0.0, self._cells, config.resolution_m)
         self._terrain = TerrainLayer(self._window)
         self._obstacles = ObstacleLayer(config, robot, self._window)
+        self._lines = LineLayer(config, robot, self._window)
         self._view: CostmapView | None = None
 
     def recenter(self, x: float, y: float) -> None:
@@ -37,6 +39,7 @@ class LocalCostmap:
         self._window = window
         self._terrain.move(window)
         self._obstacles.move(window)
+        self._lines.move(window, self._terrain)
         self._view = None
 
     def set_terrain(
@@ -56,6 +59,7 @@ class LocalCostmap:
         """
         self._terrain.set_terrain(cost, origin_xy, resolution, height, distance)
         self._obstacles.drop_explained(self._terrain.height)
+        self._lines.explain(self._terrain)
         self._view = None
 
     def add_scan(
@@ -67,7 +71,7 @@ class LocalCostmap:
         metres; beams that measured nothing belong in neither. `hits_z` (N,) heights of the hits in map: those near known
         traversable ground, or high over it, mark nothing. ValueError when shapes do not fit; rows that are not finite are ignored.
         """
-        hits, free_ends = _points(hits_map, "hits_map"), _points(free_ends_map, "free_ends_map")
+        hits, free_ends = _points(hits_map, "hits_map", 2), _points(free_ends_map, "free_ends_map", 2)
         if not all(math.isfinite(v) for v in origin_xy):
             raise ValueError(f"origin_xy is the sensor's finite position in map, not {origin_xy!r}")
         z = None if hits_z is None else np.asarray(hits_z, dtype=np.float64)
@@ -79,16 +83,32 @@ class LocalCostmap:
         if self._obstacles.add_scan(hits, free_ends, origin_xy, z, self._terrain.height):
             self._view = None
 
+    def add_line(self, stamp_s: float, hits_map: ArrayLike, free_ends_map: ArrayLike, origin_map: ArrayLike) -> None:
+        """Take in one line of a laser, or a revolution of a lidar, at any tilt: clear what its beams pass through, mark what they met.
+
+        `hits_map` (N, 3) and `free_ends_map` (M, 3), where the beams without a hit end, and the sensor's `origin_map` (3,), all in map,
+        metres; beams that measured nothing belong in neither. Lines come in the order of their `stamp_s`; a late one is left out.
+        ValueError when shapes do not fit or the origin or stamp is not finite; rows that are not finite are ignored.
+        """
+        hits, free_ends = _finite(_points(hits_map, "hits_map", 3)), _finite(_points(free_ends_map, "free_ends_map", 3))
+        origin = np.asarray(origin_map, dtype=np.float64)
+        if origin.shape != (3,) or not np.isfinite(origin).all() or not math.isfinite(stamp_s):
+            raise ValueError(f"a line has a finite origin (3,) in map and a finite stamp, not {origin_map!r} at {stamp_s!r} s")
+        if self._lines.add_line(stamp_s, hits, free_ends, origin):
+            self._view = None
+
     def clear_obstacles(self) -> None:
-        """Forget what the horizontal scans marked, as after a correction of the map."""
+        """Forget what the scans and lines marked, as after a correction of the map."""
         self._obstacles.clear()
+        self._lines.clear()
         self._view = None
 
     def master(self) -> CostmapView:
         """The costs of all layers together; the same object until something changes."""
         if self._view is None:
-            marks = np.where(self._obstacles.marked, np.uint8(LETHAL), np.uint8(FREE))
-            cost = np.where(self._obstacles.marked, marks, self._terrain.cost)
+            marked = self._obstacles.marked | self._lines.marked
+            marks = np.where(marked, np.uint8(LETHAL), np.uint8(FREE))
+            cost = np.where(marked, marks, self._terrain.cost)
             cost = inflated(cost, self._distance(marks), self._contact_m, self._config)
             cost.setflags(write=False)
             self._view = CostmapView(cost, self._window.origin_xy, self._config.resolution_m)
@@ -101,10 +121,15 @@ class LocalCostmap:
         return np.minimum(to_mark, np.where(np.isnan(exact), to_cell, exact))
 
 
-def _points(values: ArrayLike, name: str) -> NDArray[np.float64]:
+def _points(values: ArrayLike, name: str, axes: int) -> NDArray[np.float64]:
     points = np.asarray(values, dtype=np.float64)
     if points.size == 0:
-        return np.empty((0, 2))
-    if points.ndim != 2 or points.shape[1] != 2:
-        raise ValueError(f"{name} are (N, 2) map coordinates, not shape {points.shape}")
+        return np.empty((0, axes))
+    if points.ndim != 2 or points.shape[1] != axes:
+        raise ValueError(f"{name} are (N, {axes}) map coordinates, not shape {points.shape}")
     return points
+
+
+def _finite(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    finite: NDArray[np.float64] = points[np.isfinite(points).all(axis=1)]
+    return finite

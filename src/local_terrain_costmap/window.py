@@ -50,9 +50,12 @@ class Window:
 
 
 def shifted(values: NDArray[S], old: Window, new: Window, fill: float) -> NDArray[S]:
-    """(n, n) `values` of the window `old` as the window `new` sees them, `fill` where `new` uncovers ground."""
+    """(.., n, n) `values` of the window `old` as the window `new` sees them, `fill` where `new` uncovers ground."""
     out = np.full_like(values, fill)
     dx, dy, n = new.ix - old.ix, new.iy - old.iy, old.cells
     if abs(dx) < n and abs(dy) < n:
-        out[max(0, -dy) : n - max(0, dy), max(0, -dx) : n - max(0, dx)] = values[max(0, dy) : n - max(0, -dy), max(0, dx) : n - max(0, -dx)]
+        (rows, from_rows), (columns, from_columns) = (
+            (slice(max(0, -d), n - max(0, d)), slice(max(0, d), n - max(0, -d))) for d in (dy, dx)
+        )
+        out[..., rows, columns] = values[..., from_rows, from_columns]
     return out

@@ -1,5 +1,6 @@
 """Parameters of the path follower and the only home of their defaults."""
 
+import math
 from dataclasses import dataclass
 
 from stage_config import check_ranges, parameter
@@ -49,6 +50,20 @@ class FollowerConfig:
     passage_heading_rad: float = parameter(0.08, "rad", "and such a turn ends below this error", low=0.01, high=0.5)
     passage_lookahead_m: float = parameter(0.30, "m", "distance of the point steered for in a passage", low=0.1, high=2.0)
     passage_look_m: float = parameter(1.2, "m", "so far ahead the footprint must be free in a passage", low=0.1, high=3.0)
+    known_ahead_m: float = parameter(
+        0.0,
+        "m",
+        "so much known ground must lie ahead on the path: the robot drives no faster than it can stop there, and stands where "
+        "less is known; 0: plans end before unknown ground, and nothing is asked",
+        low=0.0,
+        high=5.0,
+    )
+    reaction_s: float = parameter(
+        0.4, "s", "until the robot brakes for what is new: how old the map is when it is used, and what commands take", low=0.0, high=5.0
+    )
+    ground_patience_s: float = parameter(
+        4.0, "s", "wait this long for ground ahead to become known: half a nod of the mount, and the time to map it", low=0.0, high=60.0
+    )
     blocked_patience_s: float = parameter(2.0, "s", "wait this long for a blocked way to become free", low=0.0, high=60.0)
     progress_distance_m: float = parameter(0.10, "m", "progress is this much along the path", low=0.01, high=1.0)
     progress_angle_rad: float = parameter(0.15, "rad", "or this much of a turn", low=0.01, high=1.0)
@@ -58,6 +73,19 @@ class FollowerConfig:
     recovery_turn_rad: float = parameter(0.6, "rad", "a recovery turns so far where driving back is not free", low=0.05, high=3.0)
     recovery_limit_s: float = parameter(6.0, "s", "a recovery ends after this time at the latest", low=0.5, high=60.0)
     max_gap_s: float = parameter(0.5, "s", "a longer gap between two steps does not count as time without progress", low=0.05, high=10.0)
+
+    def stopping_m(self, speed_mps: float) -> float:
+        """How far the robot goes from a speed until it stands: reaction_s, then max_deceleration_mps2."""
+        return speed_mps * self.reaction_s + speed_mps**2 / (2.0 * self.max_deceleration_mps2)
+
+    def speed_within(self, way_m: float, speed_mps: float) -> float:
+        """The speed from which the robot stands after `way_m`, as `stopping_m` has it, if it now drives at `speed_mps`.
+
+        It goes on at that for `reaction_s`: of the way that is left then the brakes have all.
+        """
+        a, t = self.max_deceleration_mps2, self.reaction_s
+        lasting = a * (math.sqrt(t * t + 2.0 * max(way_m, 0.0) / a) - t)
+        return min(lasting, math.sqrt(2.0 * a * max(way_m - speed_mps * t, 0.0)))
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""

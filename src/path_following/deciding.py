@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from path_following.doing import BackingOff, Doing, Ended, Following, MakingRoom, TurningToGoal, TurningToPath, Waiting
+from path_following.doing import AwaitingGround, BackingOff, Doing, Ended, Following, MakingRoom, TurningToGoal, TurningToPath, Waiting
 from path_following.interface import FollowerState
 from path_following.manoeuvres import Motion, detour, make_room, recovery, turn_by
 from path_following.pursuit import Steering, lookahead_m, regulated_speed, steering_to, target_on
@@ -30,7 +30,7 @@ def decide(doing: Doing, now: Moment) -> Decided:
         return _end(doing.then, doing.reason) if command is None else (doing, now.ramp.to(command))
     if not isinstance(doing, TurningToGoal) and abs(now.at.off_path) > config.max_off_path_m:
         return _end(FollowerState.STUCK, f"{abs(now.at.off_path):.2f} m from the path")
-    if task.is_stalled(config, now.stamp_s, now.pose[2], is_waiting=isinstance(doing, Waiting)):
+    if task.is_stalled(config, now.stamp_s, now.pose[2], is_waiting=isinstance(doing, Waiting | AwaitingGround)):
         return _give_up(doing, now)
     return _turn_to_goal(doing, now) if _is_at_goal(doing, now) else _follow(doing, now)
 
@@ -90,7 +90,11 @@ def _go_straight(doing: Doing, now: Moment, stretch: Stretch) -> Decided:
     curvature = StraightDrive(now.task.path, stretch, way).free_curvature(config, now.around, pose, s)
     if curvature is None:
         return _wait(doing, now, "the passage ahead is not free", 0.0)
+    on_known_ground = _speed_on_known_ground(doing, now) if way > 0.0 else math.inf
+    if on_known_ground < config.min_speed_mps:
+        return _await_ground(doing, now)
     speed = max(config.min_speed_mps, config.passage_speed_mps * (1.0 - min(1.0, 0.35 * abs(curvature))))
+    speed = min(speed, on_known_ground)
     return Following("straight through a passage"), now.ramp.along(way * speed, curvature)
 
 
@@ -111,9 +115,12 @@ def _turn_to_path(doing: Doing, now: Moment, error: float) -> Decided:
 
 def _drive(doing: Doing, now: Moment, steering: Steering, remaining: float) -> Decided:
     config, pose, around = now.config, now.pose, now.around
-    ahead = min(config.check_ahead_m, remaining + 0.05)
+    on_known_ground = _speed_on_known_ground(doing, now)
+    if on_known_ground < config.min_speed_mps:
+        return _await_ground(doing, now)
+    ahead = min(now.look_m(), remaining + 0.05)
     if around.is_free(arc_poses(pose, 1.0, steering.curvature, ahead), Unknown.ALLOWED):
-        speed = regulated_speed(config, steering, around.cost_under(pose), remaining)
+        speed = min(regulated_speed(config, steering, around.cost_under(pose), remaining), on_known_ground)
         return Following("on the path"), now.ramp.along(speed, steering.curvature)
     motion = detour(config, around, pose, now.task.path, now.at.s)
     if motion is None:
@@ -128,6 +135,23 @@ def _wait(doing: Doing, now: Moment, reason: str, side: float) -> Decided:
     return waiting, STAND
 
 
+def _speed_on_known_ground(doing: Doing, now: Moment) -> float:
+    """The fastest at which the robot stops on the ground that is known; 0 while it waits and no more of it is known than before."""
+    known_m = now.known_ahead_m
+    is_waiting = isinstance(doing, AwaitingGround) and known_m < doing.known_m + now.config.progress_distance_m
+    return 0.0 if is_waiting else now.speed_within(known_m - now.config.known_ahead_m)
+
+
+def _await_ground(doing: Doing, now: Moment) -> Decided:
+    known_m = now.known_ahead_m
+    since_s, least_m = (doing.since_s, min(doing.known_m, known_m)) if isinstance(doing, AwaitingGround) else (now.stamp_s, known_m)
+    reason = f"{known_m:.2f} m of known ground ahead"
+    awaiting = AwaitingGround(reason, since_s, least_m)
+    if now.stamp_s - awaiting.since_s >= now.config.ground_patience_s:
+        return _end(FollowerState.BLOCKED, reason)
+    return awaiting, now.ramp.to(STAND)
+
+
 def _give_up(doing: Doing, now: Moment) -> Decided:
     if isinstance(doing, TurningToGoal):
         return _end(FollowerState.REACHED, "at the goal; the turn to face it got no further")
@@ -136,9 +160,14 @@ def _give_up(doing: Doing, now: Moment) -> Decided:
 
 
 def _back_off(now: Moment, then: FollowerState, reason: str) -> Decided:
+    watch = now.task.watch
+    if watch is not None and watch.has_recovered:  # on the path before this one
+        return _end(then, reason)
     motion = _way_out(now) or recovery(now.config, now.around, now.pose, now.stamp_s)
     if motion is None:
         return _end(then, f"{reason}; nowhere to back off")
+    if watch is not None:
+        watch.has_recovered = True
     return BackingOff(reason, motion, then), STAND
 
 

@@ -100,6 +100,19 @@ class Waiting(_Turning):
 
 
 @dataclass(frozen=True)
+class AwaitingGround(Doing):
+    """Braking or standing since a stamp until more of the ground ahead is known than `known_m` metres."""
+
+    since_s: float
+    known_m: float
+    state = FollowerState.AWAITING_GROUND
+
+    def paused(self, seconds: float) -> "AwaitingGround":
+        """Time in which it might not drive is no waiting."""
+        return replace(self, since_s=self.since_s + seconds)
+
+
+@dataclass(frozen=True)
 class BackingOff(Doing):
     """In a recovery, after which it ends as `then` for the reason that it has now."""
 

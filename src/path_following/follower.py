@@ -11,8 +11,9 @@ from path_following.config import FollowerConfig
 from path_following.deciding import STAND, decide
 from path_following.doing import Doing, Ended, Following
 from path_following.interface import FollowerObservation, FollowerOutput, FollowerState
+from path_following.known_ground import KnownGround
 from path_following.manoeuvres import Motion
-from path_following.reference_path import ReferencePath
+from path_following.reference_path import Pose, ReferencePath
 from path_following.surroundings import Slide, Surroundings, footprint_lattice
 from path_following.task import Moment, Ramp, Task
 from path_following.trail import Trail
@@ -21,7 +22,10 @@ from robot_body import RobotBody
 
 
 class PathFollower:
-    """Follows one path at a time (thesis 5.5.2): `set_path`, then `step` with every observation until the state `is_over`."""
+    """Follows one path at a time (thesis 5.5.2): `set_path`, then `step` with every observation until the state `is_over`.
+
+    `latest`: the answer of the last step, which holds until the next.
+    """
 
     def __init__(self, config: FollowerConfig, robot: RobotBody) -> None:
         """An idle follower; ValueError lists what is wrong with `config`, its speeds cut to what the robot can."""
@@ -36,7 +40,11 @@ class PathFollower:
         self._config, self._slide_m = config, config.turn_slide_factor * robot.turning_slide_m
         length, width, more = robot.length_m, robot.width_m, 2 * config.turn_margin_m
         self._footprints = footprint_lattice(length, width, 0.05), footprint_lattice(length + more, width + more, 0.05)
+        self._ground = KnownGround.under(robot)
         self._trail = Trail()
+        self._task: Task | None
+        self._doing: Doing
+        self._command: Motion
         self.clear("no path yet")
 
     @property
@@ -47,18 +55,26 @@ class PathFollower:
     def clear(self, reason: str) -> None:
         """Forget the path and stand; `reason` is told at every step."""
         self._begin(None, Ended(reason, FollowerState.IDLE))
+        self.latest = self._output(STAND, reason)
 
     def set_path(self, points: ArrayLike, goal_yaw: float | None, straight: Sequence[bool] = ()) -> None:
         """Follow (K, 3) points in map, metres, and face `goal_yaw` radians at the end unless it is None; ValueError if not finite.
 
         `straight` (K,) or empty: whether from a point to the next the path leads through a passage in which the robot cannot turn.
+        A robot that drives goes over to the new path at its speed, from where it is by now.
         """
         if goal_yaw is not None and not math.isfinite(goal_yaw):
             raise ValueError(f"goal_yaw is a finite heading or None, not {goal_yaw!r}")
-        self._begin(Task(ReferencePath(points, self._config.smoothing_m, straight), goal_yaw), Following("new path"))
+        task = Task(ReferencePath(points, self._config.smoothing_m, straight), goal_yaw)
+        if self._task is None or self._pose is None or self._command == STAND:
+            self._begin(task, Following("new path"))
+        else:
+            task.takes_over(self._task, self._pose)
+            self._task, self._doing = task, Following("new path")
 
     def _begin(self, task: Task | None, doing: Doing) -> None:
         self._task, self._doing = task, doing
+        self._pose: Pose | None = None
         self._stamp: float | None = None
         self._command = STAND
         self._has_stood = True
@@ -80,6 +96,7 @@ class PathFollower:
         if self._has_stood:  # for a sweep, perhaps, that corrected the map
             self._trail.carry_to(pose)
         self._has_stood = False
+        self._pose = pose
         self._trail.add(pose)
         around = Surroundings(observation.costmap, *self._footprints, slide, self._trail)
         if not around.contains(pose):
@@ -87,7 +104,7 @@ class PathFollower:
             return self._output(STAND, f"the costmap does not contain the robot at ({pose[0]:.2f}, {pose[1]:.2f})")
         ramp, speed = Ramp(self._config, self._command, dt), self._command.v if observation.twist is None else observation.twist[0]
         at = self._task.locate(pose)
-        now = Moment(self._config, self._task, at, pose, around, observation.stamp_s, speed, ramp)
+        now = Moment(self._config, self._task, at, pose, around, observation.stamp_s, speed, ramp, self._ground)
         self._doing, self._command = decide(self._doing, now)
         return self._output(self._command, self._doing.reason)
 
@@ -122,4 +139,5 @@ class PathFollower:
     def _output(self, motion: Motion, reason: str) -> FollowerOutput:
         task = self._task
         off_path, remaining = (task.off_path, task.remaining_m) if task else (None, None)
-        return FollowerOutput(motion.v, motion.w, self.state, reason, off_path, remaining)
+        self.latest = FollowerOutput(motion.v, motion.w, self.state, reason, off_path, remaining)
+        return self.latest

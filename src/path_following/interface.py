@@ -25,13 +25,17 @@ class CostGrid(Protocol):
 
 
 class FollowerState(enum.Enum):
-    """What the follower does; REACHED, BLOCKED and STUCK last until the next path."""
+    """What the follower does; REACHED, BLOCKED and STUCK last until the next path.
+
+    AWAITING_GROUND: it stands because too little of the ground ahead is known; a sweep or a new terrain helps.
+    """
 
     IDLE = "idle"
     FOLLOWING = "following"
     TURNING_TO_PATH = "turning_to_path"
     TURNING_TO_GOAL = "turning_to_goal"
     WAITING = "waiting"
+    AWAITING_GROUND = "awaiting_ground"
     BACKING_OFF = "backing_off"
     REACHED = "reached"
     BLOCKED = "blocked"

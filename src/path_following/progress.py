@@ -23,16 +23,22 @@ class ProgressWatch:
         self._config = config
         self._mark = _Mark(stamp, s, yaw)
         self._turned = 0.0
+        self.has_recovered = False
+        """Whether there was a recovery since the last progress: another helps no more."""
 
     def pause(self, seconds: float) -> None:
         """Let `seconds` count for nothing."""
         self._mark = _Mark(self._mark.stamp + seconds, self._mark.s, self._mark.yaw)
 
+    def carry_to(self, s: float) -> None:
+        """Go on along another path, at its arc length `s` m."""
+        self._mark = _Mark(self._mark.stamp, s, self._mark.yaw)
+
     def is_stalled(self, stamp: float, s: float, yaw: float) -> bool:
         """Take in arc length `s` m and `yaw` rad at `stamp` s; True when the patience is over."""
         turn = abs(angle_difference(yaw, self._mark.yaw))
         if s >= self._mark.s + self._config.progress_distance_m:
-            self._mark, self._turned = _Mark(stamp, s, yaw), 0.0
+            self._mark, self._turned, self.has_recovered = _Mark(stamp, s, yaw), 0.0, False
         elif turn >= self._config.progress_angle_rad and self._turned < _LARGEST_TURN_RAD:
             self._turned += turn
             self._mark = _Mark(stamp, self._mark.s, yaw)

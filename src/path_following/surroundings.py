@@ -97,6 +97,15 @@ class Surroundings:
         rows, columns = self._cost.shape
         return bool(0 <= row < rows and 0 <= column < columns)
 
+    def is_known(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """(N,) whether anything is known of the ground at (N, 2) points in map."""
+        column, row = np.floor((points - self._corner[:2]) / self._corner[2] + 1e-9).astype(np.int64).T
+        rows, columns = self._cost.shape
+        inside = (row >= 0) & (column >= 0) & (row < rows) & (column < columns)
+        known: NDArray[np.bool_] = inside.copy()
+        known[inside] = self._cost[row[inside], column[inside]] != _UNKNOWN
+        return known
+
     def is_free(self, poses: NDArray[np.float64], unknown: Unknown) -> bool:
         """True when the robot, standing at the first of (K, 3) poses, may go through all of them, and slide meanwhile.
 

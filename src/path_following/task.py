@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from path_following.config import FollowerConfig
+from path_following.known_ground import KnownGround
 from path_following.manoeuvres import Motion
 from path_following.progress import ProgressWatch
 from path_following.pursuit import approached
@@ -53,6 +55,13 @@ class Task:
             self.watch = ProgressWatch(config, stamp_s, self.s, yaw)
         return not is_waiting and self.watch.is_stalled(stamp_s, self.s, yaw)
 
+    def takes_over(self, before: "Task", pose: Pose) -> None:
+        """Stand in for a task that the robot is driving on: what it lacked in progress there it lacks here."""
+        at = self.locate(pose)
+        if before.watch is not None:
+            self.watch = before.watch
+            self.watch.carry_to(at.s)
+
     def pause(self, seconds: float) -> None:
         """Let `seconds` count for nothing."""
         if self.watch:
@@ -88,7 +97,7 @@ class Ramp:
 
 @dataclass(frozen=True)
 class Moment:
-    """Where the robot is in its task (`at`) and in map, what is around it, and how fast it drives."""
+    """Where the robot is in its task (`at`) and in map, what is around it, how fast it drives, and which ground its wheels need."""
 
     config: FollowerConfig
     task: Task
@@ -98,3 +107,24 @@ class Moment:
     stamp_s: float
     speed: float
     ramp: Ramp
+    ground: KnownGround
+
+    @cached_property
+    def known_ahead_m(self) -> float:
+        """Metres of known ground ahead on the path; inf where it is known as far as matters, or nothing is asked."""
+        least, config = self.config.known_ahead_m, self.config
+        if least == 0.0:
+            return math.inf
+        look_m = least + config.stopping_m(config.max_speed_mps) + self.ground.gap_m
+        return self.ground.ahead_m(self.around, self.task.path, self.at.s, look_m)
+
+    def speed_within(self, way_m: float) -> float:
+        """The fastest from which the robot, as fast as it drives now, still stands after `way_m`; inf where that is inf."""
+        return self.config.speed_within(way_m, max(self._speed(), abs(self.ramp.last.v)))
+
+    def look_m(self) -> float:
+        """So far ahead the footprint must be free: farther where the robot would not stop before."""
+        return max(self.config.check_ahead_m, self.config.stopping_m(self._speed()))
+
+    def _speed(self) -> float:
+        return abs(self.speed) if math.isfinite(self.speed) else self.config.max_speed_mps

@@ -2,11 +2,13 @@
 
 Stands between the laser's driver and the mapping: `ScanChain` filters every scan, `SweepAssembler` gives one `Sweep` a turn of the tilt.
 For a spinning lidar on the same mount `RevolutionChain` stands in `ScanChain`'s place, and the assembler takes `LidarRevolutions`.
+`LineSource` gives every single scan or revolution on its own, for the costmap of a robot that drives.
 """
 
 from sweep_assembly.assembler import Sweep, SweepAssembler, SweepAssemblyConfig
 from sweep_assembly.beams import LaserScans, LidarRevolutions
 from sweep_assembly.geometry import ScanGeometry, TiltGeometry
+from sweep_assembly.line_source import Line, LineSource
 from sweep_assembly.revolution import LidarConfig, Revolution
 from sweep_assembly.revolution_chain import LEVEL_BEAMS, FilteredRevolution, RevolutionChain
 from sweep_assembly.revolution_filter import RevolutionFilter
@@ -23,6 +25,8 @@ __all__ = [
     "LaserScans",
     "LidarConfig",
     "LidarRevolutions",
+    "Line",
+    "LineSource",
     "Revolution",
     "RevolutionChain",
     "RevolutionFilter",
