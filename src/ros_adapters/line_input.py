@@ -1,0 +1,50 @@
+"""Single lines of a laser, or revolutions of a lidar, as a node hears them: for who cannot wait for the end of a sweep."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from sensor_msgs.msg import JointState, LaserScan, PointCloud2
+
+from mount_calibration import TiltGeometry
+from ros_adapters.conversions import joint_position, scan_of, stamp_of
+from ros_adapters.node import SILENT_AFTER_S, Node
+from ros_adapters.revolution_messages import revolution_of, sensor_is_spinning
+from sweep_assembly import LaserScans, LidarConfig, LidarRevolutions, Line, LineSource, SweepAssemblyConfig
+
+
+class LineInput:
+    """Subscribes what lines are made of, but for the odometry, which the node has."""
+
+    def __init__(self, node: Node, name: str, tilt_joint: str, mount: TiltGeometry, laser_frame: str) -> None:
+        """`name` is the node's, whose parameters below ~lidar say which lidar it is; `tilt_joint` and `mount` are the tilting mount's."""
+        spinning, self._tilt_joint, self._laser_frame = sensor_is_spinning(name), tilt_joint, laser_frame
+        sensor = LidarRevolutions(node.parameters(LidarConfig, section="lidar")) if spinning else LaserScans()
+        self._lines = LineSource(SweepAssemblyConfig(), mount, sensor)
+        self.topics = ("/joint_states", "/points_filtered" if spinning else "/scan_filtered")
+        node.subscribe("/joint_states", JointState, self._on_joints, silent_after_s=SILENT_AFTER_S)
+        if spinning:
+            node.subscribe("/points_filtered", PointCloud2, self._on_points, silent_after_s=SILENT_AFTER_S)
+        else:
+            node.subscribe("/scan_filtered", LaserScan, self._on_scan, silent_after_s=SILENT_AFTER_S)
+
+    def add_odometry(self, stamp_s: float, T_odom_base: NDArray[np.float64]) -> None:
+        """The (4, 4) pose of base_link at a time."""
+        self._lines.add_odometry(stamp_s, T_odom_base)
+
+    def poll(self) -> Iterator[Line]:
+        """Lines, in odom, that are complete by now."""
+        return self._lines.poll()
+
+    def _on_joints(self, message: JointState) -> bool:
+        """Whether the tilt is in it: others publish joints, too."""
+        tilt_rad = joint_position(message, self._tilt_joint)
+        if tilt_rad is not None:
+            self._lines.add_joint(stamp_of(message), tilt_rad)
+        return tilt_rad is not None
+
+    def _on_scan(self, message: LaserScan) -> None:
+        self._lines.add_reading(stamp_of(message), scan_of(message))
+
+    def _on_points(self, message: PointCloud2) -> None:
+        self._lines.add_reading(stamp_of(message), revolution_of(message, self._laser_frame))
