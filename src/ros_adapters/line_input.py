@@ -1,6 +1,7 @@
 """Single lines of a laser, or revolutions of a lidar, as a node hears them: for who cannot wait for the end of a sweep."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ class LineInput:
         """`name` is the node's, whose parameters below ~lidar say which lidar it is; `tilt_joint` and `mount` are the tilting mount's."""
         spinning, self._tilt_joint, self._laser_frame = sensor_is_spinning(name), tilt_joint, laser_frame
         sensor = LidarRevolutions(node.parameters(LidarConfig, section="lidar")) if spinning else LaserScans()
-        self._lines = LineSource(SweepAssemblyConfig(), mount, sensor)
+        self._lines: LineSource[Any] = LineSource(SweepAssemblyConfig(), mount, sensor)
         self.topics = ("/joint_states", "/points_filtered" if spinning else "/scan_filtered")
         node.subscribe("/joint_states", JointState, self._on_joints, silent_after_s=SILENT_AFTER_S)
         if spinning:

@@ -6,7 +6,6 @@ from explore_3dnav.srv import SetLocalMap
 from numpy.typing import NDArray
 
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
-from pose_graph_mapping.registration.cloud import merged
 from ros_adapters.conversions import cloud_message, pose_message
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.frames import frames
@@ -33,8 +32,9 @@ class LocalMapService:
     def send(self, stamp_s: float, T_map_odom: NDArray[np.float64], diagnostics: Diagnostics) -> None:
         """The area around the last vertex; when nobody takes it the old one stays, and that is counted."""
         area = self._mapper.area_cloud(self._mapper.graph_dist_m)
-        known = area.selected(np.abs(area.normals).sum(axis=1) > 0.5) if area.normals is not None else merged([])
-        message = cloud_message(stamp_s, frames().map, known.points, known.origins, known.normals)
+        assert area.normals is not None and area.origins is not None
+        known = np.abs(area.normals).sum(axis=1) > 0.5
+        message = cloud_message(stamp_s, frames().map, area.points[known], area.origins[known], area.normals[known])
         try:
             self._call(message, pose_message(T_map_odom))
         except rospy.ServiceException as error:
