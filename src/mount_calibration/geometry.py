@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +28,10 @@ class TiltGeometry:
         object.__setattr__(self, "T_tilt_laser", as_transform(self.T_tilt_laser))
         if problems := self.calibration.validate():
             raise ValueError("; ".join(problems))
+
+    def with_backlash(self, backlash_rad: float) -> TiltGeometry:
+        """The same mount with another play."""
+        return replace(self, calibration=replace(self.calibration, backlash_rad=backlash_rad))
 
     def base_from_laser(self, tilt_rad: ArrayLike, direction: ArrayLike = 0.0) -> FloatArray:
         """(K, 4, 4) transforms T_base_laser at the (K,) or scalar measured tilts."""

@@ -15,6 +15,8 @@ from mount_calibration.tilted_beams import Place
 from robot_body import RobotBody
 from stage_config import check_ranges, parameter
 
+_BACKLASH = PARAMETERS.index("backlash_rad")
+
 
 @dataclass(frozen=True)
 class MountWatchConfig:
@@ -64,6 +66,17 @@ class MountWatch:
                 change = found.calibration.values - self._geometry.calibration.values
                 self._changes = [*self._changes[-self._config.sweeps + 1 :], (change, found.calibration.sigmas)]
         return self._verdict()
+
+    def backlash(self) -> float | None:
+        """Radians of the mount's play, once the sweeps know it to the tolerance; None before.
+
+        Alone of all parameters it is seen at every place, by what was measured on the way down and on the way up.
+        """
+        if not self._changes:
+            return None
+        change, sigma = (float(values[_BACKLASH]) for values in self._mean_change())
+        known_rad = max(0.0, self._geometry.calibration.backlash_rad + change)
+        return known_rad if self._config.sigmas * sigma <= self._config.tolerance_rad else None
 
     def _verdict(self) -> MountVerdict:
         count, known = len(self._changes), self._geometry.calibration

@@ -58,7 +58,7 @@ class ScanTracker:
         problems = config.validate()
         if problems:
             raise ValueError("; ".join(problems))
-        self._config, self._sensor = config, sensor
+        self._config, self._sensor, self._mount = config, sensor, mount
         self._bundler = Bundler(config, sensor, mount)
         self._backlash_rad = mount.calibration.backlash_rad
         self._counts: Counter[str] = Counter()
@@ -82,6 +82,12 @@ class ScanTracker:
         if odometry is None or tilt is None or scan is None:
             return None
         return min(odometry, tilt, self._sensor.known_until(scan))
+
+    def set_backlash(self, backlash_rad: float) -> None:
+        """The mount's play from now on. ValueError when it can be none."""
+        self._mount = self._mount.with_backlash(backlash_rad)
+        self._bundler = Bundler(self._config, self._sensor, self._mount)
+        self._backlash_rad, self._direction = backlash_rad, TiltDirection(backlash_rad)
 
     def set_map(self, points: ArrayLike, normals: ArrayLike, T_map_odom: ArrayLike, covariance: ArrayLike | None = None) -> None:
         """Takes the surfaces around the robot, (N, 3) points and normals in map, and (4, 4) where the tracked odometry frame lies in it.

@@ -5,7 +5,8 @@ For a spinning lidar on the same mount `RevolutionChain` stands in `ScanChain`'s
 `LineSource` gives every single scan or revolution on its own, for the costmap of a robot that drives.
 """
 
-from sweep_assembly.assembler import Sweep, SweepAssembler, SweepAssemblyConfig
+from sweep_assembly.assembler import Sweep, SweepAssembler
+from sweep_assembly.assembly_config import SweepAssemblyConfig
 from sweep_assembly.beams import LaserScans, LidarRevolutions
 from sweep_assembly.geometry import ScanGeometry, TiltGeometry
 from sweep_assembly.line_source import Line, LineSource

@@ -25,53 +25,13 @@ from rigid_geometry import (
     rotation_angle,
     translation_distance,
 )
-from stage_config import check_ranges, parameter
+from sweep_assembly.assembly_config import SweepAssemblyConfig
 from sweep_assembly.beams import STAMP_TOLERANCE_S, Beams, FreeBeams, Sensor
 from sweep_assembly.geometry import FloatArray, TiltGeometry
 from sweep_assembly.stray_points import stray_points
 from sweep_assembly.sweep_window import NodWindowDetector, SweepWindow, SweepWindowDetector
 
 NODE_SPACING_S = 0.002  # the laser's pose is exact at nodes and linear between them: 3 rad/s bends a 30 m beam by 0.1 mm
-
-
-@dataclass(frozen=True)
-class SweepAssemblyConfig:
-    """When a sweep begins and ends, and which gaps in the inputs it stands."""
-
-    horizontal_tolerance_rad: float = parameter(0.01, "rad", "tilt up to which the laser counts as horizontal", low=1e-4, high=0.2)
-    still_rate_rad_s: float = parameter(
-        0.05, "rad/s", "tilt rate up to which the mount rests; below the sweep's rate at the horizon", low=1e-4
-    )
-    windows: str = parameter(
-        "rest",
-        "-",
-        "rest: sweeps go from rest to rest; turning_points: or are half of a nod",
-        choices=("rest", "turning_points"),
-    )
-    whole_sweep_rad: float = parameter(1.3, "rad", "no nod tilts lower: what does is a whole sweep, from rest to rest", low=0.1, high=3.1)
-    least_nod_rad: float = parameter(0.3, "rad", "a shorter way from turn to turn is no nod", low=0.05, high=3.0)
-    max_duration_s: float = parameter(30.0, "s", "a sweep that takes longer is dropped", low=0.1)
-    max_joint_gap_s: float = parameter(0.11, "s", "scans that overlap a longer pause of the joint samples are dropped", low=1e-3)
-    max_odometry_gap_s: float = parameter(0.21, "s", "scans that overlap a longer pause of the odometry are dropped", low=1e-3)
-    jump_back_s: float = parameter(0.5, "s", "a stamp this much older than its topic's latest is a jump of time: start afresh", low=0.0)
-    buffer_s: float = parameter(60.0, "s", "oldest data kept while another topic is silent; at 40 Hz a second of scans is 0.2 MB", low=1.0)
-
-    standing_m: float = parameter(0.01, "m", "odometry may differ by so much over a sweep of a robot that stands", low=0.0, high=1.0)
-    standing_rad: float = parameter(0.005, "rad", "and may turn by so much", low=0.0, high=0.5)
-    free_range_m: float = parameter(12.0, "m", "beams that met nothing are known to be free up to here", low=0.5, high=60.0)
-    free_beam_stride: int = parameter(3, "-", "of those beams one in so many is kept", low=1, high=100)
-    stray_neighbours: int = parameter(
-        2, "-", "a point with fewer others near it is no surface, and is left out; 0: all are kept", high=20, low=0
-    )
-    stray_radius_m: float = parameter(0.08, "m", "how near they have to be", low=0.01, high=2.0)
-    stray_radius_ratio: float = parameter(0.02, "-", "or this share of the point's range, where that is more", low=0.0, high=0.5)
-
-    def validate(self) -> list[str]:
-        """All violations, as sentences."""
-        found = check_ranges(self)
-        if self.buffer_s <= self.max_duration_s:
-            found.append(f"buffer_s = {self.buffer_s} is not above max_duration_s = {self.max_duration_s}")
-        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +79,11 @@ class SweepAssembler:
     def buffered(self) -> int:
         """Messages held at present."""
         return len(self._joints) + len(self._odometry) + len(self._scans)
+
+    def set_backlash(self, backlash_rad: float) -> None:
+        """The mount's play from now on; not while it sweeps. ValueError when it can be none."""
+        self._tilt_geometry = self._tilt_geometry.with_backlash(backlash_rad)
+        self._direction = TiltDirection(backlash_rad)
 
     def add_joint(self, stamp_s: float, tilt_rad: float) -> None:
         """Takes the tilt at a time. What is not finite, late or repeated is dropped and counted."""

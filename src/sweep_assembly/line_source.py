@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mount_calibration import TiltDirection
 from rigid_geometry import JUMP_BACK_S, STAMP_TOLERANCE_S, Arrival, StampedBuffer, as_transform, interpolate_transforms
-from sweep_assembly.assembler import SweepAssemblyConfig, along_nodes
+from sweep_assembly.assembler import along_nodes
+from sweep_assembly.assembly_config import SweepAssemblyConfig
 from sweep_assembly.beams import FreeBeams, Reading, Sensor
 from sweep_assembly.geometry import FloatArray, TiltGeometry
 

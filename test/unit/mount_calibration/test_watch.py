@@ -54,3 +54,13 @@ def test_one_sweep_or_none_says_nothing() -> None:
 def test_wrong_configuration_is_refused() -> None:
     with pytest.raises(ValueError, match="least_sweeps"):
         MountWatch(TiltGeometry(T_BASE_MOUNT, T_TILT_LASER), MountWatchConfig(sweeps=1), MountCalibrationConfig(), RobotBody())
+
+
+@pytest.mark.parametrize("play_rad", [0.0, 0.3 * DEG])
+def test_first_sweep_of_a_resting_robot_tells_the_play_and_none_before(play_rad: float) -> None:
+    watch = MountWatch(TiltGeometry(T_BASE_MOUNT, T_TILT_LASER), MountWatchConfig(), MountCalibrationConfig(), RobotBody())
+    assert watch.backlash() is None
+    watch.after(None)
+    assert watch.backlash() is None
+    watch.after(place(TiltCalibration(backlash_rad=play_rad), AT, seed=3))
+    assert watch.backlash() == pytest.approx(play_rad, abs=0.03 * DEG)
