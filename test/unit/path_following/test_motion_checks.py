@@ -146,7 +146,9 @@ def test_approach_never_overshoots_and_keeps_its_limits(value, wanted):
 
 
 def signatures() -> dict[str, set[object]]:
-    kernels = [kernel for module in (surroundings, obstacle, line_layer) for kernel in vars(module).values() if isinstance(kernel, CPUDispatcher)]
+    kernels = [
+        kernel for module in (surroundings, obstacle, line_layer) for kernel in vars(module).values() if isinstance(kernel, CPUDispatcher)
+    ]
     return {kernel.__name__: set(kernel.signatures) for kernel in kernels}
 
 
