@@ -191,11 +191,12 @@ class PlacedBox:
     def is_met(self, line: Line) -> bool:
         """Whether beams end on it, higher than the robot's step."""
         off = line.hits - self.middle
-        return int(((np.abs(off[:, :2]) < 0.2).all(axis=1) & (off[:, 2] > 0.5 * BOX_M) & (off[:, 2] < BOX_M + 0.05)).sum()) > 3
+        return int(((np.abs(off[:, :2]) < 0.2).all(axis=1) & (off[:, 2] > 0.4 * BOX_M) & (off[:, 2] < BOX_M + 0.05)).sum()) > 3
 
-    def around_xy(self) -> Array:
-        """(N, 2) places on it and just beside."""
-        return self.middle[:2] + np.stack(np.meshgrid(*[np.linspace(-0.2, 0.2, 11)] * 2), axis=-1).reshape(-1, 2)
+    def is_marked(self, costmap: LocalCostmap) -> bool:
+        """Whether something is lethal on it or just beside."""
+        around = np.stack(np.meshgrid(*[np.linspace(-0.2, 0.2, 11)] * 2), axis=-1).reshape(-1, 2)
+        return bool((costmap.master().cost_at(self.middle[:2] + around) == LETHAL).any())
 
 
 def is_free(costmap: LocalCostmap, T_map_base: Array) -> bool:
@@ -252,7 +253,7 @@ def _box(drive: Drive, k: int, placed: PlacedBox | None, costmap: LocalCostmap, 
     """The box that is in the way now; none where the last one was marked or reached, and the way is not straight enough for another."""
     here = drive.poses[k]
     if placed is not None:
-        marked = bool((costmap.master().cost_at(placed.around_xy()) == LETHAL).any())
+        marked = placed.is_marked(costmap)
         distance = placed.from_m(here)
         if not marked and distance > ROBOT.half_length_m:
             return placed
@@ -267,8 +268,10 @@ def _box(drive: Drive, k: int, placed: PlacedBox | None, costmap: LocalCostmap, 
     placed.put_m = placed.from_m(here)
     if placed.put_m < BOX_AHEAD_M - BOX_M / 2 - 0.05 or abs(math.remainder(yaw_of(there) - yaw_of(here), 2 * math.pi)) > 0.01:
         return None
-    drive.put(placed.middle - [BOX_M / 2, BOX_M / 2, 0.1], placed.middle + [BOX_M / 2, BOX_M / 2, BOX_M])
     costmap.clear_obstacles()
+    if placed.is_marked(costmap):  # by the terrain
+        return None
+    drive.put(placed.middle - [BOX_M / 2, BOX_M / 2, 0.1], placed.middle + [BOX_M / 2, BOX_M / 2, BOX_M])
     return placed
 
 

@@ -91,7 +91,7 @@ class LocalCostmap:
         ValueError when shapes do not fit or the origin or stamp is not finite; rows that are not finite are ignored.
         """
         hits, free_ends = _finite(_points(hits_map, "hits_map", 3)), _finite(_points(free_ends_map, "free_ends_map", 3))
-        origin = np.asarray(origin_map, dtype=np.float64)
+        origin = np.ascontiguousarray(origin_map, dtype=np.float64)
         if origin.shape != (3,) or not np.isfinite(origin).all() or not math.isfinite(stamp_s):
             raise ValueError(f"a line has a finite origin (3,) in map and a finite stamp, not {origin_map!r} at {stamp_s!r} s")
         if self._lines.add_line(stamp_s, hits, free_ends, origin):

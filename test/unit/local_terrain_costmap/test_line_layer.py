@@ -240,14 +240,13 @@ def test_free_beams_make_no_ground_known() -> None:
     assert FREE not in costmap.master().cost
 
 
-def test_wall_that_the_terrain_knows_grows_no_thicker_where_lines_err_by_a_cell() -> None:
+def test_wall_that_the_terrain_knows_grows_no_thicker_where_lines_err_by_a_cell_but_a_crate_before_it_is_marked() -> None:
     cost, corner, resolution, height = level_ground()
-    column = round((2.0 + 3.0) / CELL)
-    cost[:, column:], height[:, column:] = 100, np.nan
+    cost[:, 62:], height[:, 62:] = 100, np.nan  # from the cell at 1.92 m on
     costmap = on((cost, corner, resolution, height))
+    wall: Box = ((1.86, -2.0, 0.0), (2.2, 2.0, 2.0))
     before = marks(costmap)
-    wall: Box = ((1.98, -2.0, 0.0), (2.2, 2.0, 2.0))
     nod(costmap, 1.0, wall)
     assert marks(costmap) == before
-    nod(costmap, 9.0, wall, CRATE_BESIDE := ((1.7, -0.15, 0.0), (2.0, 0.15, 0.3)))
-    assert is_marked(costmap, CRATE_BESIDE[0][0] + 0.02, 0.02)
+    nod(costmap, 9.0, wall, ((1.62, -0.15, 0.0), (1.86, 0.15, 0.3)))
+    assert is_marked(costmap, 1.63, 0.02)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from drive_simulation import RESOLUTION, Drive, Robot, World, drive
 
-from path_following import FollowerConfig, FollowerState, PathFollower
+from path_following import FollowerConfig, FollowerObservation, FollowerState, PathFollower
 from robot_body import RobotBody
 
 HALF_LENGTH_M = RobotBody().half_length_m
@@ -116,11 +116,19 @@ def test_unknown_ground_in_a_passage_slows_the_robot_too() -> None:
 
 
 def test_time_in_which_a_sweep_holds_the_robot_is_no_waiting_for_ground() -> None:
+    grid, follower, states = unknown_from(0.5).grid(), on_path(line((0, 0), (5, 0)), ground_patience_s=1.0), []
+    for k in range(300):
+        held = 10 <= k < 280
+        out = follower.step(FollowerObservation(1.0 + 0.05 * k, np.eye(4), grid, (0.0, 0.0), held))
+        states.append(out.state.value)
+    assert 288 <= states.count("awaiting_ground") <= 292 and states[-1] == "blocked"
+
+
+def test_way_to_a_stop_is_as_long_as_the_speed_that_it_allows() -> None:
     config = FollowerConfig()
-    assert config.speed_within(config.stopping_m(0.7), 0.7) == pytest.approx(0.7) and config.speed_within(-1.0, 0.0) == 0.0
-    run = drive(on_path(line((0, 0), (5, 0)), ground_patience_s=1.0), unknown_from(3.0))
-    awaited = sum(o.state is FollowerState.AWAITING_GROUND for o in run.outputs)
-    assert 19 <= awaited <= 22
+    for speed in (0.1, 0.5, 1.0):
+        assert config.speed_within(config.stopping_m(speed), speed) == pytest.approx(speed)
+    assert config.speed_within(-1.0, 0.0) == 0.0 and config.speed_within(0.2, 0.5) == 0.0 and math.isinf(config.speed_within(math.inf, 0.5))
 
 
 # --- new paths without a stop -----------------------------------------------------------------------------------------------------------

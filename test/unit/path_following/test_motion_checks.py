@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba.core.registry import CPUDispatcher
 
-from local_terrain_costmap import CostmapConfig, LocalCostmap, obstacle
+from local_terrain_costmap import CostmapConfig, LocalCostmap, line_layer, obstacle
 from path_following import surroundings
 from path_following.pursuit import approached, steering_to
 from path_following.reference_path import ReferencePath
@@ -146,15 +146,20 @@ def test_approach_never_overshoots_and_keeps_its_limits(value, wanted):
 
 
 def signatures() -> dict[str, set[object]]:
-    kernels = [kernel for module in (surroundings, obstacle) for kernel in vars(module).values() if isinstance(kernel, CPUDispatcher)]
+    kernels = [
+        kernel for module in (surroundings, obstacle, line_layer) for kernel in vars(module).values() if isinstance(kernel, CPUDispatcher)
+    ]
     return {kernel.__name__: set(kernel.signatures) for kernel in kernels}
 
 
 def test_nothing_that_a_driving_robot_asks_compiles_what_was_not_compiled_beforehand():
     surroundings.compile_kernels()
     obstacle.compile_kernels()
+    line_layer.compile_kernels()
     before, costmap, pose = signatures(), LocalCostmap(CostmapConfig(), RobotBody()), (0.2, 0.1, 0.3)
     costmap.add_scan([[1.0, 0.2], [1.1, 0.2]], [[2.0, 1.0]], (0.0, 0.0))
+    singles = np.array([[1.0, 0.2, 0.5], [1.1, 0.2, 0.5]], np.float32)
+    costmap.add_line(1.0, singles, singles[:, ::-1], np.tile(np.eye(4), (2, 1, 1))[1, :3, 3])  # as a LineSource has them
     there = Surroundings(costmap.master(), LATTICE, LATTICE)
     assert there.cost_under(pose) >= 0 and there.mean_cost(turn_poses(pose, 1.0)) >= 0.0
     assert there.is_free_turn(pose, 1.0, drifting=True) in (True, False) and there.is_clear(arc_poses(pose, 1.0, 0.2, 0.5)) in (True, False)
