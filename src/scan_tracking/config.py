@@ -15,8 +15,9 @@ class ScanTrackingConfig:
         0.3, "s", "after it a bundle is closed without the readings or tilts that have not come", low=0.0, high=5.0
     )
     most_gap_s: float = parameter(0.16, "s", "a bundle with a longer pause of odometry or tilts is not matched", low=0.01, high=5.0)
-    moved_m: float = parameter(0.002, "m", "a robot that moved less in a bundle stands: nothing is matched ..", low=0.0, high=0.1)
-    moved_rad: float = parameter(0.001, "rad", ".. unless it turned by more", low=0.0, high=0.1)
+    moved_m: float = parameter(
+        0.01, "m", "way, 0.3 m a radian counted in, below which a robot stands: nothing is matched", low=0.0, high=0.5
+    )
 
     ground_walk: float = parameter(0.03, "m/sqrt(m)", "error of odometry's position forward and sideways, by the way", low=1e-4, high=1.0)
     skid_walk: float = parameter(0.08, "m/sqrt(rad)", "the same by the turn: a skid steer slides aside", low=1e-4, high=1.0)
