@@ -51,6 +51,7 @@ class ScanTrackingConfig:
     normal_sigma_rad: float = parameter(
         0.08, "rad", "error of the map's normals; what they alone would tell is taken off", low=0.0, high=0.5
     )
+    normal_sigmas: float = parameter(3.0, "-", "a normal farther from its patch's mean is left out of the map", low=1.0, high=20.0)
     min_points: int = parameter(20, "-", "fewer partners are no match, and fewer new points no own surface", low=6)
     most_sigmas: float = parameter(5.0, "-", "a correction of more sigmas of the prior, in six dimensions, is refused", low=1.0, high=100.0)
 
