@@ -41,14 +41,30 @@ PLANE = [0, 1, 5]  # of a pose's error: x, y and yaw
 NODE_S = 0.005
 ROTATION_LAST = [3, 4, 5, 0, 1, 2]  # from gtsam's order
 FLOOR = np.repeat([0.005, 0.002], 3)  # sigmas of a match, at least: m and rad
-HEADER = ("world", "mode", "legs", "drift cm", "worst", "odometry cm", "yaw deg", "NEES", "refused", "bend cm", "worst", "odometry", "ms/s")
+HEADER = (
+    "world",
+    "mode",
+    "legs",
+    "drift cm",
+    "worst",
+    "odometry cm",
+    "height cm",
+    "worst",
+    "yaw deg",
+    "NEES",
+    "refused",
+    "bend cm",
+    "worst",
+    "odometry",
+    "ms/s",
+)
 
 
 @dataclass(eq=False)
 class Legs:
     """What is known of a drive afterwards: tracked poses with the pose in map and the true one, since the last vertex, and more."""
 
-    drift: list[tuple[float, float, float]] = field(default_factory=list)  # tracked m, odometry m, tracked yaw rad
+    drift: list[tuple[float, float, float, float]] = field(default_factory=list)  # tracked and odometry, m in the plane; yaw rad, height m
     nees: list[float] = field(default_factory=list)
     bend: list[tuple[float, float]] = field(default_factory=list)  # tracked m, odometry m
     counts: dict[str, int] = field(default_factory=dict)
@@ -165,7 +181,8 @@ class Drive:
         error = error_between(self._T_map_odom @ last.T_odom_base, T_true)
         begin = self._estimates[min(self._estimates, key=lambda at: abs(at - self._last_s))].T_odom_base
         plain = inverse(begin) @ self._estimates[last.stamp_s].T_odom_base
-        self.legs.drift.append((float(np.linalg.norm(error[:3])), _apart(plain, by_stamp[last.stamp_s]), abs(float(error[5]))))
+        plain_xy = float(np.linalg.norm((plain[:3, 3] - by_stamp[last.stamp_s][:3, 3])[:2]))
+        self.legs.drift.append((float(np.linalg.norm(error[:2])), plain_xy, abs(float(error[5])), abs(float(error[2]))))
 
     def _bent(self, begin_s: float, end_s: float) -> None:
         """How far the settled poses of a sweep are off, as seen from its middle: RMS over the sweep."""
@@ -195,10 +212,6 @@ def _at(poses: Sequence[TrackedPose], stamp_s: float) -> Array:
     return interpolate_transforms(stamps, np.array([pose.T_odom_base for pose in near]), np.clip(stamp_s, stamps[0], stamps[-1]))[0]
 
 
-def _apart(T_a: Array, T_b: Array) -> float:
-    return float(np.linalg.norm(T_a[:3, 3] - T_b[:3, 3]))
-
-
 def _bend(poses: Array, truth: Array) -> float:
     middle = len(poses) // 2
     off = (inverse(truth[middle]) @ truth)[:, :3, 3] - (inverse(poses[middle]) @ poses)[:, :3, 3]
@@ -225,6 +238,8 @@ def row(world: str, mode: str, legs: Sequence[Legs]) -> list[object]:
         f"{100 * drift[:, 0].mean():.1f}",
         f"{100 * drift[:, 0].max():.1f}",
         f"{100 * drift[:, 1].mean():.0f}",
+        f"{100 * drift[:, 3].mean():.1f}",
+        f"{100 * drift[:, 3].max():.1f}",
         f"{np.degrees(drift[:, 2].mean()):.2f}",
         f"{nees.mean():.1f}",
         f"{refused}/{refused + matched}",

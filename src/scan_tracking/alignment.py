@@ -21,8 +21,6 @@ from scan_tracking.pose_error import moved_by, skew
 Array = NDArray[np.float64]
 
 _ROUNDS = 6
-_COARSE_ROUNDS = 2  # with the whole reach, and robust weights that bend later
-_LATER = 2.0 / 3.0  # of the reach
 _STILL_M, _STILL_RAD = 2e-4, 1e-4  # a step that small ends the rounds
 _MAP, _RELATIVE = np.eye(6, 12), np.eye(6, 12) - np.eye(6, 12, 6)  # what surfaces of the map, and own ones, tell of both errors
 
@@ -59,11 +57,16 @@ class _Information:
 
 @dataclass(frozen=True, eq=False)
 class _Pairs:
-    """(K, 3) points, their partners' normals, and (K,) distances off these surfaces."""
+    """(K, 3) points, their beams back to the sensor, their partners' normals, and (K,) distances off these surfaces."""
 
     points: Array
+    beams: Array
     normals: Array
     off: Array
+
+    def chosen(self, which: NDArray[np.bool_]) -> "_Pairs":
+        """Some of them."""
+        return _Pairs(self.points[which], self.beams[which], self.normals[which], self.off[which])
 
 
 def align(bundle: Bundle, mapped: LocalMap, own: LocalMap, prior: Estimate, config: ScanTrackingConfig) -> Alignment:
@@ -73,16 +76,15 @@ def align(bundle: Bundle, mapped: LocalMap, own: LocalMap, prior: Estimate, conf
     """
     L = np.asarray(np.linalg.cholesky(prior.joint), np.float64)
     state, whitened, joint = np.zeros(12), np.zeros(12), prior.joint
-    for k in range(_ROUNDS):
-        coarse = k < _COARSE_ROUNDS
-        information, alone = _told(bundle, (mapped, own), (prior.T, state), config, coarse)
+    for _ in range(_ROUNDS):
+        information, alone = _told(bundle, (mapped, own), prior, state, config)
         partners = len(bundle) - len(alone)
         if partners < config.min_points:
             return Alignment(prior, np.zeros(6), partners, alone, f"{partners} of {len(bundle)} points have a partner in the map")
         whitened, joint = _posterior(information, L, state)
         before, state = state, L @ whitened
         step = np.abs(state - before)[POSE]
-        if not coarse and step[:3].max() < _STILL_M and step[3:].max() < _STILL_RAD:
+        if step[:3].max() < _STILL_M and step[3:].max() < _STILL_RAD:
             break
     sigmas = float(np.linalg.norm(whitened))
     if not sigmas <= config.most_sigmas:
@@ -91,47 +93,65 @@ def align(bundle: Bundle, mapped: LocalMap, own: LocalMap, prior: Estimate, conf
 
 
 def _told(
-    bundle: Bundle, surfaces: tuple[LocalMap, LocalMap], at: tuple[Array, Array], config: ScanTrackingConfig, coarse: bool
+    bundle: Bundle, surfaces: tuple[LocalMap, LocalMap], prior: Estimate, state: Array, config: ScanTrackingConfig
 ) -> tuple[_Information, NDArray[np.intp]]:
-    """What the points tell at a prior pose with (12,) errors, and which of them have no partner."""
-    (mapped, own), (T_prior, state) = surfaces, at
-    T = moved_by(T_prior, state[POSE])
+    """What the points tell at the prior with (12,) errors, and which of them have no partner."""
+    (mapped, own), T = surfaces, moved_by(prior.T, state[POSE])
     points, beams = bundle.points @ T[:3, :3].T + T[:3, 3], (bundle.origins - bundle.points) @ T[:3, :3].T
-    reach_m, half_m = config.reach_m * (1.0 if coarse else _LATER), config.half_weight_m * (2.0 if coarse else 1.0)
-    pairs, alone = _pairs(points, beams, np.arange(len(points)), mapped.partners(points, reach_m), config.facing_cos)
-    told = _information(pairs, T[:3, 3], _MAP, config, half_m)
+    pairs, alone = _pairs(points, beams, np.arange(len(points)), mapped.partners(points, config.reach_m), config)
+    told = _information(pairs, T[:3, 3], _MAP, prior.joint, config)
     if not len(own) or not len(alone):
         return told, alone
     back = moved_by(np.eye(4), -state[OWN])  # own surfaces stay where they are, and points go the other way
-    shifted = (points[alone] - T_prior[:3, 3]) @ back[:3, :3].T + back[:3, 3] + T_prior[:3, 3]
-    pairs, alone = _pairs(shifted, beams[alone], alone, own.partners(shifted, reach_m), config.facing_cos)
-    return told + _information(pairs, T[:3, 3], _RELATIVE, config, half_m), alone
+    shifted = (points[alone] - prior.T[:3, 3]) @ back[:3, :3].T + back[:3, 3] + prior.T[:3, 3]
+    pairs, alone = _pairs(shifted, beams[alone], alone, own.partners(shifted, config.reach_m), config)
+    return told + _information(pairs, T[:3, 3], _RELATIVE, prior.joint, config), alone
 
 
-def _pairs(points: Array, beams: Array, numbers: NDArray[np.intp], found: Partners, facing_cos: float) -> tuple[_Pairs, NDArray[np.intp]]:
+def _pairs(
+    points: Array, beams: Array, numbers: NDArray[np.intp], found: Partners, config: ScanTrackingConfig
+) -> tuple[_Pairs, NDArray[np.intp]]:
     """Points with a partner on the side that they were seen from, and the `numbers` of the others."""
     back = beams[found.which]
-    facing = np.einsum("ij,ij->i", found.normals, back) > facing_cos * np.linalg.norm(back, axis=1)
+    facing = np.einsum("ij,ij->i", found.normals, back) > config.facing_cos * np.linalg.norm(back, axis=1)
     which, normals = found.which[facing], found.normals[facing]
     off = np.einsum("ij,ij->i", normals, points[which] - found.points[facing])
-    return _Pairs(points[which], normals, off), np.delete(numbers, which)
+    return _Pairs(points[which], back[facing], normals, off), np.delete(numbers, which)
 
 
-def _information(pairs: _Pairs, centre: Array, tells: Array, config: ScanTrackingConfig, half_m: float) -> _Information:
-    """What pairs tell of the (6,) error of a pose at `centre`, as `tells` (6, 12) spreads it over both errors."""
-    weights, arms = _weights(pairs, config, half_m), pairs.points - centre
-    rows = np.hstack([pairs.normals, np.cross(arms, pairs.normals)])
+def _information(pairs: _Pairs, centre: Array, tells: Array, joint: Array, config: ScanTrackingConfig) -> _Information:
+    """What pairs tell of the (6,) error of a pose at `centre`, as `tells` (6, 12) spreads it over both errors of covariance `joint`.
+
+    Pairs that lie farther off than the prior lets them are none: an edge is no part of the surface behind it.
+    """
+    rows = _rows(pairs, centre)
+    known = np.einsum("ij,ij->i", rows @ (tells @ joint @ tells.T), rows)
+    common = config.patch_sigma_m**2 + config.beam_sigma_rad**2 * _across(pairs)
+    pairs = pairs.chosen(pairs.off**2 <= config.gate_sigmas**2 * (known + common + config.point_sigma_m**2))
+    rows, weights, arms = _rows(pairs, centre), _weights(pairs, config), pairs.points - centre
     weighted = rows * weights[:, None]
     matrix = weighted.T @ rows
     faked = config.normal_sigma_rad**2 * (_all_around(arms, weights) - matrix)
     return _Information(tells.T @ matrix @ tells, tells.T @ faked @ tells, -tells.T @ (weighted.T @ pairs.off))
 
 
-def _weights(pairs: _Pairs, config: ScanTrackingConfig, half_m: float) -> Array:
+def _rows(pairs: _Pairs, centre: Array) -> Array:
+    """(K, 6) how the distances grow with the error of a pose at `centre`."""
+    return np.hstack([pairs.normals, np.cross(pairs.points - centre, pairs.normals)])
+
+
+def _across(pairs: _Pairs) -> Array:
+    """(K,) square of how far a point moves off its surface, in metres, when its beam turns by a radian."""
+    along = np.einsum("ij,ij->i", pairs.beams, pairs.normals)
+    return np.asarray(np.einsum("ij,ij->i", pairs.beams, pairs.beams) - along**2)
+
+
+def _weights(pairs: _Pairs, config: ScanTrackingConfig) -> Array:
     """(K,) inverse variances: Cauchy's weight over what is a point's own error and its share of the patch's common one."""
     _, patch, counts = np.unique(cell_keys(pairs.points, config.patch_m), return_inverse=True, return_counts=True)
-    variances = config.point_sigma_m**2 + counts[patch] * config.patch_sigma_m**2
-    return np.asarray(1.0 / (variances * (1.0 + (pairs.off / half_m) ** 2)))
+    common = config.patch_sigma_m**2 + config.beam_sigma_rad**2 * _across(pairs)
+    variances = config.point_sigma_m**2 + counts[patch] * common
+    return np.asarray(1.0 / (variances * (1.0 + (pairs.off / config.half_weight_m) ** 2)))
 
 
 def _all_around(arms: Array, weights: Array) -> Array:

@@ -55,6 +55,12 @@ class Estimate:
         joint[3:6, 3:6] += (R * attitude) @ R.T
         return Estimate(T, joint)
 
+    def placed(self, match: Array | None) -> Estimate:
+        """After a match of (6, 6) covariance put the robot where T is, without own surfaces."""
+        P = self.covariance
+        fused = P if match is None else P - P @ np.linalg.solve(P + match, P)
+        return Estimate.of(self.T, 0.5 * (fused + fused.T))
+
     def widened(self, sigmas: Array) -> Estimate:
         """With (6,) `sigmas` of an error that nothing is known of."""
         joint = self.joint.copy()

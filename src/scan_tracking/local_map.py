@@ -1,5 +1,6 @@
 """The surfaces that bundles are matched to: points with normals around the robot, and their search tree."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,8 @@ from rigid_geometry import transform_points
 Array = NDArray[np.float64]
 
 _UNIT = 0.1  # how far from one a normal's length may be
+_FACES = 8  # more than there are
+_ENOUGH = 5  # normals of a patch tell their mean
 _CELLS = 1 << 20  # of a coordinate's key, either side of zero
 
 
@@ -45,6 +48,10 @@ class LocalMap:
         """No surface at all."""
         return cls(np.zeros((0, 3)), np.zeros((0, 3)), cell_m)
 
+    def chosen(self, which: NDArray[np.bool_]) -> "LocalMap":
+        """Some of the points."""
+        return LocalMap(self.points[which], self.normals[which], self._cell_m)
+
     def joined(self, points: Array, normals: Array) -> "LocalMap":
         """With more of them; what stands in a cell already stays."""
         return LocalMap(np.vstack([self.points, points]), np.vstack([self.normals, normals]), self._cell_m)
@@ -68,6 +75,18 @@ def thinned(points: Array, cell_m: float, most: int) -> NDArray[np.intp]:
     return kept[:: -(-len(kept) // most)] if len(kept) > most else kept
 
 
+def supported(points: Array, normals: Array, patch_m: float, most_rad: float) -> NDArray[np.bool_]:
+    """(N,) whether enough others of the patch face the same way, and a point's normal is within `most_rad` of their mean.
+
+    Where a map is sparse, and at edges, normals are of no surface: along a corridor a few of those would tell more than all others.
+    """
+    _, patch, counts = np.unique(cell_keys(points, patch_m) * _FACES + _faces(normals), return_inverse=True, return_counts=True)
+    sums = np.column_stack([np.bincount(patch, normals[:, axis], len(counts)) for axis in range(3)])
+    means = sums / np.maximum(np.linalg.norm(sums, axis=1, keepdims=True), 1e-9)
+    along = np.einsum("ij,ij->i", normals, means[patch])
+    return np.asarray((counts[patch] >= _ENOUGH) & (along > math.cos(most_rad)))
+
+
 def cell_keys(points: Array, cell_m: float) -> NDArray[np.int64]:
     """(N,) a number for the cell that each of (N, 3) points lies in."""
     x, y, z = (np.floor(points / cell_m).astype(np.int64) + _CELLS).T
@@ -75,7 +94,7 @@ def cell_keys(points: Array, cell_m: float) -> NDArray[np.int64]:
 
 
 def _one_a_cell(points: Array, cell_m: float, kinds: NDArray[np.int64]) -> NDArray[np.intp]:
-    _, first = np.unique(cell_keys(points, cell_m) * 8 + kinds, return_index=True)
+    _, first = np.unique(cell_keys(points, cell_m) * _FACES + kinds, return_index=True)
     return np.sort(first)
 
 

@@ -8,7 +8,7 @@ from scan_tracking.alignment import Alignment, align
 from scan_tracking.bundle import Bundle
 from scan_tracking.config import ScanTrackingConfig
 from scan_tracking.estimate import Estimate
-from scan_tracking.local_map import LocalMap
+from scan_tracking.local_map import LocalMap, supported
 from scan_tracking.own_surfaces import surfaces_of
 from scan_tracking.pose_error import moved_by, way_of
 
@@ -31,7 +31,9 @@ class Surroundings:
 
     def set_map(self, points: ArrayLike, normals: ArrayLike, T_map_tracked: Array) -> None:
         """Takes (N, 3) points and normals in map. Own surfaces are forgotten: the map is newer. ValueError as `LocalMap` raises it."""
-        found = LocalMap(points, normals, self._config.cell_m)
+        config = self._config
+        found = LocalMap(points, normals, config.cell_m)
+        found = found.chosen(supported(found.points, found.normals, config.patch_m, config.normal_sigmas * config.normal_sigma_rad))
         found.move(inverse(T_map_tracked))
         self._mapped, self._own, self._put_down_at = found, LocalMap.empty(self._config.cell_m), None
 

@@ -16,7 +16,7 @@ from rigid_geometry import Arrival, StampedBuffer, as_covariance, as_transform, 
 from scan_tracking.bundle import Bundle, Bundler, Motion, Samples
 from scan_tracking.config import ScanTrackingConfig
 from scan_tracking.estimate import Estimate
-from scan_tracking.pose_error import orthonormal, rotated_covariance, spread_poses
+from scan_tracking.pose_error import orthonormal, rotated_covariance, spread_poses, way_of
 from scan_tracking.surroundings import Surroundings
 from sweep_assembly import TiltGeometry
 from sweep_assembly.beams import Sensor
@@ -66,6 +66,7 @@ class ScanTracker:
         self._T_tracked_odom: Array | None = None  # None: odometry as it is
         self._track: _Track | None = None
         self._newest: tuple[float, Array] | None = None
+        self._looked_at: Array | None = None  # odometry there
         self._settled: list[TrackedPose] = []
         self._longest_s = 0.0  # that a reading took so far
         self._reset()
@@ -92,15 +93,15 @@ class ScanTracker:
     def set_map(self, points: ArrayLike, normals: ArrayLike, T_map_odom: ArrayLike, covariance: ArrayLike | None = None) -> None:
         """Takes the surfaces around the robot, (N, 3) points and normals in map, and (4, 4) where the tracked odometry frame lies in it.
 
-        `covariance`: (6, 6) of the robot's pose where the graph has just placed it, about the axes of map; None: what was tracked stands.
-        ValueError for wrong shapes, what is not finite or rigid, and a map without normals; the old map stays then.
+        `covariance`: (6, 6) of the match that has just placed the robot, about the axes of map: in directions that it leaves open, what
+        was tracked stands. None: it stands in all. ValueError for wrong shapes, what is not finite or rigid, and a map without normals;
+        the old map stays then.
         """
         T = as_transform(T_map_odom)
-        given = None if covariance is None else rotated_covariance(T[:3, :3].T, as_covariance(covariance))
+        match = None if covariance is None else rotated_covariance(T[:3, :3].T, as_covariance(covariance))
         self._around.set_map(points, normals, T)
-        if (track := self._track) is not None:
-            estimate = Estimate.of(track.estimate.T, track.estimate.covariance if given is None else given)
-            self._track = replace(track, estimate=estimate)
+        if self._track is not None:
+            self._track = replace(self._track, estimate=self._track.estimate.placed(match))
 
     def add_odometry(self, stamp_s: float, T_odom_base: ArrayLike) -> None:
         """Takes the (4, 4) pose of base_link at a time. What is not finite, not rigid, late or repeated is dropped and counted.
@@ -230,7 +231,7 @@ class ScanTracker:
     def _finish_bundle(self, end_s: float, T_odom_base: Array) -> None:
         track, prior = self._track, self._reached(T_odom_base)
         assert track is not None
-        bundle = self._bundle(track, end_s) if self._around.known and self._moved(track, T_odom_base) else None
+        bundle = self._bundle(track, end_s) if self._around.known and self._moved(T_odom_base) else None
         self._track = _Track(end_s, T_odom_base, prior)
         if isinstance(bundle, str):
             self._refuse(bundle)
@@ -258,9 +259,14 @@ class ScanTracker:
         self._counts["bundle_refused"] += 1
         self._track = replace(self._track, refused=reason)
 
-    def _moved(self, track: _Track, T_odom_base: Array) -> bool:
-        motion = inverse(track.T_odom_base) @ T_odom_base
-        return float(np.linalg.norm(motion[:3, 3])) > self._config.moved_m or rotation_angle(motion) > self._config.moved_rad
+    def _moved(self, T_odom_base: Array) -> bool:
+        """Whether the robot is elsewhere than at the last bundle that was looked at: one that rocks as its mount turns is not."""
+        if self._looked_at is None:
+            self._looked_at = T_odom_base
+        moved = way_of(inverse(self._looked_at) @ T_odom_base) > self._config.moved_m
+        if moved:
+            self._looked_at = T_odom_base
+        return moved
 
     def _bundle(self, track: _Track, end_s: float) -> Bundle | str | None:
         """None where there is nothing to match; a reason where it cannot be matched."""

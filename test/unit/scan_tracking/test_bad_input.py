@@ -25,7 +25,7 @@ def test_a_jump_of_the_odometry_is_counted_and_the_tracked_pose_goes_on() -> Non
 
 
 def test_a_map_that_lies_elsewhere_is_refused_and_odometry_stands_with_a_covariance_that_grows() -> None:
-    tracker = tracker_in(None, start_sigma_m=0.002, start_sigma_rad=0.002, ground_walk=0.005, height_walk=0.005, reach_m=0.5)
+    tracker = tracker_in(None, start_sigma_m=0.002, start_sigma_rad=0.002, reach_m=0.5, gate_sigmas=100.0)
     points, normals = walls(ROOM)
     tracker.set_map(points + [0.25, 0.25, 0.2], normals, np.eye(4))
     poses = Drive(end_s=0.8).into(tracker)
