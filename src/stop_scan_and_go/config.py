@@ -17,6 +17,9 @@ class StopScanAndGoConfig:
     looked_within_m: float = parameter(
         0.5, "m", "while driving: where it looked so near before, it stands for a whole sweep", low=0.0, high=10.0
     )
+    nod_patience_s: float = parameter(
+        6.0, "s", "while driving: a robot that has stood so long without a decision asks the mount again to nod", low=1.0, high=60.0
+    )
     max_refused: int = parameter(2, "-", "while driving: so many refused matches in a row ask for a whole sweep", low=1, high=100)
     max_yaw_rad: float = parameter(3.5, "rad", "sum of turns since the last sweep that asks for the next", low=0.3, high=100.0)
     max_slope_turn_rad: float = parameter(

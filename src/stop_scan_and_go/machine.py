@@ -102,6 +102,10 @@ class StopScanAndGo:
         """Whether the mount is to nod."""
         return False
 
+    def stalled_s(self, _stamp_s: float) -> float:
+        """How long it has stood for a sweep that does not come: here a sweep that fails ends the run."""
+        return 0.0
+
     def on_decision(self, stamp_s: float, kind: Decision | str, reason: str, *, refused: bool = False) -> TickAction | None:
         """Take the planner's decision about the sweep that ended at `stamp_s`; `refused`: its match was. ValueError for an unknown kind.
 

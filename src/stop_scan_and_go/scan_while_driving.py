@@ -26,6 +26,11 @@ class ScanWhileDriving(StopScanAndGo):
         """Whether the mount is to nod."""
         return self._state in (DriveState.DRIVING, DriveState.LOOKING)
 
+    def stalled_s(self, stamp_s: float) -> float:
+        """How long it has stood by now for a sweep that does not come; 0 while that may still be on its way."""
+        looks_s = stamp_s - self._entered_s if self._state is DriveState.LOOKING else 0.0
+        return looks_s if looks_s > self._config.nod_patience_s else 0.0
+
     def on_decision(self, stamp_s: float, kind: Decision | str, reason: str, *, refused: bool = False) -> TickAction | None:
         """Take the planner's decision about the sweep that ended at `stamp_s`; `refused`: its match was. ValueError for an unknown kind."""
         decision = Decision(kind)

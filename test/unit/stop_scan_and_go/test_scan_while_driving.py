@@ -101,3 +101,13 @@ def test_mount_that_does_not_come_to_rest_fails_the_run(script: DrivingScript) -
     for _ in range(450):
         script.tick(FORWARD, "following", tilt_rad=0.5)
     assert script.machine.state is DriveState.FAILED
+
+
+def test_mount_that_stops_nodding_is_told_after_a_while(script: DrivingScript) -> None:
+    script.drive(6.0)
+    assert script.machine.state is DriveState.LOOKING and script.machine.stalled_s(script.t) == 0.0
+    for _ in range(130):
+        script.tick((0.0, 0.0), "following")
+    assert script.machine.stalled_s(script.t) > 6.0
+    script.decide("keep")
+    assert script.machine.state is DriveState.DRIVING and script.machine.stalled_s(script.t) == 0.0
