@@ -6,6 +6,7 @@ stops every so many metres for a whole sweep and drives with its laser level, or
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import math
 import pickle
@@ -150,7 +151,8 @@ class _Chain:
             limits = simulation.scan_geometry
             self._scans.add_scan(scan.stamp_s, Scan(self._geometry, scan.ranges, limits.range_min, limits.range_max, limits.scan_time))
         for sample in data.imu:
-            self._fused.add_imu(sample.stamp_s, "imu_link", sample.gyro.tolist(), sample.accel.tolist())
+            with contextlib.suppress(ValueError):  # the node drops such a sample, too
+                self._fused.add_imu(sample.stamp_s, "imu_link", sample.gyro.tolist(), sample.accel.tolist())
         for wheels in data.wheel_odometry:
             self._fused.add_wheels(wheels.stamp_s, wheels.v, wheels.w)
         scans = [(done.stamp_s, done.scan) for done in self._scans.poll()]
