@@ -211,7 +211,7 @@ class GicpRegistration:
         placed = pair.reading.transformed(T)
         index, squared = nearest(target.tree, placed.points)
         at, normals = target.points[index], target.normals[index]
-        is_sided = pair.reading.origins is not None and pair.reference.origins is not None
+        is_sided = target.is_sided and pair.reading.origins is not None
         noise = pair.noise.or_worse(own_noise(target, self._config))
         return fit_of(placed, at, normals, squared, is_sided, noise, self._config), at, normals
 
