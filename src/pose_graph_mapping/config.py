@@ -195,7 +195,10 @@ class MappingConfig:
     loop_min_dist_match: int = parameter(3, "-", "least number of vertices between both ends of a loop (Alg. 2, line 7)", low=1)
     loop_match_success: float = parameter(0.5, "-", "least match ratio of a loop (Alg. 2, line 16)", low=0.0, high=1.0)
     loose_sigma_m: float = parameter(
-        0.1, "m", "sigma of a leg above which sweeps on both sides of it are matched, though too near for a loop", low=0.0
+        0.1,
+        "m",
+        "sigma of a leg above which sweeps on both sides make no area together, and are matched, though too near for a loop",
+        low=0.0,
     )
     outlier_chi2: float = parameter(
         30.0,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.graph.dead_reckoning import levelled, odometry_covariance
 from pose_graph_mapping.graph.localisation import Placement
-from pose_graph_mapping.graph.loop_closure import LoopClosure, Match, beyond_correction, detect_loop_closures
+from pose_graph_mapping.graph.loop_closure import LoopClosure, Match, beyond_correction, detect_loop_closures, sigmas
 from pose_graph_mapping.graph.mapping_update import MappingUpdate
 from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, PoseGraph, unit_up
 from pose_graph_mapping.registration.cloud import PointCloud, merged, voxel_downsample, with_normals
@@ -147,11 +148,18 @@ class PoseGraphMapper:
         if self._clouds and self._clouds[-1].normals is None:
             self._clouds[-1] = with_normals(self._clouds[-1], self._config.vertex_normal_neighbours, threads=1)
 
-    def area_cloud(self, distance_m: float) -> PointCloud:
-        """The clouds of all vertices within `distance_m` of the last one along the graph, merged, in the map frame."""
+    def area_cloud(self, distance_m: float, most_sigma_m: float = math.inf) -> PointCloud:
+        """The clouds of all vertices within `distance_m` of the last one along the graph, merged, in the map frame.
+
+        Without those that are known beside it no better than `most_sigma_m`: with them the area shows one wall in two places.
+        """
         self.finish_cloud()
-        near = np.flatnonzero(self.graph.distances_from(len(self.graph) - 1) <= distance_m)
-        return merged([self._clouds[k].transformed(self.graph.pose(int(k))) for k in near])
+        last = len(self.graph) - 1
+        near = [int(k) for k in np.flatnonzero(self.graph.distances_from(last) <= distance_m)]
+        if math.isfinite(most_sigma_m):
+            self.graph.optimise()
+            near = [k for k in near if k == last or sigmas(self.graph.relative_covariance(k, last))[0] <= most_sigma_m]
+        return merged([self._clouds[k].transformed(self.graph.pose(k)) for k in near])
 
     def map_cloud(self) -> PointCloud:
         """The light clouds of all vertices in the map frame; ValueError before the first sweep."""
@@ -205,12 +213,13 @@ class PoseGraphMapper:
     def _matched(self, cloud: PointCloud, T_predicted: Array, covariance: Array) -> _Placed:
         """Lines 9 and 14 to 17: up to three tries, each against another reference, until one is not refused.
 
+        The first leaves out what hangs loosely beside the last sweep; the last takes everything, for that may be what matches.
         The cloud stays in the body frame and the prediction is the guess, which is lines 14 and 17 in one: the match returns T_map_base.
         A sweep that nothing matches keeps the prediction.
         """
-        attempts = []
-        for factor in (1.0, 0.0, 2.0)[: self._config.num_icp_tries]:  # 15
-            area = self.area_cloud(factor * self._config.graph_dist_m)  # 9
+        attempts, loose_m = list[RegistrationResult](), self._config.loose_sigma_m
+        for factor, most_sigma_m in ((1.0, loose_m), (0.0, math.inf), (2.0, math.inf))[: self._config.num_icp_tries]:  # 15
+            area = self.area_cloud(factor * self._config.graph_dist_m, most_sigma_m)  # 9
             attempts.append(self._plausible(self._match(area, cloud, T_predicted, covariance), T_predicted, covariance))  # 16
             if attempts[-1].usable:
                 return _Placed(as_transform(attempts[-1].T_reference_reading), attempts[-1], True, len(attempts))

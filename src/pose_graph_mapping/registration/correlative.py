@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import Array, PointCloud, farthest, within
 from pose_graph_mapping.registration.voxel_grid import first_in_voxels
-from rigid_geometry import transform_from_rpy
+from rigid_geometry import angle_difference, transform_from_rpy, yaw_of
 
 _THREADS = 2
 _LEVEL_COS = 0.75
@@ -36,6 +36,13 @@ class Window:
     def is_wide(self, config: RegistrationConfig) -> bool:
         """Whether a registration that starts at the guess may end in a wrong place."""
         return self.shift_m > config.search_least_shift_m or self.yaw_rad > config.search_least_yaw_rad
+
+    def holds(self, T_guess: Array, T: Array, config: RegistrationConfig) -> bool:
+        """Whether `T` is a placement of the window around the guess, or the same place as one on its edge."""
+        x, y, z = np.abs(T[:3, 3] - T_guess[:3, 3])
+        yaw = abs(angle_difference(yaw_of(T), yaw_of(T_guess)))
+        level_m, height_m = self.shift_m + config.search_apart_m, self.height_m + config.search_apart_m
+        return bool(max(x, y) <= level_m and z <= height_m and yaw <= self.yaw_rad + config.search_apart_rad)
 
 
 @dataclass(frozen=True, eq=False)

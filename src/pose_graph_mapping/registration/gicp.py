@@ -32,7 +32,7 @@ from pose_graph_mapping.registration.placement_search import (
 )
 from pose_graph_mapping.registration.residual_pattern import pattern_covariance, residual_pattern
 from pose_graph_mapping.registration.verdict import Explained, Fit, fit_of, judge, judged_despite_changes, may_have_changed
-from rigid_geometry import as_covariance, as_transform
+from rigid_geometry import as_covariance, as_transform, inverse, rotation_angle
 
 Array = NDArray[np.float64]
 
@@ -111,7 +111,8 @@ class GicpRegistration:
             return refused(T_guess, f"{len(reference)} reference and {len(reading)} reading voxels in reach, {config.min_points} wanted")
         free_space = FreeSpace(reference, reading, T_guess[:3, 3], config)
         covers_truth = guess_covariance is not None or window.shift_m >= config.search_wide_m
-        pair = Pair(reference, reading, own_noise(surface_of(reading), config), free_space, T_guess, guess_covariance, covers_truth)
+        noise = own_noise(surface_of(reading), config)
+        pair = Pair(reference, reading, noise, free_space, T_guess, guess_covariance, window, covers_truth)
         direct = [] if window.is_wide(config) else [self._refined(pair, T_guess, config.coarse_distance_m)]
         return direct[0] if direct and direct[0].usable else self._searched(pair, window, direct)
 
@@ -198,6 +199,9 @@ class GicpRegistration:
         weak = degeneracy(hessian, found.weight, points, config.degenerate_eigenvalue)
         known = known_directions(weak, pair.guess_covariance, config.degenerate_guess_sigma_m)
         T = keep_guess(pair.T_guess, found.T, known)
+        if pair.guess_covariance is not None and not pair.window.holds(pair.T_guess, T, config):
+            metres, degrees = np.linalg.norm(T[:3, 3] - pair.T_guess[:3, 3]), math.degrees(rotation_angle(inverse(pair.T_guess) @ T))
+            return refused(pair.T_guess, f"placed {metres:.1f} m and {degrees:.0f} deg from the guess, where it says that the truth is not")
         fit, at, normals = self._fit(pair, target, T)
         bent = self._bend(pair, T, at, normals)
         covariance = match_covariance(config.covariance_scale * np.linalg.inv(hessian) + bent, weak, config)
@@ -211,7 +215,7 @@ class GicpRegistration:
         placed = pair.reading.transformed(T)
         index, squared = nearest(target.tree, placed.points)
         at, normals = target.points[index], target.normals[index]
-        is_sided = pair.reading.origins is not None and pair.reference.origins is not None
+        is_sided = target.is_sided and pair.reading.origins is not None
         noise = pair.noise.or_worse(own_noise(target, self._config))
         return fit_of(placed, at, normals, squared, is_sided, noise, self._config), at, normals
 

@@ -1,5 +1,6 @@
 """Generalised ICP (Segal et al., RSS 2009): every point stands for a piece of plane, thin across its normal, and planes are laid on planes.
 
+The two sides of a thin wall are two surfaces: points that were seen from opposite sides are never laid on each other.
 Gauss-Newton over motions of the body frame (rotation, translation), in which the Hessian is given too. Sums are serial, so that the same
 input gives the same bits.
 """
@@ -92,22 +93,27 @@ def _normal_equations(
     squared: Array,
     most: float,
     doubt: float,
+    least_cos: float,
     T: Array,
 ) -> tuple[Array, Array, int, float]:
     """Hessian (6, 6) and gradient (6,) of half the squared Mahalanobis distances d^2 of pairs nearer than the root of `most`.
 
-    Weighed by 1 / (1 + doubt d^2), as Cauchy's loss does; also the number of pairs, and the sum of their weights.
+    Of those whose normals make a cosine of `least_cos` or more, weighed by 1 / (1 + doubt d^2), as Cauchy's loss does; also the number of
+    pairs, and the sum of their weights.
     """
     H, gradient, pairs, weight, R = np.zeros((6, 6)), np.zeros(6), 0, 0.0, T[:3, :3]
     for i in range(len(points)):
         if squared[i] > most:
             continue
-        pairs += 1
         j = index[i]
         p = (points[i, 0], points[i, 1], points[i, 2])
         q = _turned_back(R, (target_points[j, 0] - T[0, 3], target_points[j, 1] - T[1, 3], target_points[j, 2] - T[2, 3]))
         n = _turned_back(R, (target_normals[j, 0], target_normals[j, 1], target_normals[j, 2]))
-        W = _information(n, (normals[i, 0], normals[i, 1], normals[i, 2]))
+        m = (normals[i, 0], normals[i, 1], normals[i, 2])
+        if _dot(n, m) < least_cos:
+            continue
+        pairs += 1
+        W = _information(n, m)
         X = (_cross(p, W[0]), _cross(p, W[1]), _cross(p, W[2]))
         r = (q[0] - p[0], q[1] - p[1], q[2] - p[2])
         pull = (_dot(W[0], r), _dot(W[1], r), _dot(W[2], r))
@@ -130,6 +136,7 @@ def align(target: Surface, source: PointCloud, T_start: Array, stage: Stage) -> 
     """Lay `source`, which has normals, on `target` from `T_start` (4, 4)."""
     assert source.normals is not None
     T, done, doubt = T_start, 0, 2.0 * (1.0 - _FLATNESS) / stage.half_weight_m**2
+    least_cos = 0.0 if target.is_sided and source.origins is not None else -math.inf
     ranges = np.linalg.norm(source.points, axis=1)
     to_go = np.zeros(len(source))  # metres that a point must move at least to come into reach
     turn = shift = math.inf
@@ -138,7 +145,7 @@ def align(target: Surface, source: PointCloud, T_start: Array, stage: Stage) -> 
         points, normals = source.points[near], source.normals[near]
         index, squared = nearest(target.tree, moved_points(T, points))
         H, gradient, inliers, weight = _normal_equations(
-            points, normals, target.points, target.normals, index, squared, stage.distance_m**2, doubt, T
+            points, normals, target.points, target.normals, index, squared, stage.distance_m**2, doubt, least_cos, T
         )
         H += _DAMPING * np.eye(6)
         step = -np.asarray(np.linalg.solve(H, gradient), dtype=np.float64)
@@ -152,4 +159,4 @@ def align(target: Surface, source: PointCloud, T_start: Array, stage: Stage) -> 
 def compile_kernels() -> None:
     """Compiles the kernel of this module for the types that a match passes."""
     index, one = np.zeros(1, dtype=np.uint64), np.zeros((1, 3))
-    _normal_equations(one, one, one, one, index, np.zeros(1), 1.0, 0.0, np.eye(4))
+    _normal_equations(one, one, one, one, index, np.zeros(1), 1.0, 0.0, 0.0, np.eye(4))

@@ -13,24 +13,28 @@ from pose_graph_mapping.registration.cloud import Array, PointCloud, voxel_downs
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Points (N, 3) with unit normals (N, 3), zero where nobody knows them, and their search tree."""
+    """Points (N, 3) with unit normals (N, 3), zero where nobody knows them, and their search tree.
+
+    is_sided: whether the normals point to the side that was seen.
+    """
 
     points: Array
     normals: Array
     tree: small_gicp.KdTree
+    is_sided: bool
 
 
 def surface_of(cloud: PointCloud) -> Surface:
     """The surface of a cloud that has normals."""
     assert cloud.normals is not None
-    return Surface(cloud.points, cloud.normals, small_gicp.KdTree(cloud.points, num_threads=1))
+    return Surface(cloud.points, cloud.normals, small_gicp.KdTree(cloud.points, num_threads=1), cloud.origins is not None)
 
 
 def voxel_cloud(cloud: PointCloud, voxel_m: float, neighbours: int) -> PointCloud:
     """Voxel means with normals: the mean of those that are turned to a sensor; others, which may cancel out, are estimated anew."""
-    kept = None if cloud.origins is None else cloud.normals
-    means = voxel_downsample(PointCloud(cloud.points, None, kept), voxel_m)
-    return with_normals(means, neighbours) if kept is None else means
+    is_sided = cloud.origins is not None and cloud.normals is not None
+    means = voxel_downsample(cloud if is_sided else PointCloud(cloud.points), voxel_m)
+    return means if is_sided else with_normals(means, neighbours)
 
 
 def nearest(tree: small_gicp.KdTree, points: Array) -> tuple[NDArray[np.uint64], Array]:

@@ -31,7 +31,9 @@ _ALIKE = 0.002  # contradictions that differ by less say the same
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """What every placement of one match shares; the reading has normals and shows `noise`. `covers_truth` as `judge` asks it."""
+    """What every placement of one match shares; the reading has normals and shows `noise`; the answer lies in `window`, if nowhere else
+    because the guess says so. `covers_truth` as `judge` asks it.
+    """
 
     reference: PointCloud
     reading: PointCloud
@@ -39,6 +41,7 @@ class Pair:
     free_space: FreeSpace
     T_guess: Array
     guess_covariance: Array | None
+    window: Window
     covers_truth: bool
 
 

@@ -165,7 +165,7 @@ class ThesisChainRegistration:
         index, squared = nearest(tree, moved_points(T, reading.points))
         assert reference.normals is not None
         is_sided = reference.origins is not None and reading.origins is not None
-        seen = Surface(reference.points, reference.normals, tree)
+        seen = Surface(reference.points, reference.normals, tree, is_sided)
         noise = own_noise(surface_of(reading), config).or_worse(own_noise(seen, config))
         fit = fit_of(reading.transformed(T), reference.points[index], reference.normals[index], squared, is_sided, noise, config)
         contradiction = free_space_contradiction(clouds.reference_sweeps, reading, T, config)

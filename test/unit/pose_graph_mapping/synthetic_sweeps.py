@@ -51,6 +51,16 @@ def corridor(length=80.0, width=2.4):
     ]
 
 
+def divided_corridor(thickness):
+    """Floor and two smooth walls along x, and a wall across that ends at y = 0.2: nothing but its two sides holds a position along x."""
+    return [
+        ((0, 0, -0.05), (80, 7, 0.1)),
+        ((0, 3, 1.25), (80, 0.1, 2.5)),
+        ((0, -3, 1.25), (80, 0.1, 2.5)),
+        ((0, -1.4, 1.25), (thickness, 3.2, 2.5)),
+    ]
+
+
 def sweep(scene, T_map_base, rng, lines=120, beams=361, sigma_m=0.01, max_range_m=30.0):
     """(points (N, 3), origins (N, 3)) in base_link of one sweep of the laser from +165 to -35 degrees of tilt."""
     angles = np.radians(np.linspace(-135, 135, beams))

@@ -31,16 +31,17 @@ def skew(v):
     return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
-@pytest.mark.parametrize("doubt", [0.0, 0.3])
-def test_normal_equations_are_those_of_the_sum_written_out(doubt):
+@pytest.mark.parametrize(("doubt", "least_cos"), [(0.0, -np.inf), (0.3, -np.inf), (0.3, 0.0)])
+def test_normal_equations_are_those_of_the_sum_written_out(doubt, least_cos):
     rng, T = np.random.default_rng(42), transform_from_rpy((1.0, 2.0, -0.5), (0.2, -0.3, 1.0))
     points, normals, target_normals = rng.normal(0, 3, (50, 3)), unit(rng, 50), unit(rng, 50)
     normals[7] = target_normals[8] = 0.0  # not known: as wide across as along
     target = moved_points(T, points) + rng.normal(0, 0.1, (50, 3))
     squared = np.sum((target - moved_points(T, points)) ** 2, axis=1)
     most, index = np.median(squared), np.arange(50, dtype=np.uint64)
-    H, gradient, pairs, weight = _normal_equations(points, normals, target, target_normals, index, squared, most, doubt, T)
-    near, R = np.flatnonzero(squared <= most), T[:3, :3]
+    H, gradient, pairs, weight = _normal_equations(points, normals, target, target_normals, index, squared, most, doubt, least_cos, T)
+    R = T[:3, :3]
+    near = np.flatnonzero((squared <= most) & (np.sum(target_normals * (normals @ R.T), axis=1) >= least_cos))
     H_sum, gradient_sum, weights = np.zeros((6, 6)), np.zeros(6), []
     for i in near:
         n, m = R.T @ target_normals[i], normals[i]

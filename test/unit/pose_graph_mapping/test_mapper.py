@@ -1,5 +1,7 @@
 """Algorithm 1 with matchers that are perfect, absent or wrong, and once with the real one in a simulated room."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from synthetic_sweeps import furnished_room, pose, sweep, world_of
@@ -138,6 +140,23 @@ def test_three_tries_take_the_area_then_the_last_sweep_then_a_wider_area():
 
     drive(PoseGraphMapper(MappingConfig(graph_dist_m=4.1, vertex_voxel_m=0.01, loose_sigma_m=10.0), match), truth)
     assert sizes[-3:] == pytest.approx([3.0, 1.0, 5.0], abs=0.1)
+
+
+@pytest.mark.parametrize(("sigma_m", "sizes"), [(0.05, [3.0, 1.0, 3.0]), (0.5, [2.0, 1.0, 3.0])])
+def test_sweep_beyond_a_leg_that_no_match_held_is_no_part_of_the_area_but_for_the_last_try(sigma_m, sizes):
+    """Two sweeps whose places are known loosely show one wall twice; a sweep that is laid on both is off by half of that."""
+    truth, asked, legs = line_of(4), [], iter([np.diag([1e-6] * 3 + [sigma_m**2, 1e-5, 1e-5]), COVARIANCE])
+
+    def match(reference, reading, T_guess, covariance):
+        asked.append(len(reference) / 600)
+        leg = next(legs, None)
+        return refused(T_guess, "never") if leg is None else dataclasses.replace(result_at(T_guess, Verdict.DEGENERATE), covariance=leg)
+
+    mapper = PoseGraphMapper(MappingConfig(vertex_voxel_m=0.01), match)
+    drive(mapper, truth[:3])
+    asked.clear()
+    mapper.add_sweep(30.0, *any_sweep(3), truth[3])
+    assert asked[:3] == pytest.approx(sizes, abs=0.1)
 
 
 def test_later_try_that_matches_is_used():

@@ -60,6 +60,25 @@ def test_window_is_three_sigmas_between_its_limits():
     assert (narrow.shift_m, narrow.yaw_rad) == (CONFIG.search_least_shift_m, CONFIG.search_least_yaw_rad) and not narrow.is_wide(CONFIG)
 
 
+@pytest.mark.parametrize(
+    ("shift", "yaw", "is_held"),
+    [((0.9, -0.9, 0.9), 0.7, True), ((-1.7, 0.0, 0.0), 0.0, False), ((0.0, 0.0, 1.7), 0.0, False), ((0.0, 0.0, 0.0), -1.2, False)],
+)
+def test_window_holds_what_lies_within_it_of_the_guess(shift, yaw, is_held):
+    T_guess = transform_from_rpy((4.0, -2.0, 1.0), (0.1, -0.1, 3.0))
+    T = transform_from_rpy(shift) @ T_guess @ transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
+    assert window_of(covariance(1e-3, 1e-3), T_guess, CONFIG).holds(T_guess, T, CONFIG) is is_held
+
+
+def test_placement_is_refused_where_the_guess_says_that_the_truth_is_not(room):
+    """Where the clouds agree 1.7 m from a guess that is known to centimetres, they agree by chance, as far as the guess knows."""
+    area, reading, T_true = room
+    T_guess = transform_from_rpy((1.7, 0.0, 0.0)) @ T_true
+    assert create_registration(CONFIG).match(area, reading, T_guess, covariance(0.02, 0.7)).verdict is Verdict.ACCEPTED
+    result = create_registration(CONFIG).match(area, reading, T_guess, covariance(0.02, 0.05))
+    assert result.verdict is Verdict.REFUSED and result.reason.startswith("placed 1.7 m"), result.reason
+
+
 def test_window_turns_with_the_frames():
     """Sideways of a robot that lies on its nose is not sideways of the map."""
     T = transform_from_rpy((0.0, 0.0, 0.0), (0.0, np.pi / 2, 0.0))

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 import pytest
-from synthetic_sweeps import corridor, furnished_room, pose, sweep, world_of
+from synthetic_sweeps import corridor, divided_corridor, furnished_room, pose, sweep, world_of
 
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import PointCloud, merged, vertex_cloud
@@ -145,6 +145,19 @@ def test_corridor_covariance_is_large_along_its_axis_only(long_corridor, method)
     sigma_map = np.sqrt(np.diag(R_map_base @ result.covariance[3:, 3:] @ R_map_base.T))
     assert sigma_map[0] > 0.9 * config.degenerate_sigma_m
     assert max(sigma_map[1:]) < 0.2 * config.degenerate_sigma_m
+
+
+@pytest.mark.parametrize("thickness", [0.1, 0.15, 0.2])
+@pytest.mark.parametrize("off_m", [-0.12, 0.0, 0.12])
+def test_two_sides_of_a_wall_are_never_laid_on_each_other(off_m, thickness):
+    rng, scene = np.random.default_rng(13), world_of(divided_corridor(thickness))
+    this_side, in_the_opening = pose(2.0, 1.0, np.pi), pose(-0.3, 1.2, np.pi)
+    clouds = [PointCloud(*sweep(scene, T, rng, lines=240)) for T in (this_side, in_the_opening)]
+    known = np.diag([0.0175, 0.0175, 0.1, 0.15, 0.15, 0.05]) ** 2
+    T_guess = pose(-0.3 + off_m, 1.2, np.pi)
+    result = registration("gicp").match(clouds[0].transformed(this_side), clouds[1], T_guess, known)
+    assert result.verdict is Verdict.DEGENERATE, result.reason
+    assert abs(result.T_reference_reading[0, 3] - T_guess[0, 3]) < 0.02
 
 
 @pytest.mark.parametrize("method", METHODS)
