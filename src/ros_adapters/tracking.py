@@ -31,7 +31,7 @@ class LocalMapService:
 
     def send(self, stamp_s: float, T_map_odom: NDArray[np.float64], diagnostics: Diagnostics) -> None:
         """The area around the last vertex; when nobody takes it the old one stays, and that is counted."""
-        area = self._mapper.area_cloud(self._mapper.graph_dist_m)
+        area = self._mapper.surroundings()
         assert area.normals is not None and area.origins is not None
         known = np.abs(area.normals).sum(axis=1) > 0.5
         message = cloud_message(stamp_s, frames().map, area.points[known], area.origins[known], area.normals[known])

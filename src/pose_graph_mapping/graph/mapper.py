@@ -60,11 +60,6 @@ class PoseGraphMapper:
         self._old_last_vertex_estimate = np.eye(4)
 
     @property
-    def graph_dist_m(self) -> float:
-        """How far along the graph the area around the last vertex reaches."""
-        return self._config.graph_dist_m
-
-    @property
     def stamps_s(self) -> tuple[float, ...]:
         """The stamp of every vertex, seconds."""
         return tuple(self._stamps_s)
@@ -160,6 +155,10 @@ class PoseGraphMapper:
             self.graph.optimise()
             near = [k for k in near if k == last or sigmas(self.graph.relative_covariance(k, last))[0] <= most_sigma_m]
         return merged([self._clouds[k].transformed(self.graph.pose(k)) for k in near])
+
+    def surroundings(self) -> PointCloud:
+        """The area that the next sweep is matched to first: in the map frame, without what is known loosely."""
+        return self.area_cloud(self._config.graph_dist_m, self._config.loose_sigma_m)
 
     def map_cloud(self) -> PointCloud:
         """The light clouds of all vertices in the map frame; ValueError before the first sweep."""
