@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from evaluation_campaign.plan import Campaign, CampaignProblem, Limits, RunSpec, open_campaign, parse_seeds
-from explore_command.arguments import NAMED_WORLDS, REALISMS, SENSORS
+from explore_command.arguments import MAPPINGS, NAMED_WORLDS, REALISMS, SENSORS
 from explore_command.parameters import override_problems, read_profile, robot_of
 from stage_config import ConfigError
 
@@ -38,6 +38,12 @@ def parser() -> argparse.ArgumentParser:
         "--realism", choices=REALISMS, default=REALISMS[0], help="hardware or ideal sensors, clocks and drive; default %(default)s"
     )
     p.add_argument(
+        "--mapping",
+        choices=MAPPINGS,
+        default=MAPPINGS[0],
+        help="whether the robot stands for each sweep or maps while driving; default %(default)s",
+    )
+    p.add_argument(
         "--jobs", type=int, default=max(1, (os.cpu_count() or 2) // 2), metavar="N", help="runs at a time; default: half the cores"
     )
     p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the campaign")
@@ -62,7 +68,7 @@ def parse(arguments: list[str] | None = None) -> tuple[Campaign, argparse.Namesp
         raise CampaignProblem(f"--profile {a.profile}: two of these have the same name, after which the folders of their runs are called")
     worlds = tuple(w if w in NAMED_WORLDS else str(Path(w).absolute()) for w in worlds)
     limits, robot = Limits(a.max_sim_time, a.max_wall_time), str(a.robot.absolute()) if a.robot else ""
-    return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, a.sensor, limits, robot, a.realism), a
+    return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, a.sensor, limits, robot, a.realism, a.mapping), a
 
 
 def _check_world(world: str) -> None:

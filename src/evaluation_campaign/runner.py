@@ -37,6 +37,7 @@ class RunRequest:
     project: Path
     robot: str = ""
     realism: str = "hardware"
+    mapping: str = "stop_and_go"
 
 
 def make_run(request: RunRequest) -> dict[str, object]:
@@ -81,7 +82,8 @@ def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
     spec = request.spec
     command = [str(request.project / "explore"), "--headless", "--force", "--world", spec.world, "--seed", str(spec.seed)]
     command += ["--profile", spec.profile, "--out", str(folder), "--port", str(free_port(random.sample(_PORTS, 100)))]
-    command += ["--sensor", request.sensor, "--realism", request.realism, "--max-sim-time", str(request.limits.sim_s)]
+    command += ["--sensor", request.sensor, "--realism", request.realism, "--mapping", request.mapping]
+    command += ["--max-sim-time", str(request.limits.sim_s)]
     command += ["--robot", request.robot] if request.robot else []
     with (folder.parent / f".{folder.name}.log").open("w") as log:
         process = subprocess.Popen(

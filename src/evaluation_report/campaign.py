@@ -113,6 +113,7 @@ class Campaign:
     jobs: int | None
     sensor: str
     realism: str
+    mapping: str
     limits: Mapping[str, Any]
     machine: Mapping[str, Any]
     runs: tuple[Run, ...]
@@ -151,6 +152,7 @@ def load_campaign(directory: Path | str) -> Campaign:
         jobs=jobs if isinstance(jobs, int) else None,
         sensor=str(asked.get("sensor") or "tilting"),  # the only one there was when campaigns did not say
         realism=str(asked.get("realism") or "ideal"),  # likewise
+        mapping=str(asked.get("mapping") or "stop_and_go"),  # likewise
         limits=_mapping(asked.get("limits")),
         machine=_mapping(asked.get("machine")),
         runs=runs,

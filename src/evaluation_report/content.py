@@ -146,6 +146,7 @@ def _facts(campaign: Campaign) -> tuple[tuple[str, str], ...]:
         ("Python", str(machine.get("python") or "unknown")),
         ("sensor", campaign.sensor),
         ("realism", campaign.realism),
+        ("mapping", campaign.mapping.replace("_", " ")),
         ("runs at a time", UNKNOWN if campaign.jobs is None else str(campaign.jobs)),
         ("limits of a run", ", ".join(given) or "unknown"),
     )

@@ -132,8 +132,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--mapping",
         choices=MAPPINGS,
-        default=MAPPINGS[0],
-        help="stop_and_go: the robot stands for each sweep; driving: the mount nods while it drives; default %(default)s",
+        help="stop_and_go: the robot stands for each sweep; driving: the mount nods while it drives; default stop_and_go",
     )
     p.add_argument("--seed", type=int, help="sets start, noise, slip and clutter; default 1")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for the results; default runs/WORLD-SEED")
@@ -176,7 +175,7 @@ def parser() -> argparse.ArgumentParser:
 def parse(argv: list[str] | None = None) -> ExploreArguments:
     """Checked arguments; ArgumentProblem for what argparse cannot know, SystemExit(2) for what it can.
 
-    A run that goes on is by default in the world, and with the seed, the sensor, the realism and the robot, of the earlier one.
+    A run that goes on is by default in the world, and with the seed, the sensor, the realism, the mapping and the robot, of the earlier one.
     """
     a = parser().parse_args(argv)
     earlier = earlier_run(a.resume or a.map) if a.resume or a.map else NO_RUN
@@ -184,6 +183,7 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
     a.seed = next(seed for seed in (a.seed, earlier.seed, 1) if seed is not None)
     a.sensor = a.sensor or (earlier.sensor if earlier.sensor in SENSORS else SENSORS[0])
     a.realism = a.realism or (earlier.realism if earlier.realism in REALISMS else REALISMS[0])
+    a.mapping = a.mapping or (earlier.mapping if earlier.mapping in MAPPINGS else MAPPINGS[0])
     a.rate = float(a.free) if a.rate is None else a.rate
     if a.resume and a.out:
         raise ArgumentProblem("--resume goes on in the folder of the earlier run: --out cannot be another")

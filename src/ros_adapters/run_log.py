@@ -77,6 +77,7 @@ class RunLog:
         started = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime(self._started))
         told = {key: own.get(key) for key in (("world", "seed", "profile") if self._judged else ("profile",))}
         told["sensor"] = self._parameters.get("sensor")
+        told["mapping"] = self._parameters.get("mapping", "stop_and_go")
         return {**told, "started": started, "version": VERSION, "config": config}
 
     @property
