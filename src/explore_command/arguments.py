@@ -175,7 +175,7 @@ def parser() -> argparse.ArgumentParser:
 def parse(argv: list[str] | None = None) -> ExploreArguments:
     """Checked arguments; ArgumentProblem for what argparse cannot know, SystemExit(2) for what it can.
 
-    A run that goes on is by default in the world, and with the seed, the sensor, the realism, the mapping and the robot, of the earlier one.
+    A run that goes on is by default in the world, and with seed, sensor, realism, mapping and robot, of the earlier one.
     """
     a = parser().parse_args(argv)
     earlier = earlier_run(a.resume or a.map) if a.resume or a.map else NO_RUN
