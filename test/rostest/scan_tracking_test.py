@@ -14,7 +14,7 @@ from sensor_msgs.msg import JointState, LaserScan
 from tf2_msgs.msg import TFMessage
 
 import rostest
-from ros_adapters.conversions import cloud_message, pose_message
+from ros_adapters.conversions import cloud_message, header, pose_message
 
 NODE = "scan_tracking_node"
 STEP_S = 0.05
@@ -60,9 +60,9 @@ class ScanTrackingTest(unittest.TestCase):
         self.diagnostics.wait_for_dropped("bad set_map")
 
     def test_3_play_of_the_mount_is_taken_and_one_that_can_be_none_is_refused(self) -> None:
-        self.assertTrue(self.set_backlash(0.005).accepted)
+        self.assertTrue(self.set_backlash(header(self.clock_s, "laser"), 0.005).accepted)
         with self.assertRaisesRegex(rospy.ServiceException, "backlash"):
-            self.set_backlash(5.0)
+            self.set_backlash(header(self.clock_s, "laser"), 5.0)
 
     def test_4_odometry_that_is_no_pose_is_counted_and_the_next_one_tracked(self) -> None:
         self.odometry.publish(odometry(self.clock_s + 0.01, x=float("nan")))
