@@ -14,6 +14,7 @@ from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
 from octomap_server_3dnav.exploration.lookouts import Lookout, WayOut, find_lookouts
+from octomap_server_3dnav.exploration.tour import Tour, TourConfig
 from octomap_server_3dnav.exploration.tried_places import Place, TriedPlaces
 from octomap_server_3dnav.navigation.passages import TerrainSettings
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
@@ -36,11 +37,13 @@ class View:
 class GoalSearch:
     """Chooses a goal in a terrain; remembers what was tried where, and how the robot went to where it cannot turn."""
 
-    def __init__(self, config: ExplorationConfig, terrain: TerrainSettings, frontier: FrontierConfig, planner: PlannerConfig) -> None:
+    def __init__(self, config: ExplorationConfig, terrain: TerrainSettings, frontier: FrontierConfig, planner: PlannerConfig, tour: TourConfig | None = None) -> None:
         self._config, self._terrain_settings, self._frontier_config, self._planner_config = config, terrain, frontier, planner
         self._tried = TriedPlaces(config)
         self._approach = Approach(config, planner.trim_m)
         self._way_out = WayOut(terrain)
+        self._tour_config = tour or TourConfig()
+        self._tour = Tour(self._tour_config, config, planner, frontier.angle_weight_m_per_rad)
         self._sent_to: Lookout | None = None  # before whose way it was sent
 
     def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
@@ -70,17 +73,47 @@ class GoalSearch:
         self._tried.count_looks([f.xyz for f in frontiers], (x, y, z))
         return [f for f in frontiers if not self._tried.is_aside(f.xyz)]
 
+    def not_aside(self, frontiers: list[Frontier]) -> list[Frontier]:
+        """Those that are still tried."""
+        return [f for f in frontiers if not self._tried.is_aside(f.xyz)]
+
     def towards(self, left: list[Frontier], view: View) -> Decision | None:
         """The first of some frontiers to which a path leads, as a goal; None where none does, and that is remembered."""
         for count, frontier in enumerate(left):
             path = plan_path(view.terrain, frontier.node, self._planner_config)
             place = self._tried.known(frontier.xyz)
             looks = 0 if place is None else place.looks
-            trimmed = None if path is None else self._approach.part_of(path, view.terrain, view.T_map_base, frontier, looks)
+            trimmed = None if path is None else self._approach.part_of(
+                path, view.terrain, view.T_map_base, frontier, self._approach.distance_m(frontier, looks)
+            )
             if path is not None and trimmed is not None:
                 return self._goal(view, frontier, path, trimmed, len(left) - count)
             self._tried.at(frontier.xyz).failures.append("no path" if path is None else "no path clear of unknown floor")
         return None
+
+    def by_tour(self, frontiers: list[Frontier], view: View, poses: NDArray[np.float64]) -> Decision | None:
+        """The first view of a tour over all frontiers that some view shows; None where no tour is made, or none shows any."""
+        if not self._tour_config.enabled or not frontiers or view.terrain.departure is None:
+            return None
+        reaches = self._tour.reaches_m(frontiers, view.terrain, poses)
+        for frontier in [f for f, reach in zip(frontiers, reaches, strict=True) if not reach]:
+            self._tried.at(frontier.xyz).looks = self._config.max_looks
+        first = self._tour.first_view(frontiers, view.terrain, view.T_map_base, reaches)
+        path = None if first is None else plan_path(view.terrain, first.node, self._planner_config)
+        if first is None or path is None:
+            return None
+        part = self._approach.part_of(path, view.terrain, view.T_map_base, first.frontier, self._config.min_trim_m)
+        if part is None:
+            return None
+        place = self._tried.at(first.frontier.xyz)
+        place.goals += 1
+        self._tried.count_progress(place, first.frontier.distance_m)
+        goal = self._approach.goal_of(part, path, view.terrain, view.T_map_base, first.frontier)
+        reason = f"view 1 of {first.views}, {first.way_m:.1f} m away, of {first.shown} frontiers"
+        yaw = goal[3]
+        if self._tour_config.arrive and len(part.points) > 1 and not path.leads_on_straight(part):
+            yaw = facing_yaw(part.points[max(-4, -len(part.points))], part.points[-1])
+        return self.decision(DecisionKind.GOAL, reason, view, len(frontiers)).along(part, path, yaw, first.frontier.xyz)
 
     def last_of_all(self, last: list[Frontier], view: View) -> Decision | None:
         """When nothing else is left: to a frontier that is looked at last, to a look from inside, or out of there.
