@@ -76,15 +76,16 @@ class Explorer:
         planner: PlannerConfig | None = None,
         tour: TourConfig | None = None,
     ) -> None:
-        """ValueError lists every violation of the four configurations."""
+        """ValueError lists every violation of the five configurations."""
         self.config = config or ExplorationConfig()
         self.terrain_settings = terrain or TerrainSettings()
         self.frontier_config = frontier or FrontierConfig()
         self.planner_config = planner or PlannerConfig()
+        tour = tour or TourConfig()
+        self._tours = tour.enabled
         configs = self.config, self.terrain_settings, self.frontier_config, self.planner_config
-        if problems := [problem for c in configs for problem in c.validate()]:
+        if problems := [problem for c in (*configs, tour) for problem in c.validate()]:
             raise ValueError("\n".join(problems))
-        self._tours = (tour or TourConfig()).enabled
         self._goals = GoalSearch(*configs, tour)
         self._state = State.STARTING
         self._plan: Decision | None = None
@@ -180,10 +181,9 @@ class Explorer:
                     return self._goals.decision(DecisionKind.TRAPPED, _why_trapped(view.terrain), view)  # 17
                 continue
             if self._tours and dist_limit is not None:
-                continue
+                continue  # a tour is made over all that is open
             frontiers = self._goals.frontiers_in(view)  # 21
-            decision = self._goals.by_tour(frontiers, view, observation.vertex_poses)
-            if decision is not None:
+            if (decision := self._goals.by_tour(frontiers, view, observation.vertex_poses)) is not None:
                 return decision
             frontiers = self._goals.not_aside(frontiers)
             decision = self._goals.towards([f for f in frontiers if not f.last], view)  # 35

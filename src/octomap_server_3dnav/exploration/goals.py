@@ -4,6 +4,7 @@ For `decide`, which asks for the terrain around the robot first and then for the
 robot looked at them, or that driving failed to reach, are set aside (`tried_places`).
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,13 +38,21 @@ class View:
 class GoalSearch:
     """Chooses a goal in a terrain; remembers what was tried where, and how the robot went to where it cannot turn."""
 
-    def __init__(self, config: ExplorationConfig, terrain: TerrainSettings, frontier: FrontierConfig, planner: PlannerConfig, tour: TourConfig | None = None) -> None:
+    def __init__(
+        self,
+        config: ExplorationConfig,
+        terrain: TerrainSettings,
+        frontier: FrontierConfig,
+        planner: PlannerConfig,
+        tour: TourConfig | None = None,
+    ) -> None:
         self._config, self._terrain_settings, self._frontier_config, self._planner_config = config, terrain, frontier, planner
         self._tried = TriedPlaces(config)
         self._approach = Approach(config, planner.trim_m)
         self._way_out = WayOut(terrain)
+        self._begun: tuple[float, float, float] | None = None  # the frontier on the way to which it was sent to where a passage begins
         self._tour_config = tour or TourConfig()
-        self._tour = Tour(self._tour_config, config, planner, frontier.angle_weight_m_per_rad)
+        self._tour = Tour(self._tour_config, config.min_trim_m, frontier.angle_weight_m_per_rad, planner)
         self._sent_to: Lookout | None = None  # before whose way it was sent
 
     def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
@@ -83,37 +92,36 @@ class GoalSearch:
             path = plan_path(view.terrain, frontier.node, self._planner_config)
             place = self._tried.known(frontier.xyz)
             looks = 0 if place is None else place.looks
-            trimmed = None if path is None else self._approach.part_of(
-                path, view.terrain, view.T_map_base, frontier, self._approach.distance_m(frontier, looks)
-            )
+            before_m = self._approach.distance_m(frontier, looks)
+            trimmed = None if path is None else self._approach.part_of(path, view.terrain, view.T_map_base, frontier, before_m)
             if path is not None and trimmed is not None:
                 return self._goal(view, frontier, path, trimmed, len(left) - count)
             self._tried.at(frontier.xyz).failures.append("no path" if path is None else "no path clear of unknown floor")
         return None
 
-    def by_tour(self, frontiers: list[Frontier], view: View, poses: NDArray[np.float64]) -> Decision | None:
-        """The first view of a tour over all frontiers that some view shows; None where no tour is made, or none shows any."""
-        if not self._tour_config.enabled or not frontiers or view.terrain.departure is None:
+    def by_tour(self, frontiers: list[Frontier], view: View, vertex_poses: NDArray[np.float64]) -> Decision | None:
+        """The first view of a tour over all frontiers; None where none is made. What no view is left of is set aside.
+
+        A robot that was sent to where a passage begins goes on through it first.
+        """
+        if not self._tour_config.enabled or not frontiers:
             return None
-        reaches = self._tour.reaches_m(frontiers, view.terrain, poses)
-        for frontier in [f for f, reach in zip(frontiers, reaches, strict=True) if not reach]:
-            self._tried.at(frontier.xyz).looks = self._config.max_looks
-        first = self._tour.first_view(frontiers, view.terrain, view.T_map_base, reaches)
+        begun = [f for f in frontiers if self._begun is not None and math.dist(f.xyz, self._begun) <= self._config.place_radius_m]
+        if begun and (decision := self.towards(begun, view)) is not None:
+            return decision
+        reaches_m = self._tour.reaches_m(frontiers, view.terrain, vertex_poses)
+        for k in np.flatnonzero(reaches_m == 0.0):
+            self._tried.at(frontiers[k].xyz).looks = self._config.max_looks
+        first = self._tour.first_view(frontiers, view.terrain, view.T_map_base, reaches_m)
         path = None if first is None else plan_path(view.terrain, first.node, self._planner_config)
         if first is None or path is None:
             return None
         part = self._approach.part_of(path, view.terrain, view.T_map_base, first.frontier, self._config.min_trim_m)
         if part is None:
             return None
-        place = self._tried.at(first.frontier.xyz)
-        place.goals += 1
-        self._tried.count_progress(place, first.frontier.distance_m)
-        goal = self._approach.goal_of(part, path, view.terrain, view.T_map_base, first.frontier)
+        decision = self._goal(view, first.frontier, path, part, len(frontiers))
         reason = f"view 1 of {first.views}, {first.way_m:.1f} m away, of {first.shown} frontiers"
-        yaw = goal[3]
-        if self._tour_config.arrive and len(part.points) > 1 and not path.leads_on_straight(part):
-            yaw = facing_yaw(part.points[max(-4, -len(part.points))], part.points[-1])
-        return self.decision(DecisionKind.GOAL, reason, view, len(frontiers)).along(part, path, yaw, first.frontier.xyz)
+        return replace(decision, reason=reason) if self._begun else as_it_arrives(replace(decision, reason=reason))
 
     def last_of_all(self, last: list[Frontier], view: View) -> Decision | None:
         """When nothing else is left: to a frontier that is looked at last, to a look from inside, or out of there.
@@ -134,6 +142,7 @@ class GoalSearch:
         self._tried.count_progress(place, frontier.distance_m)
         reason = f"frontier of {len(frontier.voxels)} voxels, {frontier.distance_m:.1f} m away"
         goal = self._approach.goal_of(trimmed, path, view.terrain, view.T_map_base, frontier)
+        self._begun = frontier.xyz if path.leads_on_straight(trimmed) else None
         return self.decision(DecisionKind.GOAL, reason, view, left).along(trimmed, path, goal[3], frontier.xyz)
 
     def _lookout_in(self, view: View) -> Decision | None:
@@ -190,3 +199,11 @@ class GoalSearch:
         self._tried.count_progress(place, path.length_m)
         decision = self.decision(DecisionKind.GOAL, "out of a place without room to turn", view)
         return decision.along(path, path, yaw_of(view.T_map_base), place.xyz)
+
+
+def as_it_arrives(decision: Decision) -> Decision:
+    """The same goal with the heading in which its path arrives: a sweep sees all around, and turning takes time."""
+    if decision.path is None or decision.goal is None or len(decision.path) < 2:
+        return decision
+    x, y, z, _ = decision.goal
+    return replace(decision, goal=(x, y, z, facing_yaw(decision.path[max(-4, -len(decision.path))], decision.path[-1])))
