@@ -36,7 +36,7 @@ class TourConfig:
     edge_range_m: float = parameter(3.0, "m", "the same for potential cliffs, which are seen from near their edge", low=0.5, high=30.0)
     eye_m: float = parameter(0.9, "m", "height of the laser above the ground", low=0.05, high=5.0)
     nearer: float = parameter(
-        0.6, "-", "a place that stays though a sweep could see it is looked at from this share of that distance", low=0.1, high=0.9
+        0.7, "-", "a place that stays though a sweep could see it is looked at from this share of that distance", low=0.1, high=0.9
     )
     stop_m: float = parameter(3.3, "m", "way that takes as long as a stop: 6.7 s at 0.5 m/s", low=0.0, high=50.0)
     place_m2: float = parameter(3.0, "m2", "what a frontier is worth beside the ground that a view may show", low=0.0, high=100.0)
