@@ -30,6 +30,16 @@ class StopScanAndGoConfig:
         low=0.1,
         high=100.0,
     )
+    max_pose_sigma_m: float = parameter(
+        0.03, "m", "where motion is tracked against the map: sigma of the position that asks for the next sweep", low=0.001, high=1.0
+    )
+    max_tracked_distance_m: float = parameter(
+        5.0,
+        "m",
+        "and the distance since the last sweep that asks for it: the terrain known to the costmap ends 6 m from it",
+        low=0.2,
+        high=100.0,
+    )
     slope_rad: float = parameter(0.035, "rad", "ground that tilts the robot more than this is a slope", low=0.0, high=1.6)
     still_time_s: float = parameter(0.5, "s", "the robot must have been still so long before a sweep", low=0.0, high=10.0)
     still_speed_mps: float = parameter(0.02, "m/s", "slower than this is still", low=0.0, high=0.5)

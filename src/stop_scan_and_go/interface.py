@@ -49,7 +49,7 @@ class TickObservation:
     """All of one tick; None is "not known".
 
     `stamp_s`; `T_odom_base` (4, 4); measured `twist` (v m/s, w rad/s); `tilt_rad` of the laser, 0 horizontal; the follower's
-    `command` (v, w), its state by name and its reason.
+    `command` (v, w), its state by name and its reason; `pose_sigma_m`, sigma of the position, None when nobody tracks it.
     """
 
     stamp_s: float
@@ -59,6 +59,7 @@ class TickObservation:
     command: tuple[float, float] | None
     follower_state: str
     follower_reason: str
+    pose_sigma_m: float | None = None
 
 
 @dataclass(frozen=True)

@@ -242,8 +242,13 @@ class StopScanAndGo:
         return self._too_far(tick)
 
     def _too_far(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
-        if self._travel.distance_m > self._config.max_distance_m:
+        sigma_m = _tracked_sigma_m(tick)
+        most_m = self._config.max_distance_m if sigma_m is None else self._config.max_tracked_distance_m
+        if self._travel.distance_m > most_m:
             return SweepKind.INTERMEDIATE, f"{self._travel.distance_m:.2f} m since the last sweep"
+        if sigma_m is not None:  # which knows what turns did to it
+            is_lost = sigma_m > self._config.max_pose_sigma_m
+            return (SweepKind.INTERMEDIATE, f"the position is known to {100 * sigma_m:.1f} cm only") if is_lost else None
         if self._travel.yaw_rad > self._config.max_yaw_rad:
             return SweepKind.INTERMEDIATE, f"{self._travel.yaw_rad:.2f} rad since the last sweep"
         drives_on = tick.command is not None and abs(tick.command[0]) > self._config.still_speed_mps
@@ -257,6 +262,10 @@ class StopScanAndGo:
 
     def _standing(self, tick: TickObservation) -> TickAction:
         return self._answer()
+
+
+def _tracked_sigma_m(tick: TickObservation) -> float | None:
+    return tick.pose_sigma_m if tick.pose_sigma_m is not None and math.isfinite(tick.pose_sigma_m) else None
 
 
 def _finite_pose(tick: TickObservation) -> NDArray[np.float64] | None:

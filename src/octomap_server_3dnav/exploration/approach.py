@@ -26,14 +26,12 @@ class Approach:
         self._config, self._trim_m = config, trim_m
         self._entry: tuple[float, float] | None = None  # of the passage that the robot was last sent to
 
-    def part_of(self, path: Path, terrain: Terrain, T_map_base: Transform, frontier: Frontier, looks: int) -> Path | None:
-        """The path up to where the robot looks at the frontier, for the `looks` + 1st time, and never beside floor that was not seen.
+    def part_of(self, path: Path, terrain: Terrain, T_map_base: Transform, frontier: Frontier, before_m: float) -> Path | None:
+        """The path up to `before_m` from the frontier, from where the robot looks at it, and never beside floor that was not seen.
 
         That may be a cliff. None when it leaves no way to go although the frontier is far.
         """
-        first = self._config.edge_trim_m if frontier.potential_cliff else self._trim_m
-        distance = max(self._config.min_trim_m, first * self._config.closer_factor**looks)
-        trimmed = trim_path(path, np.asarray(frontier.xyz), distance)
+        trimmed = trim_path(path, np.asarray(frontier.xyz), before_m)
         unknown = cKDTree(terrain.centers(terrain.frontiers()))
         gaps = unknown.query(trimmed.points)[0]
         from_robot = np.linalg.norm(trimmed.points[:, :2] - T_map_base[:2, 3], axis=1)
@@ -47,6 +45,11 @@ class Approach:
         is_near = math.dist(frontier.xyz[:2], T_map_base[:2, 3]) <= self._config.near_m
         is_entry = path.leads_on_straight(trimmed) and not is_in_line
         return trimmed if is_near or is_entry or trimmed.length_m >= self._config.least_way_m else None
+
+    def distance_m(self, frontier: Frontier, looks: int) -> float:
+        """How far from a frontier a path to it ends, for the `looks` + 1st look."""
+        first = self._config.edge_trim_m if frontier.potential_cliff else self._trim_m
+        return max(self._config.min_trim_m, first * self._config.closer_factor**looks)
 
     def goal_of(
         self, trimmed: Path, path: Path, terrain: Terrain, T_map_base: Transform, frontier: Frontier

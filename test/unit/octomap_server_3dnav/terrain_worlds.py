@@ -1,7 +1,7 @@
 """Small worlds of voxels for the terrain tests: height functions to dense grids, poses, and pictures of labels as text."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -84,15 +84,24 @@ def label_set(terrain: Terrain) -> set[tuple[int, int, int, int]]:
     return set(zip(terrain.ix.tolist(), terrain.iy.tolist(), terrain.z.tolist(), terrain.label.tolist(), strict=True))
 
 
-def decide(explorer: Explorer, world: ColumnRuns | TerrainWithin, T_map_base: NDArray[np.float64], drive_failure: str = "") -> Decision:
-    """What is decided after a sweep at a goal, or at where the drive to it failed; `world`: a known one, or its terrain by radius."""
+def decide(
+    explorer: Explorer,
+    world: ColumnRuns | TerrainWithin,
+    T_map_base: NDArray[np.float64],
+    drive_failure: str = "",
+    earlier: Sequence[NDArray[np.float64]] = (),
+) -> Decision:
+    """What is decided after a sweep at a goal, or at where the drive to it failed, and `earlier` sweeps.
+
+    `world`: a known one, or its terrain by radius.
+    """
 
     def terrain_within(radius_m: float | None) -> Terrain:
         if isinstance(world, ColumnRuns):
             return navigable_terrain(world, T_map_base, explorer.terrain_settings, radius_m)
         return world(radius_m)
 
-    return explorer.step(Observation(SweepOutcome.MATCHED, T_map_base[None], terrain_within, drive_failure=drive_failure))
+    return explorer.step(Observation(SweepOutcome.MATCHED, np.array([*earlier, T_map_base]), terrain_within, drive_failure=drive_failure))
 
 
 def room(nx: int = 90, ny: int = 90, height: Callable[[NDArray, NDArray], NDArray] = lambda x, y: 0.04 + 0 * x * y) -> NDArray[np.uint8]:

@@ -79,7 +79,7 @@ def explore(world, x, y, ground, planner: Explorer, most: int = 80, noise_m: flo
         origin = np.array([x + 0.2 * c, y + 0.2 * s, ground + SENSOR_HEIGHT]) / RESOLUTION + np.array([0, 0, BELOW])
         _cast(world, known, origin, turned, 12.0 / RESOLUTION, noise_m / RESOLUTION * random.standard_normal(len(rays)))
         T_map_base = pose(x, y, ground, yaw)
-        decision = decide(planner, runs_of(known), T_map_base)
+        decision = decide(planner, runs_of(known), T_map_base, earlier=journey.poses)
         journey.decisions.append(decision)
         journey.poses.append(T_map_base)
         if decision.kind is not DecisionKind.GOAL:

@@ -201,6 +201,29 @@ def test_long_way_is_interrupted_by_a_sweep_and_goes_on_to_the_same_goal():
     assert script.machine.sweeps == 2 and script.machine.distance_m > 4.0
 
 
+def test_tracked_robot_drives_on_until_its_position_is_not_known_well_enough():
+    script = Script(max_distance_m=1.0, max_yaw_rad=1.0, max_tracked_distance_m=4.0, max_pose_sigma_m=0.03).driving()
+    for k in range(100):
+        command = FORWARD if k < 60 else (0.0, 0.8)
+        assert script.tick(command, "following", pose_sigma_m=0.02).state is DriveState.DRIVING
+    assert script.machine.distance_since_sweep_m > 1.4 and script.machine.yaw_since_sweep_rad > 1.4
+    action = script.tick(FORWARD, "following", pose_sigma_m=0.04)
+    assert action.sweep_kind is SweepKind.INTERMEDIATE and "known to 4.0 cm only" in action.reason
+
+
+def test_tracked_robot_is_swept_where_the_terrain_that_it_knows_ends():
+    script = Script(max_distance_m=1.0, max_tracked_distance_m=2.0).driving()
+    action = script.until(DriveState.SETTLING, command=FORWARD, follower="following", pose_sigma_m=0.001)
+    assert action.sweep_kind is SweepKind.INTERMEDIATE and 2.0 < script.machine.distance_since_sweep_m < 2.1
+
+
+@pytest.mark.parametrize("unknown", [None, math.nan, math.inf])
+def test_sigma_that_nobody_knows_leaves_the_distance(unknown):
+    script = Script(max_distance_m=1.0, max_tracked_distance_m=4.0).driving()
+    script.until(DriveState.SETTLING, command=FORWARD, follower="following", pose_sigma_m=unknown)
+    assert 1.0 < script.machine.distance_since_sweep_m < 1.1
+
+
 def test_turning_to_and_fro_adds_up_to_a_sweep():
     script = Script(max_yaw_rad=2.0).driving()
     for k in range(200):
