@@ -278,7 +278,8 @@ class ScanTracker:
             return "odometry paused"
         if _pause(tilts, track.stamp_s, end_s) > self._config.most_gap_s:
             return "no tilt of the mount"
-        return self._bundler.bundle(stamps, readings, (track.stamp_s, end_s), Motion(odometry, tilts))
+        bundle = self._bundler.bundle(stamps, readings, (track.stamp_s, end_s), Motion(odometry, tilts))
+        return bundle if len(bundle) else None
 
     def _settle(self, begin: _Track, end: _Track) -> None:
         """Odometry's samples of a bundle with its correction spread over them."""

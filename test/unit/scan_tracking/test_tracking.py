@@ -6,6 +6,7 @@ from drive_in_a_box import CORRIDOR, MOUNT, ROOM, Drive, ahead, bend, level, nod
 
 from rigid_geometry import inverse, transform_from_rpy
 from scan_tracking import ScanTracker, ScanTrackingConfig
+from scan_tracking.local_map import supported
 from scan_tracking.pose_error import error_between
 from sweep_assembly import LaserScans, LidarConfig, LidarRevolutions, Revolution, Scan
 
@@ -175,7 +176,7 @@ def test_the_map_may_move_with_its_frame() -> None:
 def test_scans_of_nothing_leave_odometry_alone() -> None:
     far = Drive(box=np.array([[-90.0, -90.0, -90.0], [90.0, 90.0, 90.0]]))
     poses = far.into(tracker_in(ROOM))
-    assert np.array_equal(poses[-1].T_odom_base, far.odometry(2.0)) and "0 of 0" in poses[-1].refused
+    assert np.array_equal(poses[-1].T_odom_base, far.odometry(2.0)) and poses[-1].refused == ""
 
 
 def test_a_scan_of_another_sensor_is_an_error() -> None:
@@ -210,3 +211,26 @@ def revolution(drive: Drive, lidar: LidarConfig, stamp_s: float) -> Revolution:
     T = by_column[columns] @ MOUNT.base_from_laser(0.4)[0]
     points = drive.ranges(T, directions)[:, None] * directions
     return Revolution(points.astype(np.float32), rings, times)
+
+
+def test_normals_that_agree_nowhere_are_no_map() -> None:
+    points, normals = walls(ROOM, spacing_m=0.1)
+    normals = np.random.default_rng(5).normal(0.0, 1.0, normals.shape)
+    tracker = tracker_in(None, own_every_m=0.0)
+    tracker.set_map(points[::20], (normals / np.linalg.norm(normals, axis=1, keepdims=True))[::20], np.eye(4))
+    last = Drive(slip=slipping).into(tracker)[-1]
+    assert "bundle_matched" not in tracker.counts and np.array_equal(last.T_odom_base, Drive(slip=slipping).odometry(2.0))
+
+
+def test_points_of_a_patch_count_little_more_than_one() -> None:
+    first, second = (Drive(range_sigma_m=0.005).into(tracker_in(ROOM, patch_sigma_m=sigma_m))[-1] for sigma_m in (0.0, 0.1))
+    assert sigmas(second)[1] > 1.3 * sigmas(first)[1]
+
+
+def test_a_normal_without_others_like_it_is_of_no_surface() -> None:
+    x, y = (side.ravel() for side in np.meshgrid(np.arange(0.05, 0.5, 0.1), np.arange(0.05, 0.5, 0.1)))
+    floor = np.column_stack([x, y, np.full(25, 0.1)])
+    points = np.vstack([floor, floor[:1] + 0.01, floor[:1] + 0.02])
+    normals = np.tile([0.0, 0.0, 1.0], (27, 1))
+    normals[25], normals[26] = [0.0, np.sin(0.5), np.cos(0.5)], [1.0, 0.0, 0.0]
+    assert supported(points, normals, 0.5, 0.24).tolist() == [True] * 25 + [False, False]
