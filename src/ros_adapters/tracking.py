@@ -5,10 +5,13 @@ import rospy
 from explore_3dnav.srv import SetLocalMap
 from numpy.typing import NDArray
 
-from pose_graph_mapping.graph.mapper import PoseGraphMapper
+from pose_graph_mapping.graph.mapper import MappingUpdate, PoseGraphMapper
 from ros_adapters.conversions import cloud_message, pose_message
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.frames import frames
+
+_ROTATION_LAST = [3, 4, 5, 0, 1, 2]  # a match's covariance has it first, in the body's frame
+_LEAST_SIGMAS = np.repeat([0.005, 0.002], 3)  # m and rad: no match is better
 
 
 def is_tracking() -> bool:
@@ -21,6 +24,15 @@ def odometry_topic() -> str:
     return "/odom_tracked" if is_tracking() else "/odom"
 
 
+def pose_covariance(update: MappingUpdate) -> NDArray[np.float64]:
+    """(6, 6) of the newest vertex: translation, then rotation, about the axes of map; the least of the first one, which defines the map."""
+    least = np.diag(_LEAST_SIGMAS**2)
+    if update.result is None:
+        return least
+    turn = np.kron(np.eye(2), update.vertex_poses[-1][:3, :3])
+    return np.asarray(turn @ update.result.covariance[np.ix_(_ROTATION_LAST, _ROTATION_LAST)] @ turn.T + least)
+
+
 class LocalMapService:
     """Calls scan_tracking_node/set_map; it is a service, so that the map is there before anybody acts on the sweep."""
 
@@ -29,13 +41,17 @@ class LocalMapService:
         self._mapper = mapper
         self._call = rospy.ServiceProxy("scan_tracking_node/set_map", SetLocalMap, persistent=True)
 
-    def send(self, stamp_s: float, T_map_odom: NDArray[np.float64], diagnostics: Diagnostics) -> None:
-        """The area around the last vertex; when nobody takes it the old one stays, and that is counted."""
+    def send(self, stamp_s: float, update: MappingUpdate, diagnostics: Diagnostics, *, stands: bool) -> None:
+        """The area around the last vertex; when nobody takes it the old one stays, and that is counted.
+
+        `stands`: the robot is where the sweep was placed, so the match tells how well its pose is known.
+        """
+        covariance = pose_covariance(update).ravel().tolist() if stands and (update.match_used or update.result is None) else []
         area = self._mapper.surroundings()
         assert area.normals is not None and area.origins is not None
         known = np.abs(area.normals).sum(axis=1) > 0.5
         message = cloud_message(stamp_s, frames().map, area.points[known], area.origins[known], area.normals[known])
         try:
-            self._call(message, pose_message(T_map_odom))
+            self._call(message, pose_message(update.T_map_odom), covariance)
         except rospy.ServiceException as error:
             diagnostics.dropped("local map not taken", str(error))

@@ -54,10 +54,12 @@ class ScanTrackingTest(unittest.TestCase):
         points, _ = floor_and_walls()
         normals = np.tile([0.0, 0.0, 1.0], (len(points), 1))
         here, origins = pose_message(np.eye(4)), np.zeros_like(points)
-        self.assertTrue(self.set_map(cloud_message(self.clock_s, "map", points, origins, normals), here).accepted)
+        self.assertTrue(self.set_map(cloud_message(self.clock_s, "map", points, origins, normals), here, []).accepted)
         with self.assertRaisesRegex(rospy.ServiceException, "without normals"):
-            self.set_map(cloud_message(self.clock_s, "map", points, origins), here)
-        self.diagnostics.wait_for_dropped("bad set_map")
+            self.set_map(cloud_message(self.clock_s, "map", points, origins), here, [])
+        with self.assertRaisesRegex(rospy.ServiceException, "expected 36"):
+            self.set_map(cloud_message(self.clock_s, "map", points, origins, normals), here, [1.0] * 35)
+        self.diagnostics.wait_for_dropped("bad set_map", 2)
 
     def test_3_play_of_the_mount_is_taken_and_one_that_can_be_none_is_refused(self) -> None:
         self.assertTrue(self.set_backlash(header(self.clock_s, "laser"), 0.005).accepted)
