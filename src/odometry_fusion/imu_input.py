@@ -83,6 +83,9 @@ class ImuInput:
         raise ValueError(fault)
 
 
+_TURNS_RPS = 0.1  # slower, wheels that slip and noise say as much as the turn
+
+
 class _Turning:
     """How many times as fast as the wheels the IMU turns, by least squares over the latest turns of the wheels."""
 
@@ -99,7 +102,8 @@ class _Turning:
 
     def add_imu(self, stamp_s: float, yaw_rate: float) -> None:
         duration_s, self._imu_stamp_s = stamp_s - self._imu_stamp_s, stamp_s
-        if not (0.0 < duration_s < 0.2 and abs(stamp_s - self._wheel_stamp_s) < 0.5):
+        turns = abs(self._wheel_rate) >= _TURNS_RPS
+        if not (turns and 0.0 < duration_s < 0.2 and abs(stamp_s - self._wheel_stamp_s) < 0.5):
             return
         self._turned += abs(self._wheel_rate) * duration_s
         self._together += self._wheel_rate * yaw_rate * duration_s

@@ -126,3 +126,9 @@ def test_two_imus_of_two_frames_are_judged_apart():
             except ValueError as error:
                 faults.append(str(error))
     assert faults and all("flipped" in text for text in faults)
+
+
+def test_wheels_that_slip_on_a_long_straight_way_say_nothing_of_the_imu():
+    """The robot bends slowly to one side while its wheels, which slip, seem to bend to the other."""
+    out, faults = feed(imu_input(), gyro=(0.0, 0.0, -0.05), count=6000, wheel_rate=0.04)
+    assert not faults and len(out) == 6000
