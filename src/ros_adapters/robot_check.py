@@ -11,6 +11,7 @@ from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2
 from robot_body import RobotBody, contradictions, mount_from_urdf
 from ros_adapters.conversions import joint_position, odometry_twist
 from ros_adapters.heard_topic import HeardTopic
+from ros_adapters.mapping_mode import maps_while_driving
 from ros_adapters.revolution_messages import revolution_of
 from ros_adapters.robot_graph import RobotGraph, TransformWatch
 from ros_adapters.sensor_frames import SensorFrames
@@ -86,7 +87,10 @@ class RobotCheck:
         graph = RobotGraph()
         rows = self._clock() + self._laser(graph) + self._of_tilt(graph) + self._of_imu(graph) + self._of_wheels(graph)
         rows += clock_rows({watch.topic: watch.heard for watch in self._watches if self._stamped(watch)}, self._limits)
-        rows += [graph.service_row("start_sweep", "std_srvs/Trigger"), *graph.command_rows("/cmd_vel"), *self._tf.rows()]
+        rows += [graph.service_row("start_sweep", "std_srvs/Trigger", "one sweep, ending level")]
+        if maps_while_driving("check_robot_node"):
+            rows += [graph.service_row("nod", "std_srvs/SetBool", "nod in front of the robot, or come to rest level")]
+        rows += [*graph.command_rows("/cmd_vel"), *self._tf.rows()]
         return rows + self._description()
 
     @staticmethod

@@ -44,12 +44,12 @@ class RobotGraph:
         advice = f"{type_name} comes on {', '.join(others)}: remap {topic}:={others[0]}" if others else "start its driver"
         return [Row(Level.ERROR, topic, "publisher", "nobody", advice)]
 
-    def service_row(self, name: str, type_name: str) -> Row:
-        """Whether one node serves `name`, with the right type."""
+    def service_row(self, name: str, type_name: str, what: str) -> Row:
+        """Whether one node serves `name`, with the right type; `what` the mount does then."""
         name = rospy.resolve_name(name)
         nodes = self.services.get(name, [])
         if not nodes:
-            return Row(Level.ERROR, name, "served by", "nobody", f"the mount's driver must serve it ({type_name}): one sweep, ending level")
+            return Row(Level.ERROR, name, "served by", "nobody", f"the mount's driver must serve it ({type_name}): {what}")
         try:
             found = str(rosservice.get_service_type(name))
         except (OSError, rosservice.ROSServiceException, xmlrpc.client.Error):

@@ -108,6 +108,11 @@ class CheckRobotTest(unittest.TestCase):
         text = self.expect(1, ["LaserScan comes on /scan: remap /nowhere/scan:=/scan", "start the base's driver"], "--wait=0", *elsewhere)
         self.assertEqual(text.count("nobody\n"), 6, text)
 
+    def test_robot_that_is_to_map_while_it_drives_needs_a_mount_that_nods(self) -> None:
+        rospy.set_param("/mapping", "driving")
+        self.addCleanup(rospy.delete_param, "/mapping")
+        self.expect(1, ["must serve it (std_srvs/SetBool): nod in front of the robot"])
+
     def test_silent_sensor_is_told_of_with_its_driver(self) -> None:
         self.expect(1, ["/scan", "its driver runs and sends nothing"], "--wait=0", scan=nothing)
 
