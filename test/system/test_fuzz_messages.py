@@ -183,6 +183,7 @@ def makers() -> dict[str, Callable[[float], Any]]:
         ),
         "move_base_msgs/MoveBaseActionGoal": goal,
         "actionlib_msgs/GoalID": lambda t: GoalID(ros_time(t), "a"),
+        "std_msgs/Header": lambda t: header(t, ""),
         "rosgraph_msgs/Clock": lambda t: Clock(ros_time(t)),
     }
 
