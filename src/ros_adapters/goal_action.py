@@ -53,9 +53,9 @@ class GoalAction:
         self._server = actionlib.ActionServer("move_base", MoveBaseAction, self._on_goal, self._on_cancel, auto_start=False)
         self._server.lock = lock  # one lock for both: the server calls us under its own, and we call it under ours
         self._server.start()
-        rospy.core.add_preshutdown_hook(self._end)
+        rospy.on_shutdown(self._end)  # these hooks come before the one that closes the topics
 
-    def _end(self, _reason: str) -> None:
+    def _end(self) -> None:
         """Before the topics close: the server's own timer would publish to one that is closed."""
         with self._lock:
             self._server.started = False
