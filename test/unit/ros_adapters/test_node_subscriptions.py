@@ -32,6 +32,7 @@ def parameters(monkeypatch: pytest.MonkeyPatch) -> dict[str, object]:
     monkeypatch.setattr(rospy, "init_node", lambda *_, **__: None)
     monkeypatch.setattr(rospy, "get_param", values.get)
     monkeypatch.setattr(rospy, "Publisher", _Wire)
+    monkeypatch.setattr("ros_adapters.node.CountingPublisher", _Wire)
     monkeypatch.setattr(rospy, "Subscriber", _Wire)
     return values
 
