@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from stop_scan_and_go.config import StopScanAndGoConfig
 from stop_scan_and_go.interface import FOLLOWER_ENDS, Decision, DriveState, SweepKind, TickAction, TickObservation
 from stop_scan_and_go.travel import TravelMeter
-from stop_scan_and_go.watches import HeldFor, RockingWatch, SweepWatch
+from stop_scan_and_go.watches import HeldFor, RockingWatch, SweepWatch, leap_s
 
 
 class StopScanAndGo:
@@ -137,11 +137,11 @@ class StopScanAndGo:
         return self._answer()
 
     def _take_stamp(self, stamp: float) -> None:
-        if self._stamp is not None and stamp < self._stamp:
-            # Time jumped back: limits begin anew, what was waited for is still waited for.
-            self._entered_s = stamp
-            if self._watch:
-                self._watch.begun_s = stamp
+        # What was waited for is still waited for; a leap of the clock is no waiting.
+        leapt = leap_s(self._stamp, stamp)
+        self._entered_s += leapt
+        if self._watch:
+            self._watch.begun_s += leapt
         self._stamp = stamp
 
     def _measure(self, tick: TickObservation) -> None:

@@ -8,19 +8,30 @@ from numpy.typing import NDArray
 from stop_scan_and_go.config import StopScanAndGoConfig
 
 
+_UNBROKEN_S = 1.0  # ticks come at 10 Hz or more; a longer step is a clock that was set or a robot that was not looked at
+
+
+def leap_s(before: float | None, stamp: float) -> float:
+    """The step from one tick's stamp to the next where it is no time that was looked at: backward, or too long; else 0."""
+    step = 0.0 if before is None else stamp - before
+    return 0.0 if 0.0 <= step <= _UNBROKEN_S else step
+
+
 class HeldFor:
     """True once a condition has held without a break for some time."""
 
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
         self._since: float | None = None
+        self._last: float | None = None
 
     def holds(self, stamp: float, condition: bool) -> bool:
-        """Take in the condition at `stamp` s; where time jumps back the waiting begins anew."""
+        """Take in the condition at `stamp` s; where time leaps the waiting begins anew."""
+        leapt, self._last = leap_s(self._last, stamp), stamp
         if not condition:
             self._since = None
             return False
-        if self._since is None or stamp < self._since:
+        if self._since is None or leapt:
             self._since = stamp
         # A hair's breadth for sums of ticks.
         return stamp - self._since >= self._seconds - 1e-9

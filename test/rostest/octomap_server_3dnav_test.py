@@ -151,6 +151,11 @@ class OctomapServer3dnavTest(unittest.TestCase):
         message.vertex_poses = message.vertex_poses * 3
         self.assert_dropped(message)
 
+    def test_sweep_that_is_nowhere_is_counted_and_dropped(self) -> None:
+        message = self.sweep()
+        message.vertex_poses, message.failure = [], "placed by nobody"
+        self.assert_dropped(message)
+
     def test_sweep_with_a_pose_that_is_none_is_counted_and_dropped(self) -> None:
         message = self.sweep()
         message.vertex_poses = [*message.vertex_poses[:-1], pose_message(T_MAP_BASE)]
