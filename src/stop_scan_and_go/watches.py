@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from stop_scan_and_go.config import StopScanAndGoConfig
 
-
 _UNBROKEN_S = 1.0  # ticks come at 10 Hz or more; a longer step is a clock that was set or a robot that was not looked at
 
 
