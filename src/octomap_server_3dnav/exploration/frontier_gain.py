@@ -2,6 +2,7 @@
 
 Called by `frontiers.find_frontiers`. From the frontier rays go out over the surface, as far as a sweep is dense; what they cross of columns
 without ground counts, up to the first obstacle, or to where air was seen in the ground's place: beyond the edge of a deck there is none.
+Air under a deck that a ramp leads up to is none: the ground is on top, where nobody looked.
 """
 
 import math
@@ -11,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.columns import seen_down_to
+from octomap_server_3dnav.octree.columns import NO_VOXEL, lowest_occupied, seen_down_to
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
 from octomap_server_3dnav.terrain.surfaces import find_node
 
@@ -41,7 +42,8 @@ def _unknown_area(columns: Any, start: Any, z: Any, obstacle: Any, robot: Any, f
                         break
                     if find_node(start, z, c, z0, band) >= 0:
                         continue
-                    if seen_down_to(columns, c, z0) <= z0 - band:
+                    is_open = lowest_occupied(columns, c, z0 + 1, z0 + band) == NO_VOXEL
+                    if is_open and seen_down_to(columns, c, z0) <= z0 - band:
                         break
                 area[t] += 2 * math.pi * r / _RAYS
     return area

@@ -114,6 +114,16 @@ def test_where_air_was_seen_beyond_an_edge_a_look_shows_no_ground(hole, unseen_m
     assert unseen_m2 / 2 < found.gain_m2 < 1.5
 
 
+def test_deck_that_was_seen_from_below_only_is_ground_that_a_look_may_show():
+    states = grid_of_heights(lambda x, y: np.where(x < 3.2, 3.24, 0.04), 80, 80, top_m=5.0)
+    states[0, :, BELOW:] = states[:, (0, -1), BELOW:] = OCCUPIED
+    states[40:48], states[48:, :, BELOW + 1 :] = UNKNOWN, FREE
+    states[48:, :, BELOW + 42 : BELOW + 44] = OCCUPIED  # a little above the ground that leads up to it
+    states[48:, :, BELOW + 44 :] = UNKNOWN
+    found = targets(states, pose(1.6, 3.2, ground=3.2), gain_radius_m=3.0)
+    assert found and min(f.gain_m2 for f in found) > 10.0
+
+
 def test_what_a_look_may_show_is_worth_a_longer_way():
     states = room(openings=[np.s_[-1, 30:50]])
     states[40:44, 36:44] = UNKNOWN  # a hole in the floor on the way to the opening
