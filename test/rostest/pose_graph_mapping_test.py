@@ -10,7 +10,18 @@ import rospy
 from explore_3dnav.msg import MappedSweep
 from explore_3dnav.srv import MatchClouds, MatchCloudsRequest, MatchCloudsResponse
 from nav_msgs.msg import Odometry, Path
-from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, floor_and_walls, odometry, one_line_of, run_misconfigured, wait_for_node
+from node_testing import (
+    QUIET_S,
+    DiagnosticsOf,
+    Inbox,
+    feed,
+    floor_and_walls,
+    odometry,
+    one_line_of,
+    run_misconfigured,
+    wait_for_node,
+    wait_until,
+)
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
@@ -105,6 +116,19 @@ class PoseGraphMappingTest(unittest.TestCase):
         self.assertTrue(self.mapped_sweep().match_refused)
         PoseGraphMappingTest.answer = staticmethod(matched_at_the_guess)
         self.assertFalse(self.mapped_sweep().match_refused)
+
+    def test_matches_that_are_refused_in_a_row_are_told_of_until_one_is_not(self) -> None:
+        said = "matches are refused"
+        self.mapped_sweep()
+        PoseGraphMappingTest.answer = staticmethod(lambda _: refused_response("too little overlap"))
+        for _ in range(3):
+            self.mapped_sweep()
+        self.drive_to(self.clock_s + 1.0)
+        wait_until(lambda: self.diagnostics.counts().get(said) == "3 in a row", said)
+        PoseGraphMappingTest.answer = staticmethod(matched_at_the_guess)
+        self.mapped_sweep()
+        self.drive_to(self.clock_s + 1.0)
+        wait_until(lambda: said not in self.diagnostics.message(), "it is over")
 
     def test_matcher_that_fails_leaves_an_odometry_edge(self) -> None:
         self.mapped_sweep()
