@@ -174,7 +174,7 @@ def _plain(value: Any) -> Any:
     return value if isinstance(value, (str, int, type(None))) else str(value)
 
 
-def crop_half_m(reported: Mapping[str, Any]) -> float:
+def crop_half_m(reported: JsonObject) -> float:
     """How far around the robot the map took points of a sweep."""
     try:
         return float(reported["config"]["octomap_server_3dnav_node"]["crop_half_m"])

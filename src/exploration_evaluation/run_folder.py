@@ -187,7 +187,7 @@ class _Judgement:
         return len(wrong_edges(read_edges(self._folder / "graph.g2o"), truth))
 
     def _swept(
-        self, reported: Mapping[str, Any], estimate: Trajectory, truth: Trajectory, errors: TrajectoryErrors, ground: ReachableGround
+        self, reported: JsonObject, estimate: Trajectory, truth: Trajectory, errors: TrajectoryErrors, ground: ReachableGround
     ) -> dict[str, Any]:
         stamps, poses = estimate
         sweeps = placed_sweeps(read_sweeps(self._folder, stamps), poses, crop_half_m(reported))
