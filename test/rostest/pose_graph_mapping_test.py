@@ -2,6 +2,7 @@
 """pose_graph_mapping_node with a made-up match_clouds: what a sweep becomes, and what becomes of bad ones."""
 
 import sys
+import threading
 import time
 import unittest
 
@@ -116,6 +117,32 @@ class PoseGraphMappingTest(unittest.TestCase):
         self.assertTrue(self.mapped_sweep().match_refused)
         PoseGraphMappingTest.answer = staticmethod(matched_at_the_guess)
         self.assertFalse(self.mapped_sweep().match_refused)
+
+    def test_match_that_takes_long_holds_up_no_transform(self) -> None:
+        self.mapped_sweep()
+        begun, goes_on = threading.Event(), threading.Event()
+
+        def slow(request: MatchCloudsRequest) -> MatchCloudsResponse:
+            begun.set()
+            goes_on.wait(20.0)
+            return matched_at_the_guess(request)
+
+        PoseGraphMappingTest.answer = staticmethod(slow)
+        cloud = self.cloud()
+        swept_s = self.clock_s
+        self.drive_to(swept_s)
+        self.clouds.publish(cloud)
+        self.assertTrue(begun.wait(10.0))
+        try:
+            for k in range(1, 5):
+                self.drive_to(swept_s + 0.5 * k)
+                self.tf.wait_for(lambda m, k=k: abs(m.transforms[0].header.stamp.to_sec() - swept_s - 0.5 * k) < 1e-6, 5.0)
+        finally:
+            goes_on.set()
+            PoseGraphMappingTest.answer = staticmethod(matched_at_the_guess)
+        self.assertFalse(self.mapped.wait_for_stamp(swept_s).failure)
+        PoseGraphMappingTest.clock_s = swept_s + 3.0
+        self.assertFalse(self.mapped_sweep().failure)
 
     def test_matches_that_are_refused_in_a_row_are_told_of_until_one_is_not(self) -> None:
         said = "matches are refused"
