@@ -81,7 +81,6 @@ class Drive:
         self._mapper = PoseGraphMapper(MappingConfig(), create_registration(RegistrationConfig()).match)
         self._estimates: dict[float, OdometryEstimate] = {}
         self._poses: list[TrackedPose] = []
-        self._settled: list[TrackedPose] = []
         self.legs = Legs()
 
     def run(self) -> Legs:
@@ -94,14 +93,14 @@ class Drive:
         return self.legs
 
     def run_nodding(self, half_period_s: float) -> Legs:
-        """Every half-period becomes a sweep, de-skewed by the settled poses."""
+        """Every half-period becomes a sweep, de-skewed by the tracked poses."""
         self.run_until_first_sweep()
-        begin = self._settled[-1].stamp_s
+        begin = self._poses[-1].stamp_s
         scans: list = []
         for tick in self._rest:
             self._take(tick)
             scans += tick.scans
-            if self._settled and self._settled[-1].stamp_s > begin + half_period_s + 0.05:
+            if self._poses and self._poses[-1].stamp_s > begin + half_period_s + 0.05:
                 end = begin + half_period_s
                 self._bent(begin, end)
                 self._mapped(end, *self._assembled(scans, begin, end))
@@ -126,13 +125,12 @@ class Drive:
             self._tracker.add_odometry(estimate.stamp_s, estimate.T_odom_base)
         for stamp_s, scan in tick.scans:
             self._tracker.add_scan(stamp_s, scan)
-        poses, settled = self._tracker.advance(tick.stamp_s), self._tracker.settled()
+        poses = self._tracker.advance(tick.stamp_s)
         if any(not estimate.standing for estimate in tick.odometry):
             self.legs.cpu_s += time.process_time() - begin_s
             self.legs.driven_s += 0.05
         self._estimates |= {estimate.stamp_s: estimate for estimate in tick.odometry}
         self._poses += poses
-        self._settled += settled
         for stamp_s, tilt in tick.tilts:
             self._assembler.add_joint(stamp_s, tilt)
         for pose in poses:
@@ -142,8 +140,7 @@ class Drive:
 
     def _mapped(self, stamp_s: float, points: Array, origins: Array) -> None:
         """The sweep becomes a vertex, and the area around it the tracker's map."""
-        poses = self._settled if self._settled and self._settled[-1].stamp_s >= stamp_s else self._poses
-        T_odom_base = _at(poses, stamp_s)
+        T_odom_base = _at(self._poses, stamp_s)
         if len(self._mapper.graph):
             self._looked_at(stamp_s)
         near = self._estimates[min(self._estimates, key=lambda at: abs(at - stamp_s))]
@@ -185,12 +182,12 @@ class Drive:
         self.legs.drift.append((float(np.linalg.norm(error[:2])), plain_xy, abs(float(error[5])), abs(float(error[2]))))
 
     def _bent(self, begin_s: float, end_s: float) -> None:
-        """How far the settled poses of a sweep are off, as seen from its middle: RMS over the sweep."""
+        """How far the tracked poses of a sweep are off, as seen from its middle: RMS over the sweep."""
         stamps = np.linspace(begin_s, end_s, 21)
         truth = self._record.truth_at(stamps)
         known = sorted(self._estimates)
         odometry = interpolate_transforms(known, np.array([self._estimates[at].T_odom_base for at in known]), stamps)
-        tracked = np.array([_at(self._settled, at) for at in stamps])
+        tracked = np.array([_at(self._poses, at) for at in stamps])
         if np.linalg.norm(truth[0, :3, 3] - truth[-1, :3, 3]) > 0.2:
             self.legs.bend.append((_bend(tracked, truth), _bend(odometry, truth)))
 
@@ -198,7 +195,7 @@ class Drive:
         stamps = np.array([stamp for stamp, _ in scans])
         beams = LaserScans().beams(stamps, [scan for _, scan in scans], (begin_s, end_s), FreeBeams(1.0, 1 << 40))
         nodes = np.linspace(begin_s, end_s, round((end_s - begin_s) / NODE_S) + 1)
-        poses = [pose for pose in self._settled if begin_s - 1.0 < pose.stamp_s < end_s + 1.0]
+        poses = [pose for pose in self._poses if begin_s - 1.0 < pose.stamp_s < end_s + 1.0]
         T_odom_base = interpolate_transforms([pose.stamp_s for pose in poses], np.array([pose.T_odom_base for pose in poses]), nodes)
         tilts = [one for tick in self._record.ticks for one in tick.tilts if begin_s - 1.0 < one[0] < end_s + 1.0]
         laser = self._record.mount.base_from_laser(np.interp(nodes, *np.array(tilts).T))

@@ -9,7 +9,7 @@ itself because it loads matplotlib). Nothing here is shared with the terrain cla
 from exploration_evaluation.activity import ActivityTimes, activity_times
 from exploration_evaluation.clairvoyant_score import add_clairvoyant
 from exploration_evaluation.config import EvaluationConfig, RobotShape
-from exploration_evaluation.curves import CurvePoint, coverage_curve, driven_distances, placed_sweeps, swept_coverage
+from exploration_evaluation.curves import CurvePoint, coverage_curve, driven_distances, placed_sweeps, swept_ground
 from exploration_evaluation.mesh import read_cloud, read_mesh
 from exploration_evaluation.relative_error import MatchedPoses, RelativeError, matched_poses, relative_pose_error
 from exploration_evaluation.report import format_summary
@@ -88,7 +88,7 @@ __all__ = [
     "relative_pose_error",
     "shortest_legs",
     "shortest_length",
-    "swept_coverage",
+    "swept_ground",
     "terrain_safety",
     "trajectory_errors",
     "write_json",

@@ -46,8 +46,25 @@ def coverage_curve(shares: ArrayLike, stamps: ArrayLike, stamps_truth: ArrayLike
     return tuple(CurvePoint(float(t) - start_s, float(d), float(v)) for t, d, v in zip(at, way, values, strict=True))
 
 
-def swept_coverage(ground: ArrayLike, sweeps_map: Iterable[Points], T_world_map: Floats, config: EvaluationConfig) -> Floats:
-    """(S,) share of the (N, 3) cells of ground, world frame, that are covered after each sweep of (K, 3) points in the map frame.
+@dataclass(frozen=True)
+class SweptGround:
+    """`first`: (N,) which of all `sweeps` showed each cell of ground first, -1 where none did."""
+
+    first: Ints
+    sweeps: int
+
+    @property
+    def shares(self) -> Floats:
+        """(S,) share of the cells that are covered after each sweep."""
+        return np.asarray(np.cumsum(np.bincount(self.first[self.first >= 0], minlength=self.sweeps)) / len(self.first))
+
+    def shown_s(self, stamps: ArrayLike) -> Floats:
+        """(N,) when each cell was shown, by the (S,) stamps of the sweeps; infinite where it never was."""
+        return np.append(np.asarray(stamps, dtype=np.float64), np.inf)[self.first]
+
+
+def swept_ground(ground: ArrayLike, sweeps_map: Iterable[Points], T_world_map: Floats, config: EvaluationConfig) -> SweptGround:
+    """Which sweep of (K, 3) points in the map frame covers each of the (N, 3) cells of ground, world frame, first.
 
     Covered is what `covered_cells` says of the centres of the map's voxels that hold a point. ValueError without ground.
     """
@@ -55,15 +72,13 @@ def swept_coverage(ground: ArrayLike, sweeps_map: Iterable[Points], T_world_map:
     if not len(cells):
         raise ValueError("coverage needs at least one cell of reachable ground, got none")
     voxels = _VoxelsAround(transform_points(inverse(T_world_map), cells), config)
-    covered = np.zeros(len(cells), dtype=np.bool_)
-    shares = []
-    for points in sweeps_map:
-        left = np.flatnonzero(~covered)
+    first, count = np.full(len(cells), -1), 0
+    for count, points in enumerate(sweeps_map, start=1):
+        left = np.flatnonzero(first < 0)
         if len(left):
             centres = transform_points(T_world_map, voxels.centres(points))
-            covered[left] = covered_cells(cells[left], centres, config.coverage_horizontal_m, config.coverage_vertical_m)
-        shares.append(float(covered.mean()))
-    return np.array(shares)
+            first[left[covered_cells(cells[left], centres, config.coverage_horizontal_m, config.coverage_vertical_m)]] = count - 1
+    return SweptGround(first, count)
 
 
 def placed_sweeps(sweeps_base: Iterable[Points], T_map_base: ArrayLike, crop_half_m: float) -> Iterator[Points]:

@@ -172,3 +172,11 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value if isinstance(value, (str, int, type(None))) else str(value)
+
+
+def crop_half_m(reported: JsonObject) -> float:
+    """How far around the robot the map took points of a sweep."""
+    try:
+        return float(reported["config"]["octomap_server_3dnav_node"]["crop_half_m"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError("run.json does not tell the crop_half_m of octomap_server_3dnav_node") from error

@@ -15,13 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from exploration_evaluation.activity import ActivityTimes, activity_times, time_spent
 from exploration_evaluation.config import EvaluationConfig, RobotShape
-from exploration_evaluation.curves import coverage_curve, driven_distances, placed_sweeps, swept_coverage
+from exploration_evaluation.curves import coverage_curve, driven_distances, placed_sweeps, swept_ground
 from exploration_evaluation.graph_edges import read_edges, wrong_edges
+from exploration_evaluation.ground_ahead import ground_ahead
 from exploration_evaluation.mesh import read_cloud
 from exploration_evaluation.relative_error import MatchedPoses, matched_poses, relative_pose_error
 from exploration_evaluation.run_files import (
     JsonObject,
     Trajectory,
+    crop_half_m,
     read_contacts,
     read_events,
     read_json,
@@ -66,7 +68,15 @@ _REPORTED = (
     "config",
     "version",
 )
-_OVER_THE_RUN = ("coverage_curve", "rpe_translation_m", "rpe_rotation_rad", "wrong_edges", "shortest_length_m", "path_ratio")
+_OVER_THE_RUN = (
+    "coverage_curve",
+    "ground_ahead",
+    "rpe_translation_m",
+    "rpe_rotation_rad",
+    "wrong_edges",
+    "shortest_length_m",
+    "path_ratio",
+)
 
 
 def evaluate_run(
@@ -84,7 +94,7 @@ def evaluate_run(
     success and what speaks against it ("faults"), coverage, coverage_straight (with ground that is driven straight only),
     missed_piece_m2, reachable_area_m2, reachable_straight_m2, turning_area_m2, map_rmse_m, map_p95_m, trajectory_ate_m,
     trajectory_origin_error_m, map_tilt_rad, collisions, collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m,
-    coverage_curve (a CurvePoint a sweep), rpe_translation_m, rpe_rotation_rad, wrong_edges, shortest_length_m, path_ratio,
+    coverage_curve (a CurvePoint a sweep), ground_ahead, rpe_translation_m, rpe_rotation_rad, wrong_edges, shortest_length_m, path_ratio,
     activity_s, time_spent, compute_s, runtime_s, visible_surface_m2, seen_surface_share, map_completeness_rms_m, map_completeness_p95_m,
     classification (confusion, false-safe and false-unsafe ground), and "missing": what is None and why. ValueError when the folder does
     not exist, or its robot.yaml is none.
@@ -125,7 +135,7 @@ class _Judgement:
             scores |= self._relative_error(poses)
             scores["wrong_edges"] = self._try("wrong edges", lambda: self._wrong_edges(estimate[0], poses))
             if ground is not None:
-                scores["coverage_curve"] = self._try("coverage curve", lambda: self._curve(reported, estimate, truth, errors, ground))
+                scores |= self._try("coverage curve", lambda: self._swept(reported, estimate, truth, errors, ground)) or {}
                 scores |= self._way(poses, truth, ground)
                 scores |= surface_scores(self._folder, self._mesh, ground, errors.T_world_map, self._robot, self._config.cell_m, self._try)
         outcome = self._outcome(reported.get("stop_reason"), scores, truth)
@@ -176,13 +186,18 @@ class _Judgement:
         truth[np.isin(stamps, poses.stamps)] = poses.truth
         return len(wrong_edges(read_edges(self._folder / "graph.g2o"), truth))
 
-    def _curve(
-        self, reported: Mapping[str, Any], estimate: Trajectory, truth: Trajectory, errors: TrajectoryErrors, ground: ReachableGround
-    ) -> list[dict[str, float]]:
+    def _swept(
+        self, reported: JsonObject, estimate: Trajectory, truth: Trajectory, errors: TrajectoryErrors, ground: ReachableGround
+    ) -> dict[str, Any]:
         stamps, poses = estimate
-        sweeps = placed_sweeps(read_sweeps(self._folder, stamps), poses, _crop_half_m(reported))
-        shares = swept_coverage(ground.covered_points, sweeps, errors.T_world_map, self._config)
-        return [asdict(point) for point in coverage_curve(shares, stamps, *truth)]
+        sweeps = placed_sweeps(read_sweeps(self._folder, stamps), poses, crop_half_m(reported))
+        cells = ground.covered_points
+        swept = swept_ground(cells, sweeps, errors.T_world_map, self._config)
+        ahead = ground_ahead(cells, swept.shown_s(stamps), truth, self._robot.circumscribed_radius_m, self._config)
+        return {
+            "coverage_curve": [asdict(point) for point in coverage_curve(swept.shares, stamps, *truth)],
+            "ground_ahead": asdict(ahead) if ahead else None,
+        }
 
     def _way(self, poses: MatchedPoses, truth: Trajectory, ground: ReachableGround) -> dict[str, Any]:
         driven = np.diff(driven_distances(*truth, np.maximum(poses.stamps, truth[0][0])))
@@ -283,11 +298,3 @@ def _trajectory_scores(errors: TrajectoryErrors | None) -> dict[str, Any]:
         "map_tilt_origin_rad": errors.map_tilt_origin_rad if errors else None,
         "unmatched_poses": errors.unmatched if errors else None,
     }
-
-
-def _crop_half_m(reported: Mapping[str, Any]) -> float:
-    """How far around the robot the map took points of a sweep."""
-    try:
-        return float(reported["config"]["octomap_server_3dnav_node"]["crop_half_m"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError("run.json does not tell the crop_half_m of octomap_server_3dnav_node") from error

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -20,15 +20,22 @@ from rigid_geometry import PoseHistory
 
 Array = NDArray[np.float64]
 
+TRACKED = "/odom_tracked"
 _KEPT_GRAVITIES = 400
 
 
 @dataclass(frozen=True)
 class BagTopics:
-    """Where clouds and odometry are; odometry None: there is none."""
+    """Where clouds and odometry are; odometry None: there is none. `up`: odometry whose roll and pitch are gravity's; None: the same."""
 
     cloud: str = "/sweep_cloud"
     odometry: str | None = "/odom"
+    up: str | None = None
+
+    def tracked(self, recorded: Collection[str]) -> BagTopics:
+        """With the tracked odometry, where a robot recorded it and no other is named: its clouds were de-skewed by it."""
+        is_tracked = self.odometry == BagTopics.odometry and TRACKED in recorded
+        return replace(self, odometry=TRACKED, up=self.odometry) if is_tracked else self
 
 
 def gravity_of(T_odom_base: Array, covariance: Array) -> tuple[Array, float] | None:
@@ -64,7 +71,7 @@ class BagSweeps:
     def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
         """In the order of the bag; ValueError when it holds no cloud."""
         waiting: deque[tuple[str, Any]] = deque()
-        for record in self._bag.messages({self._topics.cloud, self._topics.odometry or ""}):
+        for record in self._bag.messages({self._topics.cloud, self._topics.odometry or "", self._topics.up or ""}):
             if record.topic == self._topics.cloud:
                 self._clouds += 1
                 name = f"{self._topics.cloud} {self._clouds - 1}"
@@ -74,23 +81,27 @@ class BagSweeps:
                     yield Unreadable(name, None, str(error))
             else:
                 self._take_odometry(record)
-            while waiting and (self._topics.odometry is None or self._odometry.reaches(stamp_s_of(waiting[0][1]))):
+            while waiting and (self._topics.odometry is None or self._reaches(stamp_s_of(waiting[0][1]))):
                 yield self._joined(*waiting.popleft())
         if not self._clouds:
             raise ValueError(f"topic {self._topics.cloud} is in it without a message")
         for name, message in waiting:
             yield Unreadable(name, stamp_s_of(message), "odometry does not reach its stamp")
 
+    def _reaches(self, stamp_s: float) -> bool:
+        knows_up = self._topics.up is None or (bool(self._gravities) and self._gravities[-1][0] >= stamp_s - 1e-6)
+        return knows_up and self._odometry.reaches(stamp_s)
+
     def _take_odometry(self, record: BagMessage) -> None:
         """A message that is damaged and a pose that is none are left out, as the node does it."""
         try:
             message = cast(OdometryMessage, record.message())
             T_odom_base = odometry_pose(message)
-            taken = self._odometry.add(stamp_s_of(message), T_odom_base)
+            taken = record.topic != self._topics.odometry or self._odometry.add(stamp_s_of(message), T_odom_base)
         except ValueError:
             return
         self._child_frame = message.child_frame_id.lstrip("/")
-        if not taken:
+        if not taken or record.topic != (self._topics.up or self._topics.odometry):
             return
         if self._gravities and stamp_s_of(message) < self._gravities[-1][0]:
             self._gravities.clear()

@@ -40,6 +40,7 @@ from sweep_assembly import Revolution, Scan, ScanGeometry, TiltGeometry
 Array = NDArray[np.float64]
 
 STATIC_TOPIC = "/tf_static"
+NODS = "windows=turning_points"
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,8 @@ class RawSweeps:
     def notes(self) -> Sequence[str]:
         """What was left out, and why."""
         refused = [f"{count} messages of {topic} left out, the last one: {self._why[topic]}" for topic, count in self._refused.items()]
-        return refused + [f"{count} x {reason}" for reason, count in self._chain.dropped.items()]
+        advice = {"sweep_too_long": f" (of a mount that nods: --set {NODS}, or the finished clouds of the bag)"}
+        return refused + [f"{count} x {reason}{advice.get(reason, '')}" for reason, count in self._chain.dropped.items()]
 
     def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
         """In the order in which the mount turned; ValueError when nothing of it becomes a sweep."""

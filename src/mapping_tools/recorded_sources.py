@@ -50,14 +50,19 @@ def source_of(wanted: Wanted, config: SensorConfig) -> SweepSource:
     recording = Recording(bags)
     if wanted.from_raw or (wanted.cloud is None and _is_raw(recording, wanted.raw)):
         return RawSweeps(recording, wanted.raw, robot_of(wanted.recording, wanted.robot, wanted.calibration), config)
-    topics = BagTopics(wanted.cloud or BagTopics.cloud, wanted.odometry)
+    topics = BagTopics(wanted.cloud or BagTopics.cloud, wanted.odometry).tracked(recording.topics)
     return BagSweeps(recording, topics, wanted.T_base_cloud, wanted.sensor)
 
 
 def add_raw_arguments(p: argparse.ArgumentParser) -> None:
     """The options that say where drivers publish, and which robot recorded."""
     p.add_argument("--robot", type=Path, metavar="FILE.yaml", help="the robot that sent it; default robot.yaml beside the bag")
-    p.add_argument("--odom-topic", default=BagTopics.odometry, metavar="T", help=f"nav_msgs/Odometry; default {BagTopics.odometry}")
+    p.add_argument(
+        "--odom-topic",
+        default=BagTopics.odometry,
+        metavar="T",
+        help="nav_msgs/Odometry; default /odom, or /odom_tracked where the bag has it",
+    )
     for name, default in dataclasses.asdict(RawTopics()).items():
         if name != "odometry":
             p.add_argument(f"--{name}-topic", default=default, metavar="T", help=f"of the drivers; default {default}")

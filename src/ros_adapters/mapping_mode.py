@@ -3,12 +3,37 @@
 import math
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import rospy
 
+from stage_config import ConfigError, check_ranges, load_config, parameter
+
 MODES = ("stop_and_go", "driving")
-RESULTS_AFTER_S = 0.5  # a sweep's end; a robot's computer takes as long for most of them
-CLOUD_WITHIN_S = 0.3  # of its end a sweep's cloud is out
+
+
+@dataclass(frozen=True)
+class ResultTimes:
+    """When what comes of a sweep takes effect while the robot drives in lock-step; all nodes share it."""
+
+    after_s: float = parameter(0.5, "s", "after a sweep's end; a robot's computer takes as long for most of them", low=0.05, high=10.0)
+    cloud_within_s: float = parameter(0.3, "s", "of its end a sweep's cloud is out", low=0.0, high=10.0)
+
+    def validate(self) -> list[str]:
+        """All violations, as sentences."""
+        problems = check_ranges(self)
+        if self.cloud_within_s >= self.after_s:
+            problems.append(f"cloud_within_s = {self.cloud_within_s} is not below after_s = {self.after_s}")
+        return problems
+
+
+def result_times(node: str) -> ResultTimes:
+    """What /results says; a wrong value ends the node with exit code 2."""
+    try:
+        return load_config(ResultTimes, rospy.get_param("/results", {}), "/results")
+    except ConfigError as error:
+        sys.stderr.write(f"{node}: wrong parameter: {'; '.join(str(error).splitlines())}\n")
+        sys.exit(2)
 
 
 def maps_while_driving(node: str) -> bool:
@@ -23,8 +48,8 @@ def maps_while_driving(node: str) -> bool:
 class Results:
     """Results of sweeps. In lock-step, while the robot drives, each waits for its time, so that no run depends on a machine's haste."""
 
-    def __init__(self, *, lockstep: bool, driving: bool) -> None:
-        self._delay_s = RESULTS_AFTER_S if lockstep and driving else 0.0
+    def __init__(self, times: ResultTimes, *, lockstep: bool, driving: bool) -> None:
+        self._delay_s = times.after_s if lockstep and driving else 0.0
         self._waiting: list[tuple[float, Callable[[], None]]] = []
 
     def add(self, swept_s: float, take: Callable[[], None]) -> None:
@@ -45,8 +70,8 @@ class Results:
 class OpenSweeps:
     """Sweeps whose clouds are out and about which nothing is decided yet, as a tick's counts tell."""
 
-    def __init__(self, *, driving: bool) -> None:
-        self._patience_s = RESULTS_AFTER_S - CLOUD_WITHIN_S if driving else 0.0
+    def __init__(self, times: ResultTimes, *, driving: bool) -> None:
+        self._patience_s = times.after_s - times.cloud_within_s if driving else 0.0
         self._seen_s: list[float] = []
         self._decided = 0
 

@@ -15,6 +15,7 @@ from rospy.numpy_msg import numpy_msg
 from std_msgs.msg import String
 
 from robot_body import RobotBody
+from ros_adapters.at_once import beside
 from ros_adapters.barrier import Barrier, Tick
 from ros_adapters.conversions import header
 from ros_adapters.diagnostics import Diagnostics
@@ -210,8 +211,11 @@ class Node:
         large: bool = False,
         required: bool = True,
         silent_after_s: float | None = None,
+        at_once: Callable[[M], object] | None = None,
     ) -> rospy.Subscriber:
         """Subscribes; `large` messages get a short queue, and what is not `required` need not be there when the clock starts.
+
+        `at_once` is called beside the lock, also while the node is busy; `callback` follows when it is not.
 
         A pause longer than `silent_after_s` is told on /diagnostics. A callback that returns False says that the message was not for
         this node: it breaks no pause, and the barrier counts it. Arrays of numbers arrive as numpy arrays.
@@ -226,11 +230,12 @@ class Node:
                 self._count_message(name)
                 self._proceed(message)
 
+        receive = take_in if at_once is None else beside(at_once, take_in)
         self.watch(name, silent_after_s)
         subscriber = rospy.Subscriber(
             topic,
             numpy_msg(message_type),
-            take_in,
+            receive,
             queue_size=5 if large else None,
             buff_size=2**25 if large else 65536,
             tcp_nodelay=True,

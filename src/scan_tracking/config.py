@@ -1,6 +1,5 @@
 """What tracking believes of odometry, ranges and map, and when it refuses: the only home of these defaults."""
 
-import math
 from dataclasses import dataclass
 
 from stage_config import check_ranges, parameter
@@ -60,7 +59,13 @@ class ScanTrackingConfig:
     own_sigma_rad: float = parameter(0.001, "rad", "and in attitude", low=1e-5, high=0.1)
 
     most_speed_mps: float = parameter(3.0, "m/s", "odometry that moves faster has jumped", low=0.1, high=50.0)
-    most_turn_rps: float = parameter(2.0 * math.pi, "rad/s", "so has one that turns faster", low=0.1, high=50.0)
+    most_turn_rps: float = parameter(
+        3.0,
+        "rad/s",
+        "so has one that turns faster; at both limits a jump of 0.5 m or 30 deg shows over two lost messages",
+        low=0.1,
+        high=50.0,
+    )
     jump_back_s: float = parameter(0.5, "s", "a stamp this much older than its topic's latest is a jump of time: start afresh", low=0.0)
     buffer_s: float = parameter(5.0, "s", "oldest data kept while another topic is silent", low=1.0)
 

@@ -51,15 +51,3 @@ def rotated_covariance(R: Array, covariance: Array) -> Array:
 def way_of(T_a_b: Array) -> float:
     """Metres from one pose to another, its turn counted by `TURN_ARM_M`."""
     return float(np.linalg.norm(T_a_b[:3, 3]) + TURN_ARM_M * rotation_angles(T_a_b[None])[0])
-
-
-def spread_poses(T_begin: Array, T_begin_samples: Array, T_end: Array) -> Array:
-    """(K, 4, 4) poses from (4, 4) `T_begin` by (K, 4, 4) measured motions, whose last is to end at `T_end`.
-
-    The difference is spread over them in proportion to the way so far.
-    """
-    raw = T_begin @ T_begin_samples
-    gone = np.array([way_of(T) for T in T_begin_samples])
-    share = np.minimum(gone / gone[-1], 1.0) if gone[-1] > 0.0 else np.ones(len(gone))
-    error = error_between(raw[-1], T_end)
-    return np.array([orthonormal(moved_by(T, part * error)) for T, part in zip(raw, share, strict=True)])

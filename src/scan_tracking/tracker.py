@@ -16,7 +16,7 @@ from rigid_geometry import Arrival, StampedBuffer, as_covariance, as_transform, 
 from scan_tracking.bundle import Bundle, Bundler, Motion, Samples
 from scan_tracking.config import ScanTrackingConfig
 from scan_tracking.estimate import Estimate
-from scan_tracking.pose_error import orthonormal, rotated_covariance, spread_poses, way_of
+from scan_tracking.pose_error import orthonormal, rotated_covariance, way_of
 from scan_tracking.surroundings import Surroundings
 from sweep_assembly import TiltGeometry
 from sweep_assembly.beams import Sensor
@@ -67,7 +67,6 @@ class ScanTracker:
         self._track: _Track | None = None
         self._newest: tuple[float, Array] | None = None
         self._looked_at: Array | None = None  # odometry there
-        self._settled: list[TrackedPose] = []
         self._longest_s = 0.0  # that a reading took so far
         self._reset()
 
@@ -152,15 +151,6 @@ class ScanTracker:
             poses.append(self._tracked(*self._due.pop(0)))
         return poses
 
-    def settled(self) -> list[TrackedPose]:
-        """The same samples once more, when their bundle was matched, with its correction spread over its motion: for de-skewing.
-
-        Each is given out once, 0.1 to 0.2 s after `advance` gave it; unasked for, those of the last `buffer_s` are kept.
-        """
-        found = self._settled
-        self._settled = []
-        return found
-
     def _reset(self) -> None:
         config = self._config
         self._odometry: StampedBuffer[Array] = StampedBuffer("odometry", config.jump_back_s, config.buffer_s, self._counts)
@@ -168,7 +158,6 @@ class ScanTracker:
         self._scans: StampedBuffer[Any] = StampedBuffer("scan", config.jump_back_s, config.buffer_s, self._counts)
         self._direction = TiltDirection(self._backlash_rad)
         self._due: list[tuple[float, Array]] = []
-        self._settled = []
 
     def _arrives(self, buffer: StampedBuffer[Any], stamp_s: float) -> bool:
         """Whether a sample is to be kept; when time jumped back, all that waits is forgotten first."""
@@ -231,7 +220,8 @@ class ScanTracker:
     def _finish_bundle(self, end_s: float, T_odom_base: Array) -> None:
         track, prior = self._track, self._reached(T_odom_base)
         assert track is not None
-        bundle = self._bundle(track, end_s) if self._around.known and self._moved(T_odom_base) else None
+        looks = self._moved(T_odom_base) or self._is_unsure(prior)
+        bundle = self._bundle(track, end_s) if self._around.known and looks else None
         self._track = _Track(end_s, T_odom_base, prior)
         if isinstance(bundle, str):
             self._refuse(bundle)
@@ -239,7 +229,6 @@ class ScanTracker:
             self._counts["bundle_nothing_to_match"] += 1
         else:
             self._match(bundle, self._track)
-        self._settle(track, self._track)
         self._odometry.forget_before(end_s)
         self._tilts.forget_before(end_s)
         self._scans.forget_before(end_s - self._longest_s)
@@ -268,6 +257,11 @@ class ScanTracker:
             self._looked_at = T_odom_base
         return moved
 
+    def _is_unsure(self, estimate: Estimate) -> bool:
+        """Whether a point's partner may lie out of reach: who knows its place so badly looks for it, also where it stands."""
+        sigma_m = float(np.sqrt(np.diag(estimate.covariance)[:3].max()))
+        return self._config.gate_sigmas * sigma_m > self._config.reach_m
+
     def _bundle(self, track: _Track, end_s: float) -> Bundle | str | None:
         """None where there is nothing to match; a reason where it cannot be matched."""
         odometry, tilts = (Samples(s, np.array(v)) for s, v in (b.around(track.stamp_s, end_s) for b in (self._odometry, self._tilts)))
@@ -280,14 +274,6 @@ class ScanTracker:
             return "no tilt of the mount"
         bundle = self._bundler.bundle(stamps, readings, (track.stamp_s, end_s), Motion(odometry, tilts))
         return bundle if len(bundle) else None
-
-    def _settle(self, begin: _Track, end: _Track) -> None:
-        """Odometry's samples of a bundle with its correction spread over them."""
-        stamps, poses = self._odometry.between(begin.stamp_s + STAMP_TOLERANCE_S, end.stamp_s + STAMP_TOLERANCE_S)
-        if self._T_tracked_odom is not None:
-            poses = list(spread_poses(begin.estimate.T, inverse(begin.T_odom_base) @ np.array(poses), end.estimate.T))
-        self._settled += [TrackedPose(float(s), T, end.estimate.covariance, end.refused) for s, T in zip(stamps, poses, strict=True)]
-        self._settled = [pose for pose in self._settled if pose.stamp_s > end.stamp_s - self._config.buffer_s]
 
 
 def _pause(samples: Samples, begin_s: float, end_s: float) -> float:

@@ -20,6 +20,13 @@ class StopScanAndGoConfig:
     nod_patience_s: float = parameter(
         6.0, "s", "while driving: a robot that has stood so long without a decision asks the mount again to nod", low=1.0, high=60.0
     )
+    max_pose_leap_m: float = parameter(
+        0.06,
+        "m",
+        "while driving: where the position's sigma grows by more from one tick to the next, odometry has jumped, and it stands to look",
+        low=0.001,
+        high=1.0,
+    )
     max_refused: int = parameter(2, "-", "while driving: so many refused matches in a row ask for a whole sweep", low=1, high=100)
     max_yaw_rad: float = parameter(3.5, "rad", "sum of turns since the last sweep that asks for the next", low=0.3, high=100.0)
     max_slope_turn_rad: float = parameter(

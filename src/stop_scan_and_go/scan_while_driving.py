@@ -1,7 +1,7 @@
 """Scan while driving: the mount nods all the time, and each half of a nod is a sweep. The robot stands only where it has to.
 
-It stands until the next decision at a goal, where the follower has failed, and where it has come far without a decision. It stands for a
-whole sweep at the start, where a look from the same place did not help, and after matches that were refused.
+It stands until the next decision at a goal, where the follower has failed, where it has come far without a decision, and where odometry
+jumped. It stands for a whole sweep at the start, where a look from the same place did not help, and after matches that were refused.
 """
 
 import math
@@ -20,6 +20,8 @@ class ScanWhileDriving(StopScanAndGo):
         self._answers[DriveState.LOOKING] = self._looking
         self._looked_at_m = -math.inf  # way driven when it last stood to look
         self._refused = 0  # matches in a row
+        self._sigma_m: float | None = None  # of the position, at the last tick
+        self._leap_m = 0.0  # by which it grew since
 
     @property
     def nods(self) -> bool:
@@ -43,6 +45,12 @@ class ScanWhileDriving(StopScanAndGo):
             return None
         return self._decided(decision, reason)
 
+    def step(self, tick: TickObservation) -> TickAction:
+        """The answer to one tick, called once when all its data are there; ValueError when its stamp is not finite."""
+        before_m, self._sigma_m = self._sigma_m, tick.pose_sigma_m
+        self._leap_m = 0.0 if before_m is None or self._sigma_m is None else self._sigma_m - before_m
+        return super().step(tick)
+
     def _settling(self, tick: TickObservation) -> TickAction:
         """The mount comes to rest before a whole sweep begins."""
         if tick.tilt_rad is not None and abs(tick.tilt_rad) <= self._config.level_tilt_rad:
@@ -65,6 +73,11 @@ class ScanWhileDriving(StopScanAndGo):
     def _too_far(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
         if self._travel.distance_m > self._config.max_distance_m:
             return SweepKind.INTERMEDIATE, f"{self._travel.distance_m:.2f} m without a decision"
+        if self._leap_m > self._config.max_pose_leap_m:
+            return (
+                SweepKind.INTERMEDIATE,
+                f"odometry jumped: all at once the position is known to {100 * (self._sigma_m or 0.0):.0f} cm only",
+            )
         return None
 
     def _driving(self, tick: TickObservation) -> TickAction:

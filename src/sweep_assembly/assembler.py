@@ -6,6 +6,7 @@ Inputs come a message at a time, in order within a topic and in any order betwee
 only: it is given out when everything up to its end is there.
 """
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -42,6 +43,7 @@ class Sweep:
     `points`: (N, 3) float32 metres, in the order in which they were measured. `origins`: (N, 3) float32, where the laser was
     for each of them. `free_ends`, `free_origins`: (M, 3) float32, the same for a thinned part of the beams that met nothing, cut at
     `free_range_m`: what lies along them was seen to be free. `scans`: how many scans or revolutions gave points.
+    `missing`: share of the readings that are not among them; NaN where a reading does not tell when the next one comes.
     `place`: the same hits as the mount's calibration takes them; None when the robot moved meanwhile, or the mount went one way only.
     """
 
@@ -53,6 +55,7 @@ class Sweep:
     free_origins: NDArray[np.float32]
     scans: int
     place: Place | None = None
+    missing: float = math.nan
 
 
 class SweepAssembler:
@@ -176,9 +179,8 @@ class SweepAssembler:
         if not len(points):
             return None
         free_ends, free_origins = along_nodes(*trajectory, beams.free_times_s, beams.free_ends)
-        return Sweep(
-            window.end_stamp_s, window.start_stamp_s, points, origins, free_ends, free_origins, beams.scans, self._place(window, beams)
-        )
+        whole = (window.end_stamp_s, window.start_stamp_s, points, origins, free_ends, free_origins, beams.scans)
+        return Sweep(*whole, self._place(window, beams), self._missing(window, stamps, scans))
 
     def _without_strays(self, points: NDArray[np.float32], origins: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         config = self._config
@@ -197,6 +199,12 @@ class SweepAssembler:
         self._count("scan_without_odometry", lost)
         usable = ~(blind | lost)
         return stamps[usable], [scan for scan, good in zip(scans, usable, strict=True) if good]
+
+    def _missing(self, window: SweepWindow, stamps: FloatArray, scans: list[Any]) -> float:
+        period_s = min(self._sensor.period_of(scan) for scan in scans)
+        begun = np.count_nonzero((stamps >= window.start_stamp_s) & (stamps < window.end_stamp_s))
+        due = (window.end_stamp_s - window.start_stamp_s) / period_s if period_s > 0.0 else math.nan
+        return max(0.0, 1.0 - float(begun) / due) if math.isfinite(due) else math.nan
 
     def _count(self, reason: str, mask: NDArray[np.bool_]) -> None:
         if mask.any():

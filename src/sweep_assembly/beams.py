@@ -45,6 +45,9 @@ class Sensor(Protocol[Reading]):
     def duration_of(self, reading: Reading) -> float:
         """Seconds from the first beam of a reading to the last one."""
 
+    def period_of(self, reading: Reading) -> float:
+        """Seconds from a reading to the next one; 0 where nobody tells."""
+
     def checked(self, reading: object) -> Reading:
         """The reading as it is kept; ValueError when it is not one of this sensor."""
 
@@ -60,6 +63,9 @@ class LaserScans:
 
     def duration_of(self, reading: Scan) -> float:
         return reading.geometry.duration_s
+
+    def period_of(self, reading: Scan) -> float:
+        return reading.period_s
 
     def checked(self, reading: object) -> Scan:
         if not isinstance(reading, Scan):
@@ -89,6 +95,9 @@ class LidarRevolutions:
     config: LidarConfig
 
     def duration_of(self, reading: Revolution) -> float:
+        return self.config.duration_s
+
+    def period_of(self, reading: Revolution) -> float:
         return self.config.duration_s
 
     def checked(self, reading: object) -> Revolution:

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """move_base_node alone: a command for every odometry, plans that are taken or refused, and what becomes of bad input."""
 
+import math
 import sys
 import time
 import unittest
@@ -15,6 +16,7 @@ from geometry_msgs.msg import Point, PointStamped, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, odometry, one_line_of, run_misconfigured, scan, wait_for_node, wait_until
 from sensor_msgs.msg import LaserScan
+from std_msgs.msg import Header
 from std_srvs.srv import Empty, SetBool
 from tf2_msgs.msg import TFMessage
 
@@ -43,6 +45,7 @@ class MoveBaseTest(unittest.TestCase):
     def setUpClass(cls) -> None:
         wait_for_node(NODE)
         cls.commands = Inbox("/cmd_vel/move_base", FollowerCommand).wait_until_connected()
+        cls.taken = Inbox("/move_base_node/terrain_taken", Header).wait_until_connected()
         cls.costmaps = Inbox("/local_costmap/costmap", OccupancyGrid).wait_until_connected()
         cls.diagnostics = DiagnosticsOf(NODE).wait_until_connected()
         cls.odometry = feed("/odom", Odometry)
@@ -76,9 +79,7 @@ class MoveBaseTest(unittest.TestCase):
     def publish_terrain(self, cost: np.ndarray) -> None:
         """Terrain whose middle is the map's origin; the next command is that of a robot that knows it."""
         self.terrain.publish(message_of_grid(self.clock_s, "map", grid_of(cost)))
-        deadline = time.monotonic() + 5.0
-        while abs(self.tick().terrain_stamp.to_sec() - self.clock_s) > 60.0 and time.monotonic() < deadline:
-            continue
+        self.taken.wait_for(lambda m: abs(m.stamp.to_sec() - self.clock_s) < 1e-6)
 
     def tick(
         self,
@@ -129,6 +130,31 @@ class MoveBaseTest(unittest.TestCase):
         ahead[400:681] = 0.6  # a wall half a metre before the laser
         answers = [self.tick(ranges=ahead) for _ in range(10)]
         self.assertEqual(answers[-1].twist.linear.x, 0.0, answers[-1].reason)
+
+    def test_terrain_that_blocks_the_way_under_the_nose_stops_the_robot_until_the_next_plan(self) -> None:
+        self.store_straight_ahead()
+        for _ in range(20):
+            command = self.tick()
+        self.assertGreater(command.twist.linear.x, 0.2)
+        cost, nose = np.zeros((CELLS, CELLS), np.int8), int((HALF_M + 0.6) / RESOLUTION_M)
+        cost[:, nose : nose + 6] = 100
+        self.publish_terrain(cost)
+        self.assertEqual((self.tick().twist.linear.x, self.tick().state), (0.0, "waiting"))
+        for _ in range(200):
+            command = self.tick()
+            self.assertLessEqual(command.twist.linear.x, 0.0)
+        self.assertEqual(command.state, "blocked", command.reason)
+        said = "the way is blocked"
+        wait_until(lambda: said in self.tick_and_say(), said)
+        behind = np.array([[0.0, 0.0, 0.0], [-3.0, 0.0, 0.0]])
+        self.store_plan(plan=path_message(self.clock_s, "map", behind, math.pi))
+        wait_until(lambda: said not in self.tick_and_say(), "it is over")
+        self.assertNotEqual(self.tick().state, "blocked")
+
+    def tick_and_say(self) -> str:
+        """What the node says of itself by the next odometry."""
+        self.tick()
+        return self.diagnostics.message()
 
     def test_costmap_comes_in_the_map_frame(self) -> None:
         for _ in range(5):

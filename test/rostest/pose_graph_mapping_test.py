@@ -2,6 +2,7 @@
 """pose_graph_mapping_node with a made-up match_clouds: what a sweep becomes, and what becomes of bad ones."""
 
 import sys
+import threading
 import time
 import unittest
 
@@ -10,7 +11,18 @@ import rospy
 from explore_3dnav.msg import MappedSweep
 from explore_3dnav.srv import MatchClouds, MatchCloudsRequest, MatchCloudsResponse
 from nav_msgs.msg import Odometry, Path
-from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, floor_and_walls, odometry, one_line_of, run_misconfigured, wait_for_node
+from node_testing import (
+    QUIET_S,
+    DiagnosticsOf,
+    Inbox,
+    feed,
+    floor_and_walls,
+    odometry,
+    one_line_of,
+    run_misconfigured,
+    wait_for_node,
+    wait_until,
+)
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import Trigger
 from tf2_msgs.msg import TFMessage
@@ -105,6 +117,45 @@ class PoseGraphMappingTest(unittest.TestCase):
         self.assertTrue(self.mapped_sweep().match_refused)
         PoseGraphMappingTest.answer = staticmethod(matched_at_the_guess)
         self.assertFalse(self.mapped_sweep().match_refused)
+
+    def test_match_that_takes_long_holds_up_no_transform(self) -> None:
+        self.mapped_sweep()
+        begun, goes_on = threading.Event(), threading.Event()
+
+        def slow(request: MatchCloudsRequest) -> MatchCloudsResponse:
+            begun.set()
+            goes_on.wait(20.0)
+            return matched_at_the_guess(request)
+
+        PoseGraphMappingTest.answer = staticmethod(slow)
+        cloud = self.cloud()
+        swept_s = self.clock_s
+        self.drive_to(swept_s)
+        self.clouds.publish(cloud)
+        self.assertTrue(begun.wait(10.0))
+        try:
+            for k in range(1, 5):
+                self.drive_to(swept_s + 0.5 * k)
+                self.tf.wait_for(lambda m, k=k: abs(m.transforms[0].header.stamp.to_sec() - swept_s - 0.5 * k) < 1e-6, 5.0)
+        finally:
+            goes_on.set()
+            PoseGraphMappingTest.answer = staticmethod(matched_at_the_guess)
+        self.assertFalse(self.mapped.wait_for_stamp(swept_s).failure)
+        PoseGraphMappingTest.clock_s = swept_s + 3.0
+        self.assertFalse(self.mapped_sweep().failure)
+
+    def test_matches_that_are_refused_in_a_row_are_told_of_until_one_is_not(self) -> None:
+        said = "matches are refused"
+        self.mapped_sweep()
+        PoseGraphMappingTest.answer = staticmethod(lambda _: refused_response("too little overlap"))
+        for _ in range(3):
+            self.mapped_sweep()
+        self.drive_to(self.clock_s + 1.0)
+        wait_until(lambda: self.diagnostics.counts().get(said) == "3 in a row", said)
+        PoseGraphMappingTest.answer = staticmethod(matched_at_the_guess)
+        self.mapped_sweep()
+        self.drive_to(self.clock_s + 1.0)
+        wait_until(lambda: said not in self.diagnostics.message(), "it is over")
 
     def test_matcher_that_fails_leaves_an_odometry_edge(self) -> None:
         self.mapped_sweep()

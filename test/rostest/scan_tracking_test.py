@@ -71,7 +71,14 @@ class ScanTrackingTest(unittest.TestCase):
         self.diagnostics.wait_for_dropped("bad Odometry")
         self.tick(0.2)
 
-    def test_5_wrong_parameter_ends_the_node_in_one_line(self) -> None:
+    def test_5_odometry_that_jumps_is_counted_and_the_tracked_pose_goes_on_where_it_was(self) -> None:
+        before = self.tick(0.2).pose.pose.position.x
+        for _ in range(10):
+            after = self.tick(0.7)
+            self.assertAlmostEqual(after.pose.pose.position.x, before, delta=0.1)
+        self.diagnostics.wait_for_dropped("odometry jumped")
+
+    def test_6_wrong_parameter_ends_the_node_in_one_line(self) -> None:
         code, stderr = run_misconfigured(NODE, "bundle_s:=-1.0")
         self.assertEqual(code, 2)
         self.assertIn("bundle_s", one_line_of(stderr))

@@ -20,6 +20,7 @@ from node_testing import (
     run_misconfigured,
     scan,
     wait_for_node,
+    wait_until,
 )
 from sensor_msgs.msg import JointState, LaserScan, PointCloud2
 
@@ -46,7 +47,7 @@ class SweepAssemblyTest(unittest.TestCase):
         cls.scans.publish(scan(50.0))  # the first scan tells the node the laser's layout
         time.sleep(QUIET_S)
 
-    def sweep(self, ranges: object = 2.0, odometry_gap: slice = slice(0, 0)) -> float:
+    def sweep(self, ranges: object = 2.0, odometry_gap: slice = slice(0, 0), scan_every: int = 1) -> float:
         """Plays a short sweep and the time after it; the stamp at which the laser is level again."""
         begin_s = SweepAssemblyTest.clock_s = self.clock_s + 3.0
         down = np.linspace(0.0, 1.0, SLOPE)
@@ -55,7 +56,8 @@ class SweepAssemblyTest(unittest.TestCase):
             self.joints.publish(joints(begin_s + STEP_S * k, tilt))
             if k % 2 == 0 and not odometry_gap.start <= k < odometry_gap.stop:
                 self.odometry.publish(odometry(begin_s + STEP_S * k))
-            self.scans.publish(scan(begin_s + STEP_S * k, ranges))
+            if k % scan_every == 0 or k > LEVEL + 2 * SLOPE:
+                self.scans.publish(scan(begin_s + STEP_S * k, ranges))
         return begin_s + STEP_S * (LEVEL + 2 * SLOPE - 1)
 
     def test_cloud_has_the_stamp_of_the_end_the_frame_of_the_base_and_the_beams_origins(self) -> None:
@@ -88,6 +90,15 @@ class SweepAssemblyTest(unittest.TestCase):
         cloud = self.clouds.wait_for_stamp(round(self.sweep(odometry_gap=slice(14, 30)), 6))
         self.assertLess(cloud.width, 30 * BEAMS)
         self.diagnostics.wait_for_count("scan_without_odometry")
+
+    def test_sweep_of_half_of_its_scans_is_given_out_and_told_of_until_the_next_whole_one(self) -> None:
+        said = "scans of a sweep are missing"
+        cloud = self.clouds.wait_for_stamp(round(self.sweep(scan_every=2), 6))
+        self.assertGreater(cloud.width, 15 * BEAMS)
+        wait_until(lambda: said in self.diagnostics.message(), said)
+        self.assertRegex(self.diagnostics.counts()[said], "^(4[5-9]|5[0-5]) % of them$")
+        self.clouds.wait_for_stamp(round(self.sweep(), 6))
+        wait_until(lambda: said not in self.diagnostics.message(), "it is over")
 
     def test_odometry_that_is_no_pose_is_counted_and_dropped(self) -> None:
         self.odometry.publish(odometry(self.clock_s + 1.0, x=float("nan")))

@@ -1,4 +1,4 @@
-"""A whole exploration of `rooms` by a robot that maps while it drives, and by one whose mount stops nodding on the way."""
+"""Whole explorations of `rooms` by a robot that maps while it drives: as it is, and with faults on the way, of mount, laser, odometry."""
 
 import os
 import subprocess
@@ -48,3 +48,26 @@ def test_mount_that_stops_nodding_stops_the_robot_and_is_asked_again(tmp_path: P
     assert "no sweep comes: the robot has stood" in (out / "roslaunch.log").read_text()
     result = summary(out)
     assert result["success"] is True and result["collisions"] == 0 and result["trajectory_ate_m"] < 0.03, result  # type: ignore[operator]
+
+
+def test_odometry_that_jumps_and_matches_that_are_refused_stop_the_robot_and_bend_no_map(tmp_path: Path) -> None:
+    out, faults = tmp_path / "run", str(Path(__file__).with_name("injected_faults"))
+    path = os.pathsep.join([faults, *filter(None, [os.environ.get("PYTHONPATH")])])
+    with ExploreRun(*DRIVING, "--out", out, environment={"PYTHONPATH": path}) as run:
+        assert run.wait(300.0) == 0, run.text
+    log, result = (out / "roslaunch.log").read_text(), summary(out)
+    assert log.count("odometry jumped: the tracked pose goes on where it was") == 3
+    assert "matches are refused: 2 in a row" in log and "settling: matches were refused" in run.text
+    assert result["refused_matches"] == 3 and result["success"] is True and result["collisions"] == 0, result
+    assert result["trajectory_ate_m"] < 0.03 and result["map_rmse_m"] < 0.03 and result["wrong_edges"] == 0, result  # type: ignore[operator]
+
+
+def test_laser_that_misses_half_of_five_sweeps_slows_the_robot_and_bends_no_map(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    silence = ", ".join(f"/scan {begin} {begin + 0.9}" for begin in (14, 16, 18, 20, 22))
+    with ExploreRun(*DRIVING, "--out", out, "--set", f"pybullet_sim_node/timing/silence={silence}") as run:
+        assert run.wait(300.0) == 0, run.text
+    assert "scans of a sweep are missing:" in (out / "roslaunch.log").read_text()
+    result = summary(out)
+    assert result["success"] is True and result["coverage"] >= 0.995 and result["collisions"] == 0, result  # type: ignore[operator]
+    assert result["trajectory_ate_m"] < 0.03 and result["map_rmse_m"] < 0.03 and result["wrong_edges"] == 0, result  # type: ignore[operator]

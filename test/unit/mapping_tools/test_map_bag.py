@@ -15,7 +15,8 @@ from rosbags.rosbag1 import Writer
 
 from mapping_tools import map_bag
 from mapping_tools.bag_records import BagRecords
-from mapping_tools.bag_sweeps import gravity_of
+from mapping_tools.bag_sweeps import BagSweeps, BagTopics, gravity_of
+from mapping_tools.recording import Recording
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session.session_store import NotOnDiskError, SessionStore
 from rigid_geometry import inverse, transform_from_rpy, transform_points, translation_distance
@@ -47,11 +48,34 @@ def refusal(capsys, *words):
     return text
 
 
+TOPICS_OF = {
+    "as it is": BagTopics().tracked(["/odom", "/odom_tracked"]),
+    "named": BagTopics(odometry="/odom_tracked").tracked(["/odom", "/odom_tracked"]),
+    "not tracked": BagTopics().tracked(["/odom"]),
+}
+
+
 def error_of(out, truth=TRUTH):
     """Greatest distance of the final poses from the true ones, both seen from the first."""
     poses = PoseGraph.load_g2o(out / "graph.g2o").poses()
     pairs = zip(poses, truth, strict=True)
     return max(translation_distance(inverse(poses[0]) @ a, inverse(truth[0]) @ b) for a, b in pairs)
+
+
+def test_sweeps_that_were_tracked_are_placed_by_the_tracked_odometry_and_have_up_from_the_other(tmp_path, clouds):
+    leaning = transform_from_rpy((0.3, 0.0, 0.0), (0.02, 0.0, 0.1))
+    plain, tracked = odometry()[:3], [leaning @ T for T in odometry()[:3]]
+    messages = drive(clouds[:3], plain)
+    others = [m for m in drive(clouds[:3], tracked, odom_topic="/odom_tracked") if m[0] == "/odom_tracked"]
+    path = write_bag(tmp_path / "x.bag", [*messages[:3], *others[:2], *messages[3:6], *others[2:4], *messages[6:], *others[4:]])
+    found = {name: list(BagSweeps(Recording([path]), t, None, None).sweeps()) for name, t in TOPICS_OF.items()}
+    assert [len(rows) for rows in found.values()] == [3, 3, 3]
+    for k in range(3):
+        np.testing.assert_allclose(found["as it is"][k].T_odom_base, tracked[k], atol=1e-9)
+        np.testing.assert_allclose(found["as it is"][k].gravity_base, plain[k][2, :3], atol=1e-9)
+        np.testing.assert_allclose(found["named"][k].T_odom_base, tracked[k], atol=1e-9)
+        np.testing.assert_allclose(found["named"][k].gravity_base, tracked[k][2, :3], atol=1e-9)
+        np.testing.assert_allclose(found["not tracked"][k].T_odom_base, plain[k], atol=1e-9)
 
 
 def test_bag_becomes_a_session_that_others_open(bag, tmp_path):

@@ -149,6 +149,14 @@ def test_messages_that_cannot_be_used_are_counted_with_the_reason(
     assert "no sweep came out" in text and "frame 'hokuyo', the robot's laser is 'laser': mounts/laser/frame of robot.yaml" in text
 
 
+def test_mount_that_does_not_come_to_rest_is_told_how_its_nods_become_sweeps(
+    tmp_path: Path, drive: raw.Messages, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = raw.write_ros1(robot_beside(tmp_path) / "run.bag", drive)
+    text = refusal(capsys, path, "--out", tmp_path / "out", "--set", "max_duration_s=3.0")
+    assert "2 x sweep_too_long (of a mount that nods: --set windows=turning_points, or the finished clouds of the bag)" in text
+
+
 def test_joint_states_without_positions_are_counted(tmp_path: Path, drive: raw.Messages, capsys: pytest.CaptureFixture[str]) -> None:
     messages = [(topic, kind, replace(m, position=np.zeros(0)) if topic == "/joint_states" else m) for topic, kind, m in drive]
     text = refusal(capsys, raw.write_ros1(robot_beside(tmp_path) / "run.bag", messages), "--out", tmp_path / "out")

@@ -113,6 +113,20 @@ def test_plan_that_does_not_hold_any_more_is_dropped_on_the_way(what):
     assert decision.kind is (GOAL if what == "path blocked" else EXPLORED)
 
 
+@pytest.mark.parametrize("ahead_m", [0.3, 0.56, 0.8])
+def test_wall_that_appears_before_the_robot_is_driven_around_by_a_way_that_keeps_off_it(ahead_m):
+    run, world = under_way(), opening(room())
+    x = int((ON[0] + ahead_m) / 0.08)
+    world[x : x + 2, 30:50, BELOW:] = OCCUPIED  # 1.6 m of it, across the way
+    run.runs = runs_of(world)
+    around = run.sweep(ON, on_the_way=True)
+    assert around.kind is GOAL and around.path is not None
+    beside = np.clip(around.path[:, :2], [x * 0.08, 30 * 0.08], [(x + 2) * 0.08, 50 * 0.08])
+    off_m = np.linalg.norm(around.path[:, :2] - beside, axis=1)
+    assert off_m.min() >= off_m[0] - 0.05 and off_m[len(off_m) // 3 :].min() > 0.4
+    assert run.sweep(ON, on_the_way=True).kind is KEEP
+
+
 def test_failed_drive_is_counted_against_its_frontier_until_that_is_set_aside():
     run = under_way()
     assert run.sweep(ON, drive_failure="blocked", on_the_way=True).kind is GOAL  # and not kept

@@ -68,13 +68,13 @@ class Drive:
         origin = T[:, :3, 3]
         return np.where(heading > 0, (self.box[1] - origin) / heading, (self.box[0] - origin) / heading).min(axis=1)
 
-    def into(self, tracker: ScanTracker, begin_s: float = 0.0) -> list:
-        """All tracked poses, asked for at every odometry sample with what has come by then."""
+    def into(self, tracker: ScanTracker, begin_s: float = 0.0, without: tuple[float, ...] = ()) -> list:
+        """All tracked poses, asked for at every odometry sample with what has come by then; odometry of some stamps is lost."""
         poses = []
         for k in range(round(begin_s / 0.025), round(self.end_s / 0.025) + 1):
             t = k * 0.025
             tracker.add_tilt(t, self.tilt(t))
-            if k % 2 == 0:
+            if k % 2 == 0 and not any(math.isclose(t, stamp_s) for stamp_s in without):
                 tracker.add_odometry(t, self.odometry(t))
             if k:
                 tracker.add_scan(t - 0.025, self.scan(t - 0.025))

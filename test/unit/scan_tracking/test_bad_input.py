@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from drive_in_a_box import ROOM, Drive, ahead, tracker_in, walls
 
-from rigid_geometry import transform_from_rpy
+from rigid_geometry import inverse, rotation_angle, transform_from_rpy
 from scan_tracking import ScanTracker, ScanTrackingConfig
 from sweep_assembly import LaserScans
 
@@ -22,6 +22,32 @@ def test_a_jump_of_the_odometry_is_counted_and_the_tracked_pose_goes_on() -> Non
     after = next(pose for pose in poses if pose.stamp_s >= 1.0)
     assert after.refused == "odometry jumped" and np.sqrt(after.covariance[0, 0]) > 0.1
     assert np.linalg.norm(poses[-1].T_odom_base[:3, 3] - drive.pose(3.0)[:3, 3]) < 0.03 and poses[-1].refused == ""
+
+
+@pytest.mark.parametrize("way", [np.eye(4), transform_from_rpy((0.5, 0.0, 0.0)), transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 0.5236))])
+@pytest.mark.parametrize("lost", [(), (1.0,), (1.0, 1.05)], ids=["no message lost", "one lost", "two lost"])
+def test_odometry_that_jumps_between_two_messages_leaves_the_tracked_pose_on_its_way(way: np.ndarray, lost: tuple[float, ...]) -> None:
+    tracker = tracker_in(ROOM)
+    drive = Drive(slip=lambda t: np.eye(4) if t < 1.0 else way, end_s=2.0)
+    poses = drive.into(tracker, without=lost)
+    assert tracker.counts.get("odometry_jump", 0) == (not np.allclose(way, np.eye(4)))
+    off = [inverse(drive.pose(pose.stamp_s)) @ pose.T_odom_base for pose in poses]
+    assert max(np.linalg.norm(T[:3, 3]) for T in off) < 0.03 + 0.025 * len(lost) and max(rotation_angle(T) for T in off) < 0.02
+    assert np.linalg.norm(off[-1][:3, 3]) < 0.01 and poses[-1].refused == "" and np.sqrt(poses[-1].covariance[0, 0]) < 0.02
+
+
+def test_robot_that_stands_after_a_jump_looks_for_its_place_until_it_has_it() -> None:
+    def halts(t: float) -> np.ndarray:
+        return ahead(min(t, 1.0))
+
+    def jumps(t: float) -> np.ndarray:
+        return np.eye(4) if t < 1.0 else transform_from_rpy((0.5, 0.2, 0.0))
+
+    tracker = tracker_in(ROOM)
+    poses = Drive(pose=halts, slip=jumps, end_s=2.0).into(tracker)
+    sigmas_m = [np.sqrt(pose.covariance[0, 0]) for pose in poses]
+    assert max(sigmas_m) > 0.1 and sigmas_m[-1] < 0.03
+    assert np.linalg.norm(poses[-1].T_odom_base[:3, 3] - halts(2.0)[:3, 3]) < 0.01
 
 
 def test_a_map_that_lies_elsewhere_is_refused_and_odometry_stands_with_a_covariance_that_grows() -> None:

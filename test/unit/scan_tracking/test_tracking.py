@@ -109,7 +109,6 @@ def test_without_a_map_odometry_passes_to_the_bit() -> None:
         drive = Drive(pose=bend, slip=slipping)
         poses = drive.into(tracker)
         assert all(np.array_equal(pose.T_odom_base, drive.odometry(pose.stamp_s)) and pose.refused == "" for pose in poses)
-        assert all(np.array_equal(pose.T_odom_base, drive.odometry(pose.stamp_s)) for pose in tracker.settled())
 
 
 def test_surfaces_that_the_map_lacks_are_put_down_and_hold_the_robot_with_a_covariance_that_owns_to_it() -> None:
@@ -152,14 +151,6 @@ def test_a_match_that_comes_with_the_map_makes_the_pose_surer_where_it_was_not_l
     tracker.set_map(*walls(ROOM), T_map_odom, np.diag([1e2, 1e-6, 1e-6, 1e-8, 1e-8, 1e-8]))
     last = Drive(pose=still, end_s=2.5).into(tracker, begin_s=2.025)[-1]
     assert sigmas(last) == pytest.approx([1e-3, ScanTrackingConfig().start_sigma_m, 1e-3, 1e-4, 1e-4, 1e-4], rel=0.01)
-
-
-def test_samples_settle_once_with_the_correction_spread_over_their_bundle() -> None:
-    tracker, drive = tracker_in(ROOM), Drive(slip=slipping, end_s=3.0)
-    causal, settled = drive.into(tracker), tracker.settled()
-    assert [pose.stamp_s for pose in settled] == [pose.stamp_s for pose in causal[1 : len(settled) + 1]] and not tracker.settled()
-    late = [np.mean([off_by(p.T_odom_base, drive.pose(p.stamp_s))[0] for p in poses[1 : len(settled)]]) for poses in (causal, settled)]
-    assert late[1] < late[0]
 
 
 def test_the_map_may_move_with_its_frame() -> None:

@@ -111,3 +111,64 @@ def test_mount_that_stops_nodding_is_told_after_a_while(script: DrivingScript) -
     assert script.machine.stalled_s(script.t) > 6.0
     script.decide("keep")
     assert script.machine.state is DriveState.DRIVING and script.machine.stalled_s(script.t) == 0.0
+
+
+# --- bad input --------------------------------------------------------------------------------------------------------------------------
+
+
+def test_robot_whose_odometry_jumped_stands_and_goes_on_with_the_decision_about_a_later_sweep(script: DrivingScript) -> None:
+    for _ in range(10):
+        assert script.tick(FORWARD, "following", pose_sigma_m=0.02).v == FORWARD[0]
+    action = script.tick(FORWARD, "following", pose_sigma_m=0.15)
+    assert action.v == 0.0 and action.state is DriveState.LOOKING and "odometry jumped" in action.reason
+    jumped_s = script.t
+    script.decide("keep", stamp=jumped_s - 0.1)
+    assert script.tick(FORWARD, "following", pose_sigma_m=0.02).v == 0.0
+    script.decide("keep", stamp=jumped_s + 1.0)
+    assert script.tick(FORWARD, "following", pose_sigma_m=0.02).v == FORWARD[0]
+
+
+def test_position_that_is_known_worse_and_worse_stops_nobody(script: DrivingScript) -> None:
+    for k in range(40):
+        assert script.tick(FORWARD, "following", pose_sigma_m=0.01 * k).v == FORWARD[0]
+    for sigma_m in (None, 0.3, None, 0.3, 0.05):
+        assert script.tick(FORWARD, "following", pose_sigma_m=sigma_m).state is DriveState.DRIVING
+
+
+def test_robot_that_stands_while_odometry_jumps_stands_for_no_other_reason() -> None:
+    script = DrivingScript()
+    for _ in range(10):
+        script.tick(pose_sigma_m=0.01)
+    script.tick(pose_sigma_m=0.3)
+    script.driving()
+    assert script.tick(FORWARD, "following", pose_sigma_m=0.3).v == FORWARD[0]
+
+
+def test_third_refused_match_in_a_row_is_that_of_a_whole_sweep_and_the_robot_drives_on_as_decided(script: DrivingScript) -> None:
+    for _ in range(2):
+        script.drive(1.0)
+        script.machine.on_decision(script.t, "keep", "", refused=True)
+    assert script.tick(FORWARD, "following").v == 0.0
+    script.until(DriveState.MAPPING)
+    assert script.sweeps_started == 2
+    script.machine.on_decision(script.t, "goal", "back to where one was placed", refused=True)
+    assert script.tick(FORWARD, "following").v == FORWARD[0]
+    script.drive(1.0)
+    assert script.machine.state is DriveState.DRIVING
+    script.machine.on_decision(script.t, "keep", "", refused=True)
+    assert script.tick(FORWARD, "following").v == 0.0 and script.machine.state is DriveState.SETTLING
+
+
+def test_way_that_a_new_terrain_blocks_is_given_up_for_what_is_decided_there_and_a_whole_sweep_is_the_second_answer(
+    script: DrivingScript,
+) -> None:
+    script.drive(2.0)
+    action = script.tick((0.0, 0.0), "blocked")
+    assert action.v == 0.0 and action.state is DriveState.LOOKING and action.sweep_kind is SweepKind.BLOCKED
+    script.decide("goal", stamp=script.t + 1.0)
+    for _ in range(20):
+        assert script.tick((0.0, 0.5), "turning_to_path").w == 0.5
+    assert script.tick((0.0, 0.0), "blocked").state is DriveState.SETTLING
+    script.until(DriveState.MAPPING)
+    script.decide("goal")
+    assert script.tick(FORWARD, "following").v == FORWARD[0]

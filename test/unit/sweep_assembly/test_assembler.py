@@ -139,6 +139,40 @@ def test_order_between_topics_does_not_matter(random):
     np.testing.assert_array_equal(sweep.origins, expected.origins)
 
 
+def with_period(rows, period_s):
+    return [(stamp, Scan(scan.geometry, scan.ranges, period_s=period_s)) for stamp, scan in rows]
+
+
+@pytest.mark.parametrize(
+    ("kept", "missing"),
+    [
+        (lambda i, t: True, 0.0),
+        (lambda i, t: i % 2 == 0, 0.5),
+        (lambda i, t: t < 3.0, 0.5),
+        (lambda i, t: not 2.5 < t < 2.8, 0.14),
+    ],
+    ids=["none", "every second one", "from its middle on", "a piece"],
+)
+def test_sweep_tells_which_share_of_its_scans_is_missing_and_has_the_others(kept, missing):
+    inputs = dict(MOVING)
+    inputs["scan"] = [row for i, row in enumerate(with_period(MOVING["scan"], 0.025)) if kept(i, row[0]) or row[0] >= SWEEP_END]
+    (sweep,) = run(make(), inputs)
+    assert sweep.missing == pytest.approx(missing, abs=0.015)
+    assert wall_error(sweep, moving).max() < 1e-3 and len(sweep.points) > 35 * GEOMETRY.count
+
+
+def test_share_that_is_missing_is_not_known_where_scans_do_not_tell_their_period():
+    (sweep,) = run(make(), STILL)
+    assert math.isnan(sweep.missing)
+
+
+def test_scans_without_joints_are_missing_too():
+    inputs = {**STILL, "scan": with_period(STILL["scan"], 0.025)}
+    inputs["joint"] = [row for row in STILL["joint"] if not 2.6 <= row[0] <= 3.4]
+    (sweep,) = run(make(), inputs)
+    assert sweep.missing == pytest.approx(0.42, abs=0.03)
+
+
 def test_invalid_readings_and_empty_directions_give_no_points():
     inputs = dict(STILL)
     blank = np.where(np.arange(GEOMETRY.count) % 2, np.nan, np.inf)
