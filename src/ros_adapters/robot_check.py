@@ -33,13 +33,14 @@ class RobotCheck:
         self._frames = SensorFrames(robot, urdf)
         self._laser_frame = robot.mount("laser").frame
         try:
-            self._joint, self._joint_fault = laser_mount(urdf, robot.mount("laser"))[0], ""
+            joint, self._joint_fault = laser_mount(urdf, robot.mount("laser"))[0], ""
         except ValueError as error:
-            self._joint, self._joint_fault = "", str(error)
+            joint, self._joint_fault = "", str(error)
         self._spinning = spinning
         self._scan = HeardTopic("/scan", LaserScan, _scan_content) if not spinning else None
         self._points = HeardTopic("/points", PointCloud2, self._revolution, _CLOUDS) if spinning else None
-        self._tilt = None if self._joint is None else HeardTopic("/joint_states", JointState, self._tilt_of)
+        self._joint = joint or ""
+        self._tilt = None if joint is None else HeardTopic("/joint_states", JointState, self._tilt_of)
         self._imu = HeardTopic("/imu/data", Imu, _imu_content)
         self._wheels = HeardTopic("/wheel_odom", Odometry, odometry_twist)
         self._tf = TransformWatch(self._frames)

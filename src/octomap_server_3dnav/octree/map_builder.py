@@ -216,7 +216,8 @@ class MapBuilder:
         """How far around a robot at T_map_base its first sweep shows no ground: a lidar that is fixed looks over what is near."""
         c, from_robot = self.config, hits - (T[:3, 3] - self.robot.base_height_m * T[:3, 2])
         away_m = np.linalg.norm(from_robot, axis=1)[np.abs(from_robot @ T[:3, 2]) <= c.resolution]
-        return float(np.clip(away_m.min(initial=c.start_plane_most_m) + c.resolution, c.start_plane_half_m, c.start_plane_most_m))
+        nearest_m = away_m.min() if away_m.size else 0.0  # of no ground nobody knows where it begins
+        return float(np.clip(nearest_m + c.resolution, c.start_plane_half_m, c.start_plane_most_m))
 
     def _ground_under(self, T: Transform, seen: SweepVoxels, half_m: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Voxels of the plane that a robot at T_map_base stands on, where a sweep saw nothing: their middles, and where in them it is."""

@@ -210,10 +210,11 @@ def test_ground_is_put_around_the_robot_as_far_as_its_first_sweep_shows_none(bli
     assert (project(terrain, (0.0, 0.0), 4.4).cost == FREE).all() == reaches
 
 
-def test_what_hangs_over_a_blind_start_is_not_taken_for_its_ground():
+def test_where_the_first_sweep_shows_no_ground_at_all_it_is_put_under_the_robot_only():
     built = builder()
-    built.add_sweep(wall(), 0, [pose()])  # 3 m away
+    built.add_sweep(wall(), 0, [pose()])
     assert state(built, 0.7, 0.0, -0.02) is VoxelState.OCCUPIED
+    assert state(built, 1.2, 0.0, -0.02) is VoxelState.UNKNOWN
 
 
 def test_nothing_is_put_under_a_robot_that_lies_on_its_side():
