@@ -3,7 +3,7 @@
 import sys
 
 from explore_command.arguments import ArgumentProblem, ExploreArguments, parse, prepare_out
-from explore_command.launching import effective_robot, parameter_problem, run_launch, world_problem
+from explore_command.launching import as_robot_is_built, effective_robot, parameter_problem, run_launch, world_problem
 from explore_command.sessions import clock_after
 
 
@@ -16,6 +16,7 @@ def main(argv: list[str] | None = None) -> int:
         if problem := parameter_problem(arguments):
             raise ArgumentProblem(problem)
         robot = effective_robot(arguments)
+        arguments = as_robot_is_built(arguments, robot)
         if problem := world_problem(arguments, robot):
             raise ArgumentProblem(problem)
         clock_start_s = _prepare(arguments)

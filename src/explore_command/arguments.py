@@ -63,12 +63,12 @@ class OneLineParser(argparse.ArgumentParser):
 
 @dataclass(frozen=True)
 class ExploreArguments:
-    """What a run was asked to do; lengths in metres, angles in radians."""
+    """What a run was asked to do; lengths in metres, angles in radians. `sensor`, `mapping`: None is as the robot is built."""
 
     world: str
-    sensor: str
+    sensor: str | None
     realism: str
-    mapping: str
+    mapping: str | None
     seed: int
     start: tuple[float, ...] | None
     scale: float | None
@@ -122,7 +122,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--sensor",
         choices=SENSORS,
-        help="tilting: a 2-D laser on a tilting mount; spinning: a lidar of 16 beams on the same mount; default tilting",
+        help="tilting: a 2-D laser on a tilting mount; spinning: a lidar of 16 beams; default tilting, where it is fixed spinning",
     )
     p.add_argument(
         "--realism",
@@ -132,7 +132,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--mapping",
         choices=MAPPINGS,
-        help="stop_and_go: the robot stands for each sweep; driving: the mount nods while it drives; default stop_and_go",
+        help="stop_and_go: the robot stands for each sweep; driving: it does not; default stop_and_go, where the lidar is fixed driving",
     )
     p.add_argument("--seed", type=int, help="sets start, noise, slip and clutter; default 1")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for the results; default runs/WORLD-SEED")
@@ -181,9 +181,9 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
     earlier = earlier_run(a.resume or a.map) if a.resume or a.map else NO_RUN
     a.world = a.world or earlier.world or "ramp"
     a.seed = next(seed for seed in (a.seed, earlier.seed, 1) if seed is not None)
-    a.sensor = a.sensor or (earlier.sensor if earlier.sensor in SENSORS else SENSORS[0])
+    a.sensor = a.sensor or (earlier.sensor if earlier.sensor in SENSORS else None)
     a.realism = a.realism or (earlier.realism if earlier.realism in REALISMS else REALISMS[0])
-    a.mapping = a.mapping or (earlier.mapping if earlier.mapping in MAPPINGS else MAPPINGS[0])
+    a.mapping = a.mapping or (earlier.mapping if earlier.mapping in MAPPINGS else None)
     a.rate = float(a.free) if a.rate is None else a.rate
     if a.resume and a.out:
         raise ArgumentProblem("--resume goes on in the folder of the earlier run: --out cannot be another")

@@ -2,14 +2,15 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import yaml
 
-from explore_command.arguments import NAMED_WORLDS, ArgumentProblem, ExploreArguments
+from explore_command.arguments import MAPPINGS, NAMED_WORLDS, SENSORS, ArgumentProblem, ExploreArguments
 from explore_command.parameters import ROBOT, all_overrides, override_problems, robot_of
 from rigid_geometry import origin_text
-from robot_body import RobotBody, robot_mapping, urdf_file
+from robot_body import RobotBody, fixed_laser_problem, is_fixed, robot_mapping, urdf_file
 from roslaunch_process import free_port, hand_on_signals, shown_lines, start_launch
 from stage_config import ConfigError
 
@@ -48,6 +49,15 @@ def effective_robot(arguments: ExploreArguments) -> RobotBody:
         return robot_of(arguments.robot, all_overrides(arguments.profile, arguments.set_parameters))
     except ConfigError as error:
         raise ArgumentProblem("\n".join(f"--robot {line}" for line in str(error).splitlines())) from error
+
+
+def as_robot_is_built(arguments: ExploreArguments, robot: RobotBody) -> ExploreArguments:
+    """The arguments with sensor and mapping where they were not said. ArgumentProblem when what was said does not go with a fixed lidar."""
+    fixed = is_fixed(urdf_file(robot).read_text(encoding="utf-8"), robot.mount("laser"))
+    sensor, mapping = arguments.sensor or SENSORS[fixed], arguments.mapping or MAPPINGS[fixed]
+    if fixed and (problem := fixed_laser_problem(robot, sensor, mapping)):
+        raise ArgumentProblem(problem)
+    return replace(arguments, sensor=sensor, mapping=mapping)
 
 
 def _joined(values: tuple[float, ...] | None) -> str:

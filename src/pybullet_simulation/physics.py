@@ -70,7 +70,7 @@ class Physics:
         self._names = self._link_names()
         self._joints = {self._joint(i): i for i in range(pybullet.getNumJoints(self._robot, physicsClientId=self._client))}
         self._wheels = [self._joints[name] for name in WHEELS]
-        self._tilt = self._joints[TILT_JOINT]
+        self._tilt = self._joints.get(TILT_JOINT)
         self._com = np.array(pybullet.getDynamicsInfo(self._robot, -1, physicsClientId=self._client)[3])
         self.set_sideways_friction(config.lateral_friction_ratio)
 
@@ -153,7 +153,9 @@ class Physics:
         )
 
     def set_tilt(self, tilt_rad: float) -> None:
-        """Put the laser at a tilt: its drive is stiff, and its weight too small to move the robot."""
+        """Put the laser at a tilt: its drive is stiff, and its weight too small to move the robot. One that is fixed stays."""
+        if self._tilt is None:
+            return
         pybullet.resetJointState(self._robot, self._tilt, tilt_rad, 0.0, physicsClientId=self._client)
 
     def step(self) -> BodyState:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pybullet_simulation.world import Surface, joined
 from rigid_geometry import transform_from_rpy
-from robot_body import RobotBody, contradictions, urdf_file
+from robot_body import RobotBody, contradictions, laser_mount, urdf_file
 
 Array = NDArray[np.float64]
 
@@ -20,13 +20,17 @@ TILT_JOINT = "tilt_joint"
 
 @dataclass(frozen=True)
 class RobotModel:
-    """Geometry of the robot in base_link, in metres; `body` is all that does not tilt."""
+    """Geometry of the robot in base_link, in metres; `body` is all that does not tilt, but for the laser's own link.
+
+    `tilts`: whether the laser does. One that is fixed has T_base_laser for T_base_mount.
+    """
 
     urdf_path: Path
     T_base_mount: Array
     T_tilt_laser: Array
     T_base_imu: Array
     body: Surface
+    tilts: bool = True
 
 
 def read_robot_model(body: RobotBody) -> RobotModel:
@@ -40,15 +44,18 @@ def read_robot_model(body: RobotBody) -> RobotModel:
     if problems := contradictions(body, text):
         raise ValueError(f"robot.yaml contradicts {urdf_path}: {'; '.join(problems)}")
     poses = _joint_origins(robot)
-    missing = [name for name in (*WHEELS, TILT_JOINT, "tilt_mount_joint", "laser_joint", "imu_joint") if name not in poses]
+    laser = body.mount("laser")
+    joint, T_base_mount, T_tilt_laser = laser_mount(text, laser)
+    missing = [name for name in (*WHEELS, *([TILT_JOINT] if joint else []), "imu_joint") if name not in poses]
     if missing:
         raise ValueError(f"{urdf_path} lacks the joints {', '.join(missing)}")
     return RobotModel(
         urdf_path=Path(urdf_path),
-        T_base_mount=poses["tilt_mount_joint"][1] @ poses[TILT_JOINT][1],
-        T_tilt_laser=poses["laser_joint"][1],
+        T_base_mount=T_base_mount,
+        T_tilt_laser=T_tilt_laser,
         T_base_imu=poses["imu_joint"][1],
-        body=_body_surface(robot, poses),
+        body=_body_surface(robot, poses, {"tilt_link", laser.frame}),
+        tilts=joint is not None,
     )
 
 
@@ -78,9 +85,8 @@ def _shape_surface(collision: ElementTree.Element, T_base_shape: Array) -> Surfa
     return Surface(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32))
 
 
-def _body_surface(robot: ElementTree.Element, poses: dict[str, tuple[str, Array]]) -> Surface:
-    tilting = {"tilt_link", "laser"}
-    T_base_link = {link: T for link, T in poses.values() if link not in tilting} | {"base_link": np.eye(4)}
+def _body_surface(robot: ElementTree.Element, poses: dict[str, tuple[str, Array]], apart: set[str]) -> Surface:
+    T_base_link = {link: T for link, T in poses.values() if link not in apart} | {"base_link": np.eye(4)}
     shapes = []
     for name, T in T_base_link.items():
         shapes += [_shape_surface(shape, T @ _origin(shape)) for shape in robot.findall(f"link[@name='{name}']/collision")]

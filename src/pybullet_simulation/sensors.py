@@ -98,7 +98,8 @@ class Sensors:
         tilt = now.tilt_measured + self._config.tilt_encoder_sigma_rad * self._joint_rng.standard_normal()
         positions = (float(tilt), *trace.encoders(stamp_ns).tolist())
         velocities = (now.tilt_rate, *(turned / JOINT_PERIOD_S).tolist())
-        return JointSample(stamp_ns / 1e9, (TILT_JOINT, *WHEELS), positions, velocities)
+        first = 0 if self._parts.robot.tilts else 1
+        return JointSample(stamp_ns / 1e9, (TILT_JOINT, *WHEELS)[first:], positions[first:], velocities[first:])
 
     def _imu_sample(self, trace: Trace, stamp_ns: int) -> ImuSample:
         before, now = trace.at(stamp_ns - nanoseconds(IMU_PERIOD_S)), trace.at(stamp_ns)

@@ -59,6 +59,8 @@ class Simulation:
         slip_rng, ground_rng, mount_rng = (np.random.default_rng([seed, stream]) for stream in (_SLIP, _GROUND, _MOUNT))
         body = robot or RobotBody()
         self._config, self._body, self._robot = config, body, read_robot_model(body)
+        if not self._robot.tilts and lidar is None:
+            raise ValueError(f"robot {body.name}: a laser that is fixed has to be a spinning lidar")
         self._physics = Physics(config, body, self._robot, world)
         self._drive, self._slip, self._ground = Drive(config, body), SlipModel(config, slip_rng), Ground(config, ground_rng)
         self._mount = TiltMount(config, mount_rng)
@@ -122,12 +124,18 @@ class Simulation:
         return ScanGeometry(range_min=self._config.range_min_m, range_max=self._config.range_max_m)
 
     def start_sweep(self) -> None:
-        """Begin a sweep with the next tick. ValueError while the mount moves."""
+        """Begin a sweep with the next tick. ValueError while the mount moves, and where it cannot."""
+        self._check_mount()
         self._mount_drive.start_sweep(self.stamp_s)
 
     def nod(self, wanted: bool) -> None:
-        """Have the mount nod from the next tick on, or come to rest level. ValueError while a sweep is made."""
+        """Have the mount nod from the next tick on, or come to rest level. ValueError while a sweep is made, and where it cannot."""
+        self._check_mount()
         self._mount_drive.nod(wanted, self.stamp_s)
+
+    def _check_mount(self) -> None:
+        if not self._robot.tilts:
+            raise ValueError("the lidar is fixed")
 
     def tick(self, v: float | None = None, w: float = 0.0) -> TickData:
         """Advance by 0.05 s under a new command (m/s, rad/s), or under the last one until it is `command_timeout_s` old.

@@ -7,7 +7,7 @@ from robot_body.body import RobotBody
 from robot_body.fixed_frames import FixedFrames, StaticTransform
 from robot_body.loading import DEFAULT_ROBOT_FILE, load_robot, overlaid, robot_from_mapping, robot_mapping, robot_values
 from robot_body.mounts import SensorMount
-from robot_body.tilting_mount import DESCRIPTION, mount_from_urdf
+from robot_body.tilting_mount import DESCRIPTION, fixed_laser_problem, is_fixed, laser_mount, mount_from_urdf
 from robot_body.urdf import contradictions, urdf_file, with_base
 
 __all__ = [
@@ -18,6 +18,9 @@ __all__ = [
     "SensorMount",
     "StaticTransform",
     "contradictions",
+    "fixed_laser_problem",
+    "is_fixed",
+    "laser_mount",
     "load_robot",
     "mount_from_urdf",
     "overlaid",

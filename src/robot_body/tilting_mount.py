@@ -1,8 +1,9 @@
-"""Where the tilting laser sits, by the robot's description: nodes have it from /robot_description, tools from a file."""
+"""Where the laser sits, tilting or fixed, by the robot's description: nodes have it from /robot_description, tools from a file."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_body.body import RobotBody
 from robot_body.mounts import SensorMount
 from robot_body.urdf import read_description, with_mount
 
@@ -12,10 +13,10 @@ DESCRIPTION = "robot.urdf"
 """In a run's folder beside robot.yaml: the robot_description of the run."""
 
 
-def mount_from_urdf(urdf: str, laser: SensorMount) -> tuple[str, Transform, Transform]:
-    """The tilting joint's name, T_base_mount (at tilt 0) and T_tilt_laser.
+def laser_mount(urdf: str, laser: SensorMount) -> tuple[str | None, Transform, Transform]:
+    """The tilting joint's name, T_base_mount (at tilt 0) and T_tilt_laser; of a laser that is fixed None, T_base_laser and the identity.
 
-    ValueError when there is not exactly one joint between base_link and the laser's frame that moves, about y.
+    ValueError when more than one joint between base_link and the laser's frame moves, or one about another axis than y.
     """
     before, after, tilt = np.eye(4), np.eye(4), None
     for joint in with_mount(read_description(urdf), laser).chain(laser.frame):
@@ -25,6 +26,26 @@ def mount_from_urdf(urdf: str, laser: SensorMount) -> tuple[str, Transform, Tran
             tilt, before = joint.name, joint.T_parent_child
         else:
             raise ValueError(f"joint {joint.name}: one joint must move between base_link and {laser.frame}, about the y axis")
+    return (tilt, before, after) if tilt else (None, after, before)
+
+
+def is_fixed(urdf: str, laser: SensorMount) -> bool:
+    """Whether no joint moves the laser. ValueError as `laser_mount`."""
+    return laser_mount(urdf, laser)[0] is None
+
+
+def fixed_laser_problem(robot: RobotBody, sensor: str, mapping: str) -> str:
+    """What is wrong with a sensor and a way of mapping on a robot whose laser is fixed, with advice; empty when nothing is."""
+    if sensor != "spinning":
+        return f"sensor is {sensor}, and no joint tilts the laser of {robot.name}: only a spinning lidar can be fixed: set it to spinning"
+    if mapping != "driving":
+        return f"mapping is {mapping}, and no joint tilts the lidar of {robot.name}: set it to driving"
+    return ""
+
+
+def mount_from_urdf(urdf: str, laser: SensorMount) -> tuple[str, Transform, Transform]:
+    """As `laser_mount`, of a laser that tilts. ValueError when it does not."""
+    tilt, T_base_mount, T_tilt_laser = laser_mount(urdf, laser)
     if tilt is None:
         raise ValueError(f"robot_description has no joint that tilts {laser.frame}")
-    return tilt, before, after
+    return tilt, T_base_mount, T_tilt_laser

@@ -5,25 +5,26 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from sensor_msgs.msg import JointState, LaserScan, PointCloud2
+from sensor_msgs.msg import LaserScan, PointCloud2
 
 from mount_calibration import TiltGeometry
-from ros_adapters.conversions import joint_position, scan_of, stamp_of
+from ros_adapters.conversions import scan_of, stamp_of
 from ros_adapters.node import SILENT_AFTER_S, Node
 from ros_adapters.revolution_messages import revolution_of, sensor_is_spinning
+from ros_adapters.tilt_input import TiltInput
 from sweep_assembly import LaserScans, LidarConfig, LidarRevolutions, Line, LineSource, SweepAssemblyConfig
 
 
 class LineInput:
     """Subscribes what lines are made of, but for the odometry, which the node has."""
 
-    def __init__(self, node: Node, name: str, tilt_joint: str, mount: TiltGeometry, laser_frame: str) -> None:
-        """`name` is the node's, whose parameters below ~lidar say which lidar it is; `tilt_joint` and `mount` are the tilting mount's."""
-        spinning, self._tilt_joint, self._laser_frame = sensor_is_spinning(name), tilt_joint, laser_frame
+    def __init__(self, node: Node, name: str, tilt_joint: str | None, mount: TiltGeometry, laser_frame: str) -> None:
+        """`name` is the node's, whose parameters below ~lidar say which lidar it is; `tilt_joint` and `mount` are `mount_of_laser`'s."""
+        spinning, self._laser_frame = sensor_is_spinning(name), laser_frame
         sensor = LidarRevolutions(node.parameters(LidarConfig, section="lidar")) if spinning else LaserScans()
         self._lines: LineSource[Any] = LineSource(SweepAssemblyConfig(), mount, sensor)
-        self.topics = ("/joint_states", "/points_filtered" if spinning else "/scan_filtered")
-        node.subscribe("/joint_states", JointState, self._on_joints, silent_after_s=SILENT_AFTER_S)
+        self._tilt = TiltInput(node, tilt_joint, self._lines.add_joint)
+        self.topics = (*self._tilt.topics, "/points_filtered" if spinning else "/scan_filtered")
         if spinning:
             node.subscribe("/points_filtered", PointCloud2, self._on_points, silent_after_s=SILENT_AFTER_S)
         else:
@@ -32,17 +33,11 @@ class LineInput:
     def add_odometry(self, stamp_s: float, T_odom_base: NDArray[np.float64]) -> None:
         """The (4, 4) pose of base_link at a time."""
         self._lines.add_odometry(stamp_s, T_odom_base)
+        self._tilt.add_odometry(stamp_s)
 
     def poll(self) -> Iterator[Line]:
         """Lines, in odom, that are complete by now."""
         return self._lines.poll()
-
-    def _on_joints(self, message: JointState) -> bool:
-        """Whether the tilt is in it: others publish joints, too."""
-        tilt_rad = joint_position(message, self._tilt_joint)
-        if tilt_rad is not None:
-            self._lines.add_joint(stamp_of(message), tilt_rad)
-        return tilt_rad is not None
 
     def _on_scan(self, message: LaserScan) -> None:
         self._lines.add_reading(stamp_of(message), scan_of(message))

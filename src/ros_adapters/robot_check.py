@@ -8,7 +8,7 @@ from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2
 
-from robot_body import RobotBody, contradictions, mount_from_urdf
+from robot_body import RobotBody, contradictions, fixed_laser_problem, laser_mount
 from ros_adapters.conversions import joint_position, odometry_twist
 from ros_adapters.heard_topic import HeardTopic
 from ros_adapters.mapping_mode import maps_while_driving
@@ -33,13 +33,14 @@ class RobotCheck:
         self._frames = SensorFrames(robot, urdf)
         self._laser_frame = robot.mount("laser").frame
         try:
-            self._joint, self._joint_fault = mount_from_urdf(urdf, robot.mount("laser"))[0], ""
+            joint, self._joint_fault = laser_mount(urdf, robot.mount("laser"))[0], ""
         except ValueError as error:
-            self._joint, self._joint_fault = "", str(error)
+            joint, self._joint_fault = "", str(error)
         self._spinning = spinning
         self._scan = HeardTopic("/scan", LaserScan, _scan_content) if not spinning else None
         self._points = HeardTopic("/points", PointCloud2, self._revolution, _CLOUDS) if spinning else None
-        self._tilt = HeardTopic("/joint_states", JointState, self._tilt_of)
+        self._joint = joint or ""
+        self._tilt = None if joint is None else HeardTopic("/joint_states", JointState, self._tilt_of)
         self._imu = HeardTopic("/imu/data", Imu, _imu_content)
         self._wheels = HeardTopic("/wheel_odom", Odometry, odometry_twist)
         self._tf = TransformWatch(self._frames)
@@ -59,10 +60,11 @@ class RobotCheck:
         return revolution_of(message, message.header.frame_id)
 
     def wait(self, timeout_s: float) -> None:
-        """Until every input has come, and start_sweep is served, at most so long."""
+        """Until every input has come, and start_sweep is served where a joint tilts the laser, at most so long."""
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline and not rospy.is_shutdown():
-            if all(watch.heard for watch in self._watches) and rospy.resolve_name("start_sweep") in RobotGraph().services:
+            swept = self._tilt is None or rospy.resolve_name("start_sweep") in RobotGraph().services
+            if swept and all(watch.heard for watch in self._watches):
                 return
             time.sleep(10 * _POLL_S)
 
@@ -87,8 +89,9 @@ class RobotCheck:
         graph = RobotGraph()
         rows = self._clock() + self._laser(graph) + self._of_tilt(graph) + self._of_imu(graph) + self._of_wheels(graph)
         rows += clock_rows({watch.topic: watch.heard for watch in self._watches if self._stamped(watch)}, self._limits)
-        rows += [graph.service_row("start_sweep", "std_srvs/Trigger", "one sweep, ending level")]
-        if maps_while_driving("check_robot_node"):
+        if self._tilt is not None:
+            rows += [graph.service_row("start_sweep", "std_srvs/Trigger", "one sweep, ending level")]
+        if self._tilt is not None and maps_while_driving("check_robot_node"):
             rows += [graph.service_row("nod", "std_srvs/SetBool", "nod in front of the robot, or come to rest level")]
         rows += [*graph.command_rows("/cmd_vel"), *self._tf.rows()]
         return rows + self._description()
@@ -129,12 +132,21 @@ class RobotCheck:
         return rows
 
     def _of_tilt(self, graph: RobotGraph) -> list[Row]:
+        if self._tilt is None:
+            return [self._of_fixed()]
         rows = self._timing(self._tilt, "/joint_states", graph)
         if self._joint_fault:
             return [*rows, Row(Level.ERROR, "robot_description", "tilt", self._joint_fault, "give the laser one joint that tilts about y")]
         if self._tilt.heard or self._tilt.other_messages:
             rows += tilt_rows(self._tilt.topic, np.array(self._tilt.contents), self._joint, self._limits)
         return rows
+
+    def _of_fixed(self) -> Row:
+        sensor = "spinning" if self._spinning else "tilting"
+        mapping = "driving" if maps_while_driving("check_robot_node") else "stop_and_go"
+        if problem := fixed_laser_problem(self._robot, sensor, mapping):
+            return Row(Level.ERROR, "robot_description", "tilt", problem, "or give the laser one joint that tilts about y")
+        return Row(Level.OK, "robot_description", "tilt", "the lidar is fixed")
 
     def _of_imu(self, graph: RobotGraph) -> list[Row]:
         rows, topic = self._timing(self._imu, "/imu/data", graph), self._imu.topic

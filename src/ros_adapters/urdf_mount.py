@@ -8,7 +8,7 @@ import rospy
 from numpy.typing import NDArray
 
 from mount_calibration import TiltCalibration, TiltGeometry, named_calibration
-from robot_body import RobotBody, contradictions, mount_from_urdf, robot_from_mapping
+from robot_body import RobotBody, contradictions, fixed_laser_problem, laser_mount, robot_from_mapping
 from ros_adapters.frames import robot_description
 from stage_config import ConfigError
 
@@ -33,23 +33,36 @@ def robot_of_parameters(node: str) -> RobotBody:
         _refuse(node, "; ".join(str(error).splitlines()))
 
 
-def robot_mount(node: str, robot: RobotBody) -> tuple[str, Transform, Transform]:
-    """`mount_from_urdf` of the parameter robot_description; exit code 2 when there is none, or it contradicts the robot."""
+def robot_mount(node: str, robot: RobotBody) -> tuple[str | None, Transform, Transform]:
+    """`laser_mount` of the parameter robot_description; exit code 2 when there is none, or it contradicts the robot.
+
+    Also where the laser is fixed and the robot is to stop for its sweeps, or has no lidar: nothing would make a sweep.
+    """
     urdf = robot_description()
     if not urdf:
         _refuse(node, "/robot_description is not set")
     if rospy.has_param("/robot") and (found := contradictions(robot, urdf)):
         _refuse(node, f"robot.yaml contradicts robot_description: {'; '.join(found)}")
-    return mount_from_urdf(urdf, robot.mount("laser"))
+    mount = laser_mount(urdf, robot.mount("laser"))
+    if mount[0] is None:
+        _check_fixed(node, robot)
+    return mount
 
 
-def tilting_mount(node: str, robot: RobotBody) -> tuple[str, TiltGeometry]:
+def _check_fixed(node: str, robot: RobotBody) -> None:
+    asked = {name: str(rospy.get_param(f"/{name}", default)) for name, default in (("sensor", "tilting"), ("mapping", "stop_and_go"))}
+    if problem := fixed_laser_problem(robot, **asked):
+        _refuse(node, problem)
+
+
+def mount_of_laser(node: str, robot: RobotBody) -> tuple[str | None, TiltGeometry]:
     """The tilting joint's name, and the mount of robot_description with the calibration of the file /mount_calibration.
 
     That parameter is as of `named_calibration`; where it is missing the mount is taken as described. Exit code 2 when the file is none.
+    A laser that is fixed has no joint, hence None and no calibration.
     """
     joint, T_base_mount, T_tilt_laser = robot_mount(node, robot)
-    return joint, TiltGeometry(T_base_mount, T_tilt_laser, mount_calibration(node))
+    return joint, TiltGeometry(T_base_mount, T_tilt_laser, mount_calibration(node) if joint else TiltCalibration())
 
 
 def mount_calibration(node: str) -> TiltCalibration:

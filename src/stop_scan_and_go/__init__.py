@@ -8,11 +8,12 @@ simulator, and lets the clock stand while it waits.
 from stop_scan_and_go.config import StopScanAndGoConfig
 from stop_scan_and_go.interface import Decision, DriveState, SweepKind, TickAction, TickObservation
 from stop_scan_and_go.machine import StopScanAndGo
-from stop_scan_and_go.scan_while_driving import ScanWhileDriving
+from stop_scan_and_go.scan_while_driving import LookWhileDriving, ScanWhileDriving
 
 __all__ = [
     "Decision",
     "DriveState",
+    "LookWhileDriving",
     "ScanWhileDriving",
     "StopScanAndGo",
     "StopScanAndGoConfig",

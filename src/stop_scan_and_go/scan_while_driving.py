@@ -24,9 +24,14 @@ class ScanWhileDriving(StopScanAndGo):
         self._leap_m = 0.0  # by which it grew since
 
     @property
+    def looks(self) -> bool:
+        """Whether sweeps come by themselves, without being asked for."""
+        return self._state in (DriveState.DRIVING, DriveState.LOOKING)
+
+    @property
     def nods(self) -> bool:
         """Whether the mount is to nod."""
-        return self._state in (DriveState.DRIVING, DriveState.LOOKING)
+        return self.looks
 
     def stalled_s(self, stamp_s: float) -> float:
         """How long it has stood by now for a sweep that does not come; 0 while that may still be on its way."""
@@ -37,7 +42,7 @@ class ScanWhileDriving(StopScanAndGo):
         """Take the planner's decision about the sweep that ended at `stamp_s`; `refused`: its match was. ValueError for an unknown kind."""
         decision = Decision(kind)
         self._refused = self._refused + 1 if refused else 0
-        if not self.nods:
+        if not self.looks:
             return super().on_decision(stamp_s, decision, reason)
         self._sweeps += 1
         self._travel.restart()
@@ -89,4 +94,18 @@ class ScanWhileDriving(StopScanAndGo):
     def _looking(self, tick: TickObservation) -> TickAction:
         if tick.stamp_s - self._entered_s > self._config.decision_limit_s:
             self._enter(DriveState.FAILED, f"no decision about a sweep within {self._config.decision_limit_s:.0f} s")
+        return self._answer()
+
+
+class LookWhileDriving(ScanWhileDriving):
+    """The same with a lidar that is fixed: it looks all the time. In place of a whole sweep the robot stands until the next decision."""
+
+    @property
+    def nods(self) -> bool:
+        """Nothing can."""
+        return False
+
+    def _prepare_sweep(self, kind: SweepKind, reason: str) -> TickAction:
+        self._kind = kind
+        self._enter(DriveState.LOOKING, reason)
         return self._answer()

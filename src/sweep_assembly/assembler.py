@@ -30,7 +30,7 @@ from sweep_assembly.assembly_config import SweepAssemblyConfig
 from sweep_assembly.beams import STAMP_TOLERANCE_S, Beams, FreeBeams, Sensor
 from sweep_assembly.geometry import FloatArray, TiltGeometry
 from sweep_assembly.stray_points import stray_points
-from sweep_assembly.sweep_window import NodWindowDetector, SweepWindow, SweepWindowDetector
+from sweep_assembly.sweep_window import NodWindowDetector, SweepWindow, SweepWindowDetector, TravelWindowDetector
 
 NODE_SPACING_S = 0.002  # the laser's pose is exact at nodes and linear between them: 3 rad/s bends a 30 m beam by 0.1 mm
 
@@ -39,7 +39,7 @@ NODE_SPACING_S = 0.002  # the laser's pose is exact at nodes and linear between 
 class Sweep:
     """One de-skewed cloud, in base_link as it stood at `stamp_s`.
 
-    `stamp_s`: the first joint sample at which the laser is horizontal again; `start_stamp_s`: the last one before it left.
+    `stamp_s`, `start_stamp_s`: the ends of its `SweepWindow`.
     `points`: (N, 3) float32 metres, in the order in which they were measured. `origins`: (N, 3) float32, where the laser was
     for each of them. `free_ends`, `free_origins`: (M, 3) float32, the same for a thinned part of the beams that met nothing, cut at
     `free_range_m`: what lies along them was seen to be free. `scans`: how many scans or revolutions gave points.
@@ -94,10 +94,8 @@ class SweepAssembler:
             self._dropped["joint_not_finite"] += 1
         elif self._arrives(self._joints, stamp_s):
             self._joints.append(stamp_s, (tilt_rad, self._direction.after(tilt_rad)))
-            window = self._detector.add(stamp_s, tilt_rad)
-            if window:
-                self._pending.append(window)
-            self._trim()
+            if not isinstance(self._detector, TravelWindowDetector):
+                self._ends_with(self._detector.add(stamp_s, tilt_rad))
 
     def add_odometry(self, stamp_s: float, T_odom_base: ArrayLike) -> None:
         """Takes the (4, 4) pose of base_link at a time. What is not finite, not rigid, late or repeated is dropped and counted."""
@@ -110,6 +108,13 @@ class SweepAssembler:
             self._dropped["odometry_not_finite"] += 1
         elif self._arrives(self._odometry, stamp_s):
             self._odometry.append(stamp_s, pose)
+            if isinstance(self._detector, TravelWindowDetector):
+                self._ends_with(self._detector.add(stamp_s, pose))
+
+    def _ends_with(self, window: SweepWindow | None) -> None:
+        if window:
+            self._pending.append(window)
+        self._trim()
 
     def add_scan(self, stamp_s: float, filtered: object) -> None:
         """Takes a filtered reading, of a laser a `Scan`, with the stamp of the first beam; only what was hit becomes points.
@@ -140,9 +145,7 @@ class SweepAssembler:
         self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", config.jump_back_s, config.buffer_s, self._dropped)
         self._scans: StampedBuffer[Any] = StampedBuffer("scan", config.jump_back_s, config.buffer_s, self._dropped)
         self._direction = TiltDirection(self._tilt_geometry.calibration.backlash_rad)
-        rest = SweepWindowDetector(config.horizontal_tolerance_rad, config.still_rate_rad_s, config.max_duration_s, self._dropped)
-        nods = config.windows == "turning_points"
-        self._detector = NodWindowDetector(rest, config.whole_sweep_rad, config.least_nod_rad) if nods else rest
+        self._detector = _detector(config, self._dropped)
         self._pending: list[SweepWindow] = []
 
     def _arrives(self, buffer: StampedBuffer[Any], stamp_s: float) -> bool:
@@ -235,6 +238,13 @@ class SweepAssembler:
         directions = steady_directions(joint_stamps, tilts, beams.times_s)
         at_beams = np.interp(beams.times_s, joint_stamps, tilts)
         return Place(TiltedBeams(beams.hits.astype(np.float32), at_beams, directions), poses[-1])
+
+
+def _detector(config: SweepAssemblyConfig, dropped: Counter[str]) -> SweepWindowDetector | NodWindowDetector | TravelWindowDetector:
+    if config.windows == "travelled":
+        return TravelWindowDetector(config.travelled_m, config.travelled_rad, config.travelled_s)
+    rest = SweepWindowDetector(config.horizontal_tolerance_rad, config.still_rate_rad_s, config.max_duration_s, dropped)
+    return rest if config.windows == "rest" else NodWindowDetector(rest, config.whole_sweep_rad, config.least_nod_rad)
 
 
 def _overlaps_gap(starts: FloatArray, ends: FloatArray, stamps: FloatArray, max_gap_s: float, window: SweepWindow) -> NDArray[np.bool_]:

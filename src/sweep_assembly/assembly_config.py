@@ -16,9 +16,12 @@ class SweepAssemblyConfig:
     windows: str = parameter(
         "rest",
         "-",
-        "rest: sweeps go from rest to rest; turning_points: or are half of a nod",
-        choices=("rest", "turning_points"),
+        "rest: sweeps go from rest to rest; turning_points: or are half of a nod; travelled: a part of the way, of a lidar that is fixed",
+        choices=("rest", "turning_points", "travelled"),
     )
+    travelled_m: float = parameter(1.0, "m", "travelled: a sweep ends so far from where it began", low=0.1, high=5.0)
+    travelled_rad: float = parameter(0.7, "rad", "or when the robot has turned by so much since", low=0.1, high=3.0)
+    travelled_s: float = parameter(2.0, "s", "or after so long: of a robot that stands, too", low=0.3, high=30.0)
     whole_sweep_rad: float = parameter(1.3, "rad", "no nod tilts lower: what does is a whole sweep, from rest to rest", low=0.1, high=3.1)
     least_nod_rad: float = parameter(0.3, "rad", "a shorter way from turn to turn is no nod", low=0.05, high=3.0)
     max_duration_s: float = parameter(30.0, "s", "a sweep that takes longer is dropped", low=0.1)

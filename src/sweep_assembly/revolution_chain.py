@@ -26,6 +26,7 @@ TURN_SLACK_S = 0.002  # by which a turn may begin before its stamp
 LONGEST_TURNS = 1.05  # a motor's speed is not exact
 POSES = 21  # of the laser in a revolution, and linear between: 1 rad/s bends a 2.5 m beam by 0.01 mm
 FAR_M = 1000.0  # stands for beams that met nothing where their ends are moved
+MOST_PITCH_RAD = 0.02  # of a mount at tilt 0: rings of one that is pitched meet the ground
 LEVEL_BEAMS = 450  # of the level scan: fewer than a ring's, so that none stays empty when the robot turns
 
 
@@ -34,7 +35,7 @@ class FilteredRevolution:
     """What became of a revolution: the one with all that is left of it (None for a stamp at which none ended) and its level scan.
 
     `end_stamp_s` is the time of both; `level_ranges` (450,) float32 metres around `laser` as it stood then, from azimuth -pi on: inf
-    beyond the short range, NaN where nothing is known, and everywhere while the mount was not level.
+    beyond the short range, NaN where nothing is known, and everywhere while the mount was not level, or where it is fixed and pitched.
     """
 
     end_stamp_s: float
@@ -50,6 +51,7 @@ class RevolutionChain:
         self._filter = RevolutionFilter(config, lidar, mount, robot)
         self._config, self._lidar, self._mount = config, lidar, mount
         self._T_base_laser = mount.base_from_laser(0.0)[0]
+        self._lies_level = self._T_base_laser[2, 2] >= math.cos(MOST_PITCH_RAD)
         self._ring = int(np.argmin(np.abs(lidar.elevations)))  # of two that are as near to level the lower one
         self.dropped: Counter[str] = Counter()
         self._reset()
@@ -122,7 +124,7 @@ class RevolutionChain:
         self._last_end_s = stamp_s + self._lidar.duration_s
         tilts = self._tilts.at(stamp_s + whole.times_s)
         filtered = self._filter.filter(whole, tilts)
-        level = bool(np.all(np.abs(tilts) <= self._config.horizontal_tolerance_rad))  # False where a tilt is not known
+        level = self._lies_level and bool(np.all(np.abs(tilts) <= self._config.horizontal_tolerance_rad))  # False where a tilt is not known
         ranges = self._level_ranges(stamp_s, filtered) if level else np.full(LEVEL_BEAMS, np.nan, np.float32)
         self._odometry.forget_before(stamp_s)
         return FilteredRevolution(self._last_end_s, filtered, ranges)

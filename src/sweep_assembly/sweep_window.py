@@ -1,13 +1,19 @@
-"""When a sweep begins and ends, told from the tilt angle alone."""
+"""When a sweep begins and ends, told from the tilt angle alone, or of a lidar that is fixed from the way that the robot has come."""
 
 from collections import Counter
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from rigid_geometry import inverse, rotation_angle, translation_distance
+from sweep_assembly.geometry import FloatArray
+
 
 @dataclass(frozen=True)
 class SweepWindow:
-    """From the last horizontal joint sample before a sweep to the first one after it, in seconds, or from one turn of a nod to the next."""
+    """From the last horizontal joint sample before a sweep to the first one after it, in seconds, or from one turn of a nod to the next.
+
+    Of a lidar that is fixed: from one odometry sample to another.
+    """
 
     start_stamp_s: float
     end_stamp_s: float
@@ -148,3 +154,35 @@ class NodWindowDetector:
         if before is None or abs(turn[1] - before[1]) < self._least_rad:
             return None
         return SweepWindow(before[0], turn[0], from_rest=False)
+
+
+class TravelWindowDetector:
+    """Cuts the way of a robot into sweeps that follow on each other: each so long, or so much of a turn, or of a robot that stands so late.
+
+    Of a lidar that is fixed every moment is like the other; what a part of the way shows depends on the way alone.
+    """
+
+    def __init__(self, most_m: float, most_rad: float, most_s: float) -> None:
+        """A sweep ends with the first odometry sample so far from where it began, turned by so much, or so long after it."""
+        self._most_m, self._most_rad, self._most_s = most_m, most_rad, most_s
+        self._began: tuple[float, FloatArray] | None = None
+
+    @property
+    def needed_from_s(self) -> float | None:
+        """Nothing before this stamp can belong to the present or a coming sweep; None before the first sample."""
+        return None if self._began is None else self._began[0]
+
+    def add(self, stamp_s: float, T_odom_base: FloatArray) -> SweepWindow | None:
+        """Takes the next odometry sample (stamps increase); a window when with this sample a sweep has ended."""
+        if self._began is None:
+            self._began = stamp_s, T_odom_base
+            return None
+        began_s, T_odom_began = self._began
+        if stamp_s - began_s < self._most_s and not self._is_far(T_odom_began, T_odom_base):
+            return None
+        self._began = stamp_s, T_odom_base
+        return SweepWindow(began_s, stamp_s, from_rest=False)
+
+    def _is_far(self, T_odom_began: FloatArray, T_odom_base: FloatArray) -> bool:
+        turned = rotation_angle(inverse(T_odom_began) @ T_odom_base)
+        return translation_distance(T_odom_began, T_odom_base) >= self._most_m or turned >= self._most_rad

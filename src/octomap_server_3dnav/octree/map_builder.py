@@ -42,10 +42,16 @@ class MapConfig:
     start_plane_half_m: float = parameter(
         0.8, "m", "half side of the plane put under the robot at the start, where the laser is blind", low=0.0, high=3.0
     )
+    start_plane_most_m: float = parameter(
+        2.0, "m", "it reaches as far as the nearest ground that the first sweep shows, but no farther than this", low=0.0, high=5.0
+    )
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
-        return check_ranges(self)
+        found = check_ranges(self)
+        if self.start_plane_most_m < self.start_plane_half_m:
+            found.append(f"start_plane_most_m = {self.start_plane_most_m} is below start_plane_half_m = {self.start_plane_half_m}")
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +172,7 @@ class MapBuilder:
         """Vertices whose sweep touches the square around the robot, where it was drawn or where it is now."""
         c = self.config
         # The plane of the first sweep lies up to base_height_m beside a tilted robot; a voxel more is what boxes are rounded by.
-        reach = radius_m + max(c.crop_half_m, c.start_plane_half_m + self.robot.base_height_m) + c.resolution
+        reach = radius_m + max(c.crop_half_m, c.start_plane_most_m + self.robot.base_height_m) + c.resolution
         return [
             vertex
             for vertex, (sweep, T_now) in self._moved.items()
@@ -201,18 +207,25 @@ class MapBuilder:
         inside = ((hits >= bounds[0]) & (hits <= bounds[1])).all(axis=1)
         hits = hits[inside]
         if first and c.start_plane_half_m > 0 and T[2, 2] > _UPRIGHT:
-            middles, stood_on = self._ground_under(T, voxels[0])
+            middles, stood_on = self._ground_under(T, voxels[0], self._blind_m(T, hits))
             voxels.append(self._tree.trace_sweep(middles, middles))  # beams that end where they begin
             hits = np.concatenate([hits, stood_on])
         return _Seen(voxels, HitHeights.of(hits, c.resolution))
 
-    def _ground_under(self, T: Transform, seen: SweepVoxels) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def _blind_m(self, T: Transform, hits: NDArray[np.floating]) -> float:
+        """How far around a robot at T_map_base its first sweep shows no ground: a lidar that is fixed looks over what is near."""
+        c, from_robot = self.config, hits - (T[:3, 3] - self.robot.base_height_m * T[:3, 2])
+        away_m = np.linalg.norm(from_robot, axis=1)[np.abs(from_robot @ T[:3, 2]) <= c.resolution]
+        nearest_m = away_m.min() if away_m.size else 0.0  # of no ground nobody knows where it begins
+        return float(np.clip(nearest_m + c.resolution, c.start_plane_half_m, c.start_plane_most_m))
+
+    def _ground_under(self, T: Transform, seen: SweepVoxels, half_m: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Voxels of the plane that a robot at T_map_base stands on, where a sweep saw nothing: their middles, and where in them it is."""
         c, up = self.config, T[:3, 2]
         alone = OctreeMap(c.resolution, self._tree.sensor_model)
         alone.insert(seen)
         below = T[:3, 3] - self.robot.base_height_m * up
-        middles = alone.unknown_on_plane(below - (0, 0, _SUNK * c.resolution), c.start_plane_half_m, up)
+        middles = alone.unknown_on_plane(below - (0, 0, _SUNK * c.resolution), half_m, up)
         height = below[2] - (middles[:, :2] - below[:2]) @ up[:2] / up[2]
         top = middles[:, 2] + 0.499 * c.resolution
         return middles, np.column_stack([middles[:, :2], np.minimum(height, top)]).astype(np.float32)

@@ -8,14 +8,17 @@ import yaml
 
 from explore_command.__main__ import main
 from explore_command.arguments import ArgumentProblem, parse
-from explore_command.launching import effective_robot, launch_arguments, parameter_problem, world_problem
+from explore_command.launching import as_robot_is_built, effective_robot, launch_arguments, parameter_problem, world_problem
 from explore_command.parameters import all_overrides, override_problems, parsed_overrides, profile_names, read_profile
 from robot_body import DEFAULT_ROBOT_FILE, RobotBody, robot_mapping, urdf_file
 from stage_config.old_names import OLD_NAMES
 
+FIXED = Path(__file__).parents[3] / "config" / "robots" / "husky_vlp16.yaml"
+
 
 def launched(*arguments: str) -> dict[str, object]:
-    return launch_arguments(parse([*arguments]), RobotBody(), Path("/o/overrides.yaml"))
+    robot = RobotBody()
+    return launch_arguments(as_robot_is_built(parse([*arguments]), robot), robot, Path("/o/overrides.yaml"))
 
 
 def robot_file(tmp_path: Path, **changes: object) -> str:
@@ -35,6 +38,21 @@ def test_launch_file_gets_every_argument() -> None:
 def test_launch_file_is_told_the_sensor() -> None:
     assert launched()["sensor"] == "tilting"
     assert launched("--sensor", "spinning")["sensor"] == "spinning"
+
+
+def test_fixed_lidar_decides_for_sensor_and_mapping_where_they_are_not_said() -> None:
+    arguments = parse(["--robot", str(FIXED)])
+    built = as_robot_is_built(arguments, effective_robot(arguments))
+    assert (built.sensor, built.mapping) == ("spinning", "driving")
+
+
+@pytest.mark.parametrize(("words", "said"), [(["--sensor", "tilting"], "sensor is tilting"), (["--mapping", "stop_and_go"], "mapping is")])
+def test_what_a_fixed_lidar_cannot_is_refused_in_a_line(
+    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["--robot", str(FIXED), *words, "--out", str(tmp_path / "run")]) == 2
+    err = capsys.readouterr().err
+    assert said in err and err.count("\n") == 1 and not (tmp_path / "run").exists()
 
 
 def test_unknown_sensor_is_refused() -> None:

@@ -181,11 +181,11 @@ def test_plane_at_the_start_moves_with_the_first_sweep():
     assert state(built, 10.0, 0.0, -0.02) is VoxelState.OCCUPIED
 
 
-def on_a_slope(roll_rad: float, pitch_rad: float) -> tuple[Beams, np.ndarray]:
-    """A sweep of a plane by a robot that stands on it, and its pose; it sees nothing within 0.7 m, where the laser is blind."""
+def on_a_slope(roll_rad: float, pitch_rad: float, blind_m: float = 0.7) -> tuple[Beams, np.ndarray]:
+    """A sweep of a plane by a robot that stands on it, and its pose; it sees nothing within `blind_m`, where the laser is blind."""
     T_map_base = transform_from_rpy((0.0, 0.0, 0.0), (roll_rad, pitch_rad, 0.0)) @ transform_from_rpy((0.0, 0.0, 0.132))
     x, y = (v.ravel() for v in np.meshgrid(*[np.arange(-4.0, 4.0, 0.03)] * 2))
-    seen = np.hypot(x, y) > 0.7
+    seen = np.hypot(x, y) > blind_m
     points = np.column_stack([x[seen], y[seen], np.full(seen.sum(), -0.132)]).astype(np.float32)
     return Beams(points, np.tile(np.float32(SENSOR), (len(points), 1)), NOTHING, NOTHING), T_map_base
 
@@ -199,6 +199,22 @@ def test_robot_that_starts_on_a_slope_has_ground_around_it_and_nothing_in_its_wa
     grid = project(terrain, (0.0, 0.0), 3.2)
     assert (grid.cost == FREE).all() and np.isinf(grid.distance).all()
     assert terrain.departure is not None and terrain.departure == terrain.start
+
+
+@pytest.mark.parametrize(("blind_m", "reaches"), [(0.7, True), (1.35, True), (1.9, True), (2.6, False)])
+def test_ground_is_put_around_the_robot_as_far_as_its_first_sweep_shows_none(blind_m, reaches):
+    built = builder()
+    beams, T_map_base = on_a_slope(0.0, 0.0, blind_m)
+    built.add_sweep(beams, 0, [T_map_base])
+    terrain = classify(built.runs_around(T_map_base, 4.0), T_map_base, TerrainConfig(), RobotBody(), 3.0, built.heights)
+    assert (project(terrain, (0.0, 0.0), 4.4).cost == FREE).all() == reaches
+
+
+def test_where_the_first_sweep_shows_no_ground_at_all_it_is_put_under_the_robot_only():
+    built = builder()
+    built.add_sweep(wall(), 0, [pose()])
+    assert state(built, 0.7, 0.0, -0.02) is VoxelState.OCCUPIED
+    assert state(built, 1.2, 0.0, -0.02) is VoxelState.UNKNOWN
 
 
 def test_nothing_is_put_under_a_robot_that_lies_on_its_side():

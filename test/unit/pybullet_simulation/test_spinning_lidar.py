@@ -15,11 +15,12 @@ from pybullet_simulation.spinning_lidar import SpinningLidar
 from pybullet_simulation.sweep_profile import spinning_sweep_profile, sweep_profile
 from pybullet_simulation.world import World, joined, nearest_hits, raycasting_scene
 from rigid_geometry import rotation_from_rpy
-from robot_body import RobotBody
+from robot_body import DEFAULT_ROBOT_FILE, RobotBody, load_robot
 
 EXACT = replace(IDEAL, range_sigma_m=0.0, range_sigma_far_m=0.0, veiling_probability=0.0)
 HUSKY = RobotBody()
 ROBOT = read_robot_model(HUSKY)
+FIXED = load_robot(DEFAULT_ROBOT_FILE.parent / "robots" / "husky_vlp16.yaml")
 HALL = box("hall", (-6.0, -6.0, -0.0), (6.0, 6.0, 4.0))
 LASER_ABOVE_GROUND_M = 0.132 + 0.75 + 0.04
 
@@ -161,3 +162,27 @@ def test_same_seed_gives_the_same_revolutions(rooms):
 
     for a, b in zip(run(), run(), strict=True):
         assert a.points.tobytes() == b.points.tobytes() and a.times_s.tobytes() == b.times_s.tobytes()
+
+
+def test_fixed_lidar_looks_where_its_description_has_it_and_no_joint_tilts_it():
+    floor = box("floor", (-9.0, -9.0, -1.0), (9.0, 9.0, 0.0))
+    simulation = Simulation(EXACT, world_of(floor), 1, FIXED, SpinningLidarConfig(), IDEAL_TIMING)
+    samples = [one for _ in range(10) for one in simulation.tick(0.0, 0.0).deliveries]
+    names = {name for one in samples if one.topic == "/joint_states" for name in one.sample.names}
+    assert len(names) == 4 and all("wheel" in name for name in names)
+    turns = [one.sample for one in samples if one.topic == "/points"]
+    T_base_laser = read_robot_model(FIXED).T_base_mount
+    points = turns[-1].points.astype(float) @ T_base_laser[:3, :3].T + T_base_laser[:3, 3]
+    ground = points[np.abs(points[:, 2] + FIXED.base_height_m) < 0.02]
+    below = LASER_ABOVE_GROUND_M / np.tan(np.radians(40.0))  # 25 deg, and the lowest ring 15 deg more
+    assert ground[:, 0].max() > 4.0 and np.hypot(*(ground[:, :2] - T_base_laser[:2, 3]).T).min() == pytest.approx(below, abs=0.02)
+    with pytest.raises(ValueError, match="fixed"):
+        simulation.start_sweep()
+    with pytest.raises(ValueError, match="fixed"):
+        simulation.nod(True)
+    simulation.close()
+
+
+def test_laser_that_scans_a_line_cannot_be_fixed():
+    with pytest.raises(ValueError, match="husky_vlp16.*has to be a spinning lidar"):
+        Simulation(EXACT, world_of(HALL), 1, FIXED)

@@ -14,7 +14,7 @@ from stage_config.old_names import OLD_NAMES
 ROOT = Path(__file__).resolve().parents[3]
 HUSKY = RobotBody()
 MODULES = sorted([p for p in (ROOT / "src").rglob("*.py") if p.parent.name != "robot_body"] + [*(ROOT / "nodes").iterdir()])
-FILES = sorted([p for p in (ROOT / "config").rglob("*.yaml") if p.name != "robot.yaml"])
+FILES = sorted([p for p in (ROOT / "config").rglob("*.yaml") if p.name != "robot.yaml" and p.parent.name != "robots"])
 OF_THE_BODY = {f.name for f in dataclasses.fields(RobotBody)} - {"name", "urdf", "mounts"}
 OLD = {path.rpartition("/")[2] for path, home in OLD_NAMES.items() if home.startswith("robot.yaml")}
 # A name that also means something else: how fast the follower wants to go, and how far the costmap's costs reach.

@@ -1,14 +1,26 @@
 """robot.yaml and the URDF say the same, or it is told where they do not."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from robot_body import RobotBody, SensorMount, contradictions, urdf_file
+from robot_body import (
+    RobotBody,
+    SensorMount,
+    contradictions,
+    fixed_laser_problem,
+    is_fixed,
+    laser_mount,
+    load_robot,
+    mount_from_urdf,
+    urdf_file,
+)
 from robot_body.urdf import read_description, with_mount
 
 HUSKY = RobotBody()
+FIXED = load_robot(Path(__file__).parents[3] / "config" / "robots" / "husky_vlp16.yaml")
 URDF = urdf_file(HUSKY).read_text(encoding="utf-8")
 LASER = SensorMount("laser", "laser", "tilt_link", (0.03, 0.0, 0.04), (0.0, 0.0, 0.0))
 
@@ -83,3 +95,27 @@ def test_links_in_a_ring_have_no_way_to_base_link() -> None:
     ring = f"<robot>{joint.format('a', 'b')}{joint.format('b', 'a')}</robot>"
     with pytest.raises(ValueError, match="no chain of joints"):
         read_description(ring).chain("a")
+
+
+def test_lidar_that_is_fixed_has_a_pose_and_no_joint() -> None:
+    text = urdf_file(FIXED).read_text(encoding="utf-8")
+    joint, T_base_mount, T_tilt_laser = laser_mount(text, FIXED.mount("laser"))
+    assert contradictions(FIXED, text) == [] and joint is None and is_fixed(text, FIXED.mount("laser"))
+    looks_along = (T_base_mount @ T_tilt_laser)[:3, 0]
+    assert np.degrees(np.arcsin(-looks_along[2])) == pytest.approx(25.0)
+    with pytest.raises(ValueError, match="no joint that tilts laser"):
+        mount_from_urdf(text, FIXED.mount("laser"))
+    assert laser_mount(URDF, LASER)[0] == "tilt_joint"
+
+
+@pytest.mark.parametrize(
+    ("sensor", "mapping", "said"),
+    [
+        ("spinning", "driving", ""),
+        ("tilting", "driving", "only a spinning lidar can be fixed"),
+        ("spinning", "stop_and_go", "set it to driving"),
+    ],
+)
+def test_fixed_lidar_spins_and_maps_while_the_robot_drives(sensor: str, mapping: str, said: str) -> None:
+    problem = fixed_laser_problem(FIXED, sensor, mapping)
+    assert said in problem and bool(problem) == bool(said) and "\n" not in problem

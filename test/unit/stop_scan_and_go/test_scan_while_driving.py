@@ -3,7 +3,7 @@
 import pytest
 from test_stop_scan_and_go import FORWARD, Script
 
-from stop_scan_and_go import DriveState, ScanWhileDriving, StopScanAndGoConfig, SweepKind
+from stop_scan_and_go import DriveState, LookWhileDriving, ScanWhileDriving, StopScanAndGoConfig, SweepKind
 
 
 class DrivingScript(Script):
@@ -172,3 +172,37 @@ def test_way_that_a_new_terrain_blocks_is_given_up_for_what_is_decided_there_and
     script.until(DriveState.MAPPING)
     script.decide("goal")
     assert script.tick(FORWARD, "following").v == FORWARD[0]
+
+
+class FixedScript(DrivingScript):
+    def __init__(self, **changes: float) -> None:
+        super().__init__()
+        self.machine = LookWhileDriving(StopScanAndGoConfig(**changes))
+
+
+def test_fixed_lidar_is_never_asked_for_a_sweep_and_the_robot_drives_with_the_first_decision() -> None:
+    script = FixedScript()
+    script.until(DriveState.LOOKING)
+    assert script.machine.sweep_kind is SweepKind.INITIAL
+    script.decide("goal")
+    script.drive(1.0)
+    assert script.machine.state is DriveState.DRIVING
+    assert not any(action.start_sweep for action in script.actions) and not script.machine.nods
+
+
+def test_with_a_fixed_lidar_it_looks_again_where_it_looked_and_after_refusals() -> None:
+    script = FixedScript()
+    script.until(DriveState.LOOKING)
+    script.decide("goal")
+    for _ in range(3):
+        script.drive(1.0)
+        script.tick((0.0, 0.0), "stuck")
+        assert script.machine.state is DriveState.LOOKING
+        script.t += 1.0
+        script.decide("goal")
+    for _ in range(2):
+        script.drive(0.5)
+        script.machine.on_decision(script.t, "keep", "", refused=True)
+    script.tick(FORWARD, "following")
+    assert script.machine.state is DriveState.LOOKING
+    assert not any(action.start_sweep for action in script.actions)

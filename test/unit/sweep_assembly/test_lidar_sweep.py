@@ -90,3 +90,15 @@ def test_revolutions_in_a_pause_of_the_odometry_are_left_out_and_counted():
 def test_reading_of_another_sensor_is_refused():
     with pytest.raises(ValueError, match="is a Revolution, not ndarray"):
         SweepAssembler(SweepAssemblyConfig(), LidarRevolutions(LIDAR), TILT).add_scan(1.0, np.ones(5))
+
+
+def test_fixed_lidar_gives_a_sweep_for_each_part_of_the_way():
+    level = {**messages(), "scan": [(t, revolution(t, moving, lambda _: 0.0)) for t in np.arange(1.53, 3.7, 0.1).round(6)]}
+    level["joint"] = [(t, 0.0) for t, _ in level["odometry"]]
+    sweeps, _ = run(level, windows="travelled", travelled_rad=0.29)  # it turns by 0.6 rad a second
+    assert [s.stamp_s - s.start_stamp_s for s in sweeps] == pytest.approx([0.5, 0.5, 0.5, 0.5])
+    assert [s.stamp_s for s in sweeps[:-1]] == [s.start_stamp_s for s in sweeps[1:]]
+    for sweep in sweeps[1:]:
+        points = transform_points(moving(sweep.stamp_s), sweep.points.astype(float))
+        assert np.minimum(np.abs(points - ROOM_LOW), np.abs(points - ROOM_HIGH)).min(axis=1).max() < 2e-3
+        assert len(sweep.points) == pytest.approx(5 * COLUMNS * 16, abs=3 * 16) and sweep.place is None

@@ -11,7 +11,7 @@ from lidar_in_a_room import LIDAR, ROOM_HIGH, ROOM_LOW, TILT, beams, revolution,
 from point_cloud2 import BeamCloud
 from rigid_geometry import transform_from_rpy
 from robot_body import RobotBody
-from sweep_assembly import LEVEL_BEAMS, LidarConfig, Revolution, RevolutionChain, RevolutionFilter, ScanFilterConfig
+from sweep_assembly import LEVEL_BEAMS, LidarConfig, Revolution, RevolutionChain, RevolutionFilter, ScanFilterConfig, TiltGeometry
 from sweep_assembly.revolution import counted_from_below, free_directions
 
 FAR_SIGHTED = ScanFilterConfig(horizontal_max_range_m=20.0)
@@ -268,3 +268,16 @@ def test_shapes_that_do_not_agree_and_wrong_lidars_are_refused():
     with pytest.raises(ValueError, match="lowest_rad"):
         RevolutionFilter(ScanFilterConfig(), LidarConfig(lowest_rad=0.3, highest_rad=0.2), TILT, RobotBody())
     assert (ROOM_LOW < ROOM_HIGH).all()
+
+
+@pytest.mark.parametrize(("pitch_rad", "seen"), [(0.0, True), (math.radians(25.0), False)])
+def test_level_scan_is_not_made_of_rings_that_meet_the_ground(pitch_rad, seen):
+    mount = TiltGeometry(transform_from_rpy((0.23, 0.0, 0.79), (0.0, pitch_rad, 0.0)), np.eye(4))
+    chain = RevolutionChain(FAR_SIGHTED, LIDAR, mount, RobotBody())
+    for t in (0.9, 1.0, 1.05, 1.1, 1.15):
+        chain.add_joint(t, 0.0)
+        chain.add_odometry(t, still(t))
+    chain.add_revolution(1.0, revolution(1.0, still, level))
+    (whole,) = [done for done in chain.poll() if done.revolution is not None]
+    assert np.isfinite(whole.level_ranges).any() == seen
+    assert len(whole.revolution.points) > 1000

@@ -1,11 +1,12 @@
-"""When a sweep of a resting mount, and each half of a nod, begins and ends."""
+"""When a sweep of a resting mount, each half of a nod, and a part of a robot's way, begins and ends."""
 
 from collections import Counter
 
 import numpy as np
 import pytest
 
-from sweep_assembly.sweep_window import NodWindowDetector, SweepWindow, SweepWindowDetector
+from rigid_geometry import transform_from_rpy
+from sweep_assembly.sweep_window import NodWindowDetector, SweepWindow, SweepWindowDetector, TravelWindowDetector
 
 LOW, HIGH, HALF_S = 1.05, -0.26, 2.0
 
@@ -61,3 +62,26 @@ def test_mount_that_trembles_makes_no_windows() -> None:
 
 def test_mount_that_stops_nodding_ends_no_window() -> None:
     assert len(windows(lambda t: nodding(min(t, 5.0)), 60.0)) == 1
+
+
+def travelled(pose_at, end_s: float) -> list[SweepWindow]:
+    detector = TravelWindowDetector(1.0, 0.7, 2.0)
+    found = [detector.add(float(t), pose_at(float(t))) for t in np.arange(0.0, end_s, 0.05).round(6)]
+    return [window for window in found if window is not None]
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "turn_rps", "each_s"),
+    [(0.8, 0.0, 1.25), (0.0, 0.89, 0.8), (0.0, -0.89, 0.8), (0.1, 0.1, 2.0), (0.0, 0.0, 2.0)],
+    ids=["a metre", "a turn", "a turn to the right", "slow", "standing"],
+)
+def test_way_is_cut_into_windows_that_follow_on_each_other(speed_mps: float, turn_rps: float, each_s: float) -> None:
+    found = travelled(lambda t: transform_from_rpy((speed_mps * t, 0.0, 0.0), (0.0, 0.0, turn_rps * t)), 6.2)
+    assert [w.end_stamp_s - w.start_stamp_s for w in found] == pytest.approx([each_s] * int(6.15 / each_s))
+    assert found[0].start_stamp_s == 0.0 and [w.end_stamp_s for w in found[:-1]] == [w.start_stamp_s for w in found[1:]]
+    assert not any(w.from_rest for w in found)
+
+
+def test_robot_that_comes_to_rest_is_swept_as_late_as_one_that_stands() -> None:
+    ends = [w.end_stamp_s for w in travelled(lambda t: transform_from_rpy((0.8 * min(t, 2.0), 0.0, 0.0)), 6.0)]
+    assert ends == pytest.approx([1.25, 3.25, 5.25])

@@ -1,0 +1,40 @@
+"""The mount's tilt, by joint states or, of a lidar that is fixed, with odometry."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+
+from ros_adapters.conversions import ros_time
+from ros_adapters.tilt_input import TiltInput
+
+
+class PlayedNode:
+    def __init__(self) -> None:
+        self.callbacks: dict[str, Callable[[Any], object]] = {}
+
+    def subscribe(self, topic: str, _type: type, callback: Callable[[Any], object], **_how: object) -> None:
+        self.callbacks[topic] = callback
+
+
+def joints(stamp_s: float, **positions: float) -> JointState:
+    return JointState(header=Header(stamp=ros_time(stamp_s)), name=list(positions), position=list(positions.values()))
+
+
+def test_tilting_mount_is_heard_by_its_joint_and_not_by_odometry() -> None:
+    node, heard = PlayedNode(), list[tuple[float, float]]()
+    tilt = TiltInput(node, "tilt_joint", lambda *one: heard.append(one))  # type: ignore[arg-type]
+    tilt.add_odometry(1.0)
+    assert node.callbacks["/joint_states"](joints(2.0, wheel=7.0, tilt_joint=0.3)) is True
+    assert node.callbacks["/joint_states"](joints(3.0, wheel=7.0)) is False
+    assert heard == [(pytest.approx(2.0), 0.3)] and not tilt.is_fixed and tilt.topics == ("/joint_states",)
+
+
+def test_fixed_mount_is_level_with_every_odometry_and_hears_no_joints() -> None:
+    node, heard = PlayedNode(), list[tuple[float, float]]()
+    tilt = TiltInput(node, None, lambda *one: heard.append(one))  # type: ignore[arg-type]
+    tilt.add_odometry(1.0)
+    tilt.add_odometry(1.05)
+    assert heard == [(1.0, 0.0), (1.05, 0.0)] and tilt.is_fixed and not node.callbacks and tilt.topics == ()
