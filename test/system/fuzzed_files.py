@@ -30,12 +30,11 @@ from mapping_tools.configuration import configured
 from mapping_tools.pose_files import read_poses
 from pose_graph_mapping.graph.graph_files import g2o_text, read_graph_file
 from pose_graph_mapping.graph.graph_measurements import Edge, EdgeKind
-from pybullet_simulation.height_map import read_height_map
-from pybullet_simulation.mesh_file import read_mesh
 from rigid_geometry import read_origin, rpy_from_rotation
 from robot_body import DEFAULT_ROBOT_FILE
 from terrain_tools.criteria import Criteria, read_criteria
 from terrain_tools.map_source import read_map
+from world_files import read_height_map, read_mesh
 
 _MOST_BYTES = 3e8  # a map may take
 _RNG = np.random.default_rng(1)
