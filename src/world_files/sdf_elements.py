@@ -14,6 +14,7 @@ from rigid_geometry import transform_from_quat, transform_from_rpy
 Element = ElementTree.Element
 Transform = NDArray[np.float64]
 
+_FARTHEST = 1e9  # in metres: what no place on earth is away
 _PLACE = "{place}"  # an attribute that no XML can have
 
 
@@ -58,8 +59,8 @@ def numbers(element: Element, wanted: int) -> tuple[float, ...]:
         raise wrong(element, f"{' '.join(words)!r} is not {wanted} numbers") from error
     if len(values) != wanted:
         raise wrong(element, f"{len(values)} numbers, {' '.join(words)!r}, where {wanted} are wanted")
-    if not all(map(math.isfinite, values)):
-        raise wrong(element, f"{' '.join(words)!r} is not finite")
+    if not all(abs(value) < _FARTHEST for value in values):
+        raise wrong(element, f"{' '.join(words)!r} is not finite, or beyond {_FARTHEST:g}")
     return values
 
 
