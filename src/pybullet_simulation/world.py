@@ -37,8 +37,8 @@ class World:
     start_z: float
     heightfield: HeightField | None = None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    notes: tuple[str, ...] = ()
     movers: object = None
+    notes: tuple[str, ...] = ()
 
     def about(self) -> str:
         """Its size and where the robot starts, in the coordinates of its file, in a few words."""

@@ -104,6 +104,6 @@ def _with_start(about: WorldDescription, parts: Parts, by: Request) -> World:
         start_z,
         parts.heightfield,
         (x, y, z),
-        parts.notes,
-        about.movers,
+        movers=about.movers,
+        notes=parts.notes,
     )
