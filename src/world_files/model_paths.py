@@ -21,12 +21,13 @@ class ModelPaths:
 
     @classmethod
     def of(cls, given: Sequence[Path], environment: Mapping[str, str] = os.environ) -> "ModelPaths":
-        """The given ones, then those of Gazebo's variables. ValueError for a given one that is no folder."""
+        """The given ones, those of Gazebo's variables, then its own folder. ValueError for a given one that is no folder."""
         missing = [str(path) for path in given if not path.is_dir()]
         if missing:
             raise ValueError(f"models: no such folder: {', '.join(missing)}")
         told = (path for name in VARIABLES for path in environment.get(name, "").split(os.pathsep) if path)
-        return cls((*given, *map(Path, told)))
+        own = [Path(environment["HOME"], ".gazebo", "models")] if environment.get("HOME") else []
+        return cls((*given, *map(Path, told), *own))
 
     def found(self, uri: str, folder: Path) -> Path | None:
         """The file or folder of a URI that stands in a file of `folder`; None when there is none.

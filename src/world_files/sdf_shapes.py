@@ -45,7 +45,35 @@ class Endless:
     normal: Array
 
 
-def read_shape(geometry: Element, folder: Path, paths: ModelPaths, is_collision: bool) -> Shape | Endless | None:
+class ShapeFiles:
+    """Finds the files of meshes and height maps, and reads each mesh once, however often it stands in a world."""
+
+    def __init__(self, paths: ModelPaths) -> None:
+        self._paths = paths
+        self._meshes: dict[tuple[Path, str, tuple[float, ...]], tuple[Array, Indices, Indices]] = {}
+
+    def file(self, shape: Element, folder: Path) -> Path:
+        """The file that a shape names. NotUnderstoodError when it is not there."""
+        uri = text_of(shape, "uri") or text_of(shape, "filename")
+        found = self._paths.found(uri, folder) if uri else None
+        if found is None or not found.is_file():
+            raise NotUnderstoodError(f"{shape.tag} {uri or 'without <uri>'}, which is not there")
+        return found
+
+    def mesh(self, file: Path, part: str, scale: tuple[float, ...]) -> tuple[Array, Indices, Indices]:
+        """Vertices in m, triangles and solids of a mesh, or of its part. NotUnderstoodError when it cannot be read."""
+        key = (file, part, scale)
+        if key not in self._meshes:
+            try:
+                vertices, triangles = read_triangles(file, MeshFrame(up="z"), part or None)
+            except ValueError as error:
+                raise NotUnderstoodError(str(error)) from error
+            vertices = vertices * np.array(scale)
+            self._meshes[key] = vertices, triangles, closed_solids(vertices, triangles)
+        return self._meshes[key]
+
+
+def read_shape(geometry: Element, folder: Path, files: ShapeFiles, is_collision: bool) -> Shape | Endless | None:
     """The shape of a <geometry> in a file of `folder`; None for none.
 
     NotUnderstoodError for what is left out; ValueError when a number is wrong.
@@ -59,9 +87,9 @@ def read_shape(geometry: Element, folder: Path, paths: ModelPaths, is_collision:
     if shape.tag == "plane":
         return _plane(shape, is_collision)
     if shape.tag == "mesh":
-        return _mesh(shape, folder, paths)
+        return _mesh(shape, folder, files)
     if shape.tag == "heightmap":
-        return _heightmap(shape, folder, paths)
+        return _heightmap(shape, folder, files)
     raise NotUnderstoodError(f"geometry {shape.tag}")
 
 
@@ -128,33 +156,28 @@ def _plane(shape: Element, is_collision: bool) -> Shape | Endless:
     return _open(np.array([[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]]) @ turned.T, [[0, 1, 2], [0, 2, 3]])
 
 
-def _mesh(shape: Element, folder: Path, paths: ModelPaths) -> Shape:
+def _mesh(shape: Element, folder: Path, files: ShapeFiles) -> Shape:
     """In metres by the file's unit and its <scale>; an upward axis that the file names does not count, as in Gazebo."""
-    file = _file(shape, "mesh", folder, paths)
+    file = files.file(shape, folder)
     if file.suffix.lower() not in MESH_SUFFIXES:
         raise NotUnderstoodError(f"mesh {file.name}, which is none of {', '.join(MESH_SUFFIXES)}")
-    scale = np.array(child_numbers(shape, "scale", (1.0, 1.0, 1.0)))
-    if not scale.all():
+    scale = child_numbers(shape, "scale", (1.0, 1.0, 1.0))
+    if not all(scale):
         raise wrong(shape, f"scale {text_of(shape, 'scale')} is 0")
     part = text_of(shape, "submesh/name")
-    try:
-        vertices, triangles = read_triangles(file, MeshFrame(up="z"), part or None)
-    except ValueError as error:
-        raise NotUnderstoodError(str(error)) from error
+    vertices, triangles, solid = files.mesh(file, part, scale)
     if part and text_of(shape, "submesh/center") in ("true", "1"):
         vertices = vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    vertices = vertices * scale
-    return Shape(vertices, triangles, closed_solids(vertices, triangles), f"{place(shape)}: mesh {file.name}")
+    return Shape(vertices, triangles, solid, f"{place(shape)}: mesh {file.name}")
 
 
-def _heightmap(shape: Element, folder: Path, paths: ModelPaths) -> Shape:
+def _heightmap(shape: Element, folder: Path, files: ShapeFiles) -> Shape:
     """Its brightest pixel is as high as its size says, and its first row lies at the highest y."""
     x, y, z = sizes(shape, "size", (1.0, 1.0, 1.0))
     at = child_numbers(shape, "pos", (0.0, 0.0, 0.0))
+    file = files.file(shape, folder)
     try:
-        read = read_height_map(_file(shape, "heightmap", folder, paths), (x, y, z))
-    except NotUnderstoodError:
-        raise
+        read = read_height_map(file, (x, y, z))
     except ValueError as error:
         raise NotUnderstoodError(str(error)) from error
     top = float(read.heights.max())
@@ -165,11 +188,3 @@ def _heightmap(shape: Element, folder: Path, paths: ModelPaths) -> Shape:
     except ValueError as error:
         raise wrong(shape, str(error)) from error
     return _open(surface.vertices + at, surface.triangles)
-
-
-def _file(shape: Element, kind: str, folder: Path, paths: ModelPaths) -> Path:
-    uri = text_of(shape, "uri") or text_of(shape, "filename")
-    found = paths.found(uri, folder) if uri else None
-    if found is None or not found.is_file():
-        raise NotUnderstoodError(f"{kind} {uri or 'without <uri>'}, which is not there")
-    return found

@@ -17,7 +17,7 @@ from world_files.model_paths import ModelPaths
 from world_files.sdf_elements import Element
 from world_files.sdf_frames import T_link_shape, T_model_element, T_world_model
 from world_files.sdf_models import Model, ModelReader, Notes
-from world_files.sdf_shapes import Endless, NotUnderstoodError, Shape, read_shape
+from world_files.sdf_shapes import Endless, NotUnderstoodError, Shape, ShapeFiles, read_shape
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int32]
@@ -45,11 +45,11 @@ class SdfWorld:
 
 def read_sdf(path: Path, paths: ModelPaths) -> SdfWorld:
     """The first world of a file. ValueError names file, line and element of what is wrong, or says that nothing is left."""
-    notes = Notes()
+    notes, files = Notes(), ShapeFiles(paths)
     try:
         world = ModelReader(paths, notes).world(path)
         placed = [
-            found for model in _all_models(world) for link in model.element.findall("link") for found in _of_link(model, link, paths, notes)
+            found for model in _all_models(world) for link in model.element.findall("link") for found in _of_link(model, link, files, notes)
         ]
     except RecursionError as error:
         raise ValueError(f"{path}: its models or frames hang on themselves") from error
@@ -66,7 +66,7 @@ def _all_models(model: Model) -> Iterator[Model]:
         yield from _all_models(nested)
 
 
-def _of_link(model: Model, link: Element, paths: ModelPaths, notes: Notes) -> list[tuple[Transform, Shape | Endless]]:
+def _of_link(model: Model, link: Element, files: ShapeFiles, notes: Notes) -> list[tuple[Transform, Shape | Endless]]:
     """The shapes of a link where they are in the world."""
     T_world_link = T_world_model(model) @ T_model_element(model, link)
     for kind in ("collision", "visual"):
@@ -74,7 +74,7 @@ def _of_link(model: Model, link: Element, paths: ModelPaths, notes: Notes) -> li
         for element in link.findall(kind):
             geometry = element.find("geometry")
             try:
-                shape = None if geometry is None else read_shape(geometry, model.folder, paths, kind == "collision")
+                shape = None if geometry is None else read_shape(geometry, model.folder, files, kind == "collision")
                 T_world_shape = T_world_link @ T_link_shape(link, model, element)
                 if isinstance(shape, Endless) and (T_world_shape[:3, :3] @ shape.normal)[2] < _LEVEL_Z:
                     raise NotUnderstoodError("plane without an end that is not level")
