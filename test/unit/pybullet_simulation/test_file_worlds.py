@@ -63,6 +63,15 @@ def test_robot_starts_neither_on_a_roof_nor_on_a_crate(tmp_path: Path, seed: int
     assert load_world(path, seed, start=(0.0, 0.0, 3.1, 0.0)).start_z == pytest.approx(3.1, abs=1e-4)
 
 
+def test_house_without_room_inside_has_a_start_on_its_roof_only_when_asked(tmp_path: Path) -> None:
+    slabs = [model(f"s{z}", collision(box("8 8 0.2")), pose=pose(f"0 0 {z} 0 0 0")) for z in (-0.1, 3.1)]
+    posts = [model(f"p{x}{y}", collision(box("0.2 0.2 3")), pose=pose(f"{x} {y} 1.5 0 0 0")) for x in range(-4, 5) for y in range(-4, 5)]
+    path = str(world_file(tmp_path, *slabs, *posts))
+    with pytest.raises(ValueError, match="no flat ground"):
+        load_world(path, 1)
+    assert load_world(path, 1, start=(0.0, 0.0, 3.2, 0.0)).start_z == pytest.approx(3.2, abs=1e-4)
+
+
 def open_walls(path: Path) -> str:
     """Walls of a hall of 10 x 10 m, without a floor, from z = 1."""
     walls = [trimesh.creation.box(bounds=[(x, -5, 1), (x + 0.2, 5, 3.5)]) for x in (-5, 5)]
