@@ -67,6 +67,11 @@ class StandingTest:
         heights.sort()
         return [z for z in self._with_headroom(heights.tolist()) if not self._is_inside(x, y, z)]
 
+    def is_above_ground(self, x: float, y: float, z: float) -> bool:
+        """Whether there is other ground below the robot, at (x, y, z) or around it: a roof may stand on a post just there."""
+        places = np.array([x, y]) + _offsets(self._robot, 0.0, 0.0)[::4, :2]
+        return any(level < z - self._robot.height_m for a, b in places.tolist() for level in self.ground_levels(a, b))
+
     def _with_headroom(self, heights: list[float]) -> list[float]:
         levels = []
         for i, z in enumerate(heights):
@@ -203,5 +208,7 @@ def _places_to_stand(
         x, y = (float(v) for v in rng.uniform(area[0], area[1]))
         yaw = float(rng.uniform(-math.pi, math.pi))
         levels = [z for z in test.ground_levels(x, y) if ground_z is None or ground_z[0] <= z <= ground_z[1]]
-        if levels and test.obstruction(x, y, levels[0], yaw, demand) is None:
+        if not levels or test.obstruction(x, y, levels[0], yaw, demand) is not None:
+            continue
+        if ground_z is not None or not test.is_above_ground(x, y, levels[0]):
             yield (x, y, yaw), levels[0]
