@@ -61,15 +61,19 @@ def mesh_frame(about: WorldDescription) -> MeshFrame | None:
 
 
 def start_advice(about: WorldDescription, by: Request) -> str:
-    """What follows a sentence that there is no start in a file: another unit, another axis, or a floor, where these may be meant."""
+    """What follows a sentence that there is no start in a file: a floor, another unit or another axis, where these may be meant."""
     path = Path(about.world)
-    if path.suffix.lower() not in MESH_SUFFIXES:
+    if path.suffix.lower() in SDF_SUFFIXES:
+        read = read_sdf(path, ModelPaths.of(about.models))
+        return "" if read.floors else _floor_advice(about, float(read.vertices[:, 2].min()))
+    if path.suffix.lower() not in MESH_SUFFIXES or mesh_frame(about) is not None or fits_as_it_is(path, by.robot):
         return ""
-    if mesh_frame(about) is None and not fits_as_it_is(path, by.robot):
-        mesh = read_mesh(path)
-        floor = f"; --ground {float(mesh.vertices[:, 2].min()):.3g} adds a floor where it has none" if about.ground is None else ""
-        return f"{floor}. It is {size_text(mesh)} m large{question(path, by.robot)}"
-    return ""
+    mesh = read_mesh(path)
+    return f"{_floor_advice(about, float(mesh.vertices[:, 2].min()))}. It is {size_text(mesh)} m large{question(path, by.robot)}"
+
+
+def _floor_advice(about: WorldDescription, lowest_z: float) -> str:
+    return f"; --ground {lowest_z:.3g} adds a floor where it has none" if about.ground is None else ""
 
 
 def _from_picture(path: Path, about: WorldDescription, by: Request) -> Parts:

@@ -91,6 +91,13 @@ def test_mesh_without_a_floor_says_how_to_add_one(tmp_path: Path) -> None:
     assert told.start_xyyaw == (1.0, 0.0, 0.5) and told.name == path and told.movers == [{"kind": "person"}]
 
 
+def test_sdf_file_without_a_floor_says_how_to_add_one(tmp_path: Path) -> None:
+    path = str(world_file(tmp_path, PILLAR))
+    with pytest.raises(ValueError, match="no flat ground.*; --ground 0 adds a floor where it has none$"):
+        load_world(path, 1)
+    assert load_world(WorldDescription(path, ground=0.0), 1).start_z == pytest.approx(0.0, abs=1e-5)
+
+
 def test_description_of_a_built_in_world_has_only_a_start(tmp_path: Path) -> None:
     assert load_world(WorldDescription("rooms", start=(-4.0, 0.5, 1.0)), 1).start_xyyaw == (-4.0, 0.5, 1.0)
     with pytest.raises(ValueError, match="are for files"):
