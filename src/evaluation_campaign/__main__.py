@@ -27,7 +27,12 @@ def parser() -> argparse.ArgumentParser:
         epilog="Exit code: 0 all runs were made (the report says how they went), 1 some crashed or are missing, 2 wrong argument, "
         "130 interrupted.",
     )
-    p.add_argument("--worlds", default="ramp,moon", metavar="W,W", help="rooms, doors, ramp, moon, or mesh FILEs; default ramp,moon")
+    p.add_argument(
+        "--worlds",
+        default="ramp,moon",
+        metavar="W,W",
+        help="rooms, doors, ramp, moon, or FILEs: mesh, SDF, or .yaml with start and area; default ramp,moon",
+    )
     p.add_argument("--seeds", default="1-10", metavar="A-B", help="numbers and ranges, such as 1-10 or 1-5,8; default 1-10")
     p.add_argument(
         "--profile", default="ours", metavar="P,P", help="profiles of parameters: ours, nearest, thesis, or YAML FILEs; default ours"
@@ -74,13 +79,11 @@ def parse(arguments: list[str] | None = None) -> tuple[Campaign, argparse.Namesp
 def _check_world(world: str) -> None:
     if world not in NAMED_WORLDS and not Path(world).is_file():
         raise CampaignProblem(
-            f"--worlds {world}: no such world or file; worlds are {', '.join(NAMED_WORLDS)}, or a .dae .obj .stl .ply file"
+            f"--worlds {world}: no such world or file; worlds are {', '.join(NAMED_WORLDS)}, or a mesh, .sdf, .world or .yaml file"
         )
 
     if Path(world).suffix.lower() == ".png":
-        raise CampaignProblem(
-            f"--worlds {world}: a height map has no size of its own; save it as a mesh, or explore it with ./explore --size"
-        )
+        raise CampaignProblem(f"--worlds {world}: a height map has no size of its own; name it in a .yaml with its size")
 
 
 def _check_profile(profile: str, robot: Path | None) -> None:

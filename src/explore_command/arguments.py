@@ -73,6 +73,8 @@ class ExploreArguments:
     start: tuple[float, ...] | None
     scale: float | None
     up: str | None
+    models: tuple[Path, ...]
+    ground: float | None
     size: tuple[float, float, float] | None
     area: tuple[float, float] | None
     out: Path
@@ -102,7 +104,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--world",
         metavar="W",
-        help="rooms, doors, ramp, moon, or a FILE: mesh (.dae .obj .stl .ply) or height map (.png); default ramp",
+        help="rooms, doors, ramp, moon, or a FILE: mesh (.dae .obj .stl .ply .glb .gltf), SDF (.sdf .world), height map (.png), "
+        "or a .yaml with one of these and its start, area, models and ground; default ramp",
     )
     p.add_argument("--size", nargs=3, type=float, metavar=("X", "Y", "Z"), help="metres that a height map covers; needed for .png")
     p.add_argument(
@@ -118,6 +121,14 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--scale", type=float, metavar="M", help="metres a unit of a mesh FILE: 0.001 for millimetres; default 1, or as a .dae says"
     )
+    p.add_argument(
+        "--models",
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="folder with the models that an SDF FILE includes, searched before those of Gazebo's own variables; may be repeated",
+    )
+    p.add_argument("--ground", type=float, metavar="Z", help="add a floor at height Z to a mesh or SDF FILE that has none")
     p.add_argument("--up", choices=UPS, help="the axis of a mesh FILE that points up; default z, or as a .dae says")
     p.add_argument(
         "--sensor",
@@ -203,6 +214,8 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         start=tuple(a.start) if a.start else None,
         scale=a.scale,
         up=a.up,
+        models=tuple(Path(path).absolute() for text in a.models for path in text.split(os.pathsep) if path),
+        ground=a.ground,
         size=tuple(a.size) if a.size else None,
         area=tuple(a.area) if a.area else None,
         out=out,
@@ -228,7 +241,7 @@ def _check_world(world: str, size: list[float] | None) -> None:
         return
     if not Path(world).is_file():
         raise ArgumentProblem(
-            f"--world {world}: no such world or file; worlds are {', '.join(NAMED_WORLDS)}, or a .dae .obj .stl .ply .png file"
+            f"--world {world}: no such world or file; worlds are {', '.join(NAMED_WORLDS)}, or a mesh, .sdf, .world, .png or .yaml file"
         )
     if Path(world).suffix.lower() == ".png" and size is None:
         raise ArgumentProblem(f"--world {world}: a height map needs --size X Y Z, the metres that it covers")

@@ -1,6 +1,7 @@
 """Starts roslaunch with a master on a free port, hands Ctrl-C on, and turns the summary into an exit code."""
 
 import json
+import os
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -22,13 +23,19 @@ def world_problem(arguments: ExploreArguments, robot: RobotBody) -> str | None:
     """Why the world or the start cannot be used, or None; it says where a far one lies. Named ones with their own start need no look."""
     if arguments.world in NAMED_WORLDS and arguments.start is None:
         return None
-    from pybullet_simulation import MeshFrame, load_world
+    from pybullet_simulation import load_world
+    from world_files import WorldDescription
 
-    frame = None if arguments.scale is None and arguments.up is None else MeshFrame(arguments.scale, arguments.up)
+    a = arguments
+    about = WorldDescription(a.world, a.start, a.area, a.size, a.scale, a.up, a.models, a.ground)
     try:
-        world = load_world(arguments.world, arguments.seed, arguments.size, arguments.area, arguments.start, robot, frame)
+        world = load_world(about, arguments.seed, robot=robot)
     except ValueError as error:
         return f"--world {arguments.world}: {error}"
+    for note in world.notes:
+        print(note, flush=True)
+    if arguments.world not in NAMED_WORLDS:
+        print(f"{world.name}: {world.about()}", flush=True)
     if any(world.origin):
         print(f"{arguments.world}: {origin_text(world.origin)}, which world_origin.json keeps", flush=True)
     return None
@@ -77,6 +84,8 @@ def launch_arguments(arguments: ExploreArguments, robot: RobotBody, overrides: P
         "start": _joined(arguments.start),
         "scale": _joined((arguments.scale,)) if arguments.scale else "",
         "up": arguments.up or "",
+        "models": os.pathsep.join(map(str, arguments.models)),
+        "ground": "" if arguments.ground is None else f"{arguments.ground:.12g}",
         "size": _joined(arguments.size),
         "area": _joined(arguments.area),
         "out": arguments.out,

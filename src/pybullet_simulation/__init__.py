@@ -5,7 +5,6 @@
 
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.lidar_config import SpinningLidarConfig
-from pybullet_simulation.mesh_file import MeshFrame
 from pybullet_simulation.realism import HARDWARE_OR_IDEAL, IDEAL, IDEAL_TIMING, realistic
 from pybullet_simulation.records import (
     Contact,
@@ -21,8 +20,9 @@ from pybullet_simulation.records import (
 )
 from pybullet_simulation.simulation import TICK_S, Simulation
 from pybullet_simulation.timing_config import SENSOR_TOPICS, TimingConfig
-from pybullet_simulation.world import HeightField, World
+from pybullet_simulation.world import World
 from pybullet_simulation.worlds import WORLDS, load_world
+from world_files import HeightField, MeshFrame, WorldDescription
 
 __all__ = [
     "HARDWARE_OR_IDEAL",
@@ -47,6 +47,7 @@ __all__ = [
     "Truth",
     "WheelOdometry",
     "World",
+    "WorldDescription",
     "MeshFrame",
     "load_world",
     "realistic",

@@ -3,10 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from pybullet_simulation.mesh_file import UPS, Mesh, MeshFrame, read_mesh
 from pybullet_simulation.start_pose import NoStartError, StandingTest, choose_start
 from robot_body import RobotBody
+from world_files import UPS, Mesh, MeshFrame, read_mesh
 
 LARGEST_M, LARGEST_WITH_AREA_M = 1000.0, 5000.0  # of a mesh whose unit nobody gave: more than a robot explores; than an octree holds
 _LEAST_M, _TALLEST_M = 2.0, 200.0  # of a mesh that is a place to drive in
@@ -22,6 +23,18 @@ def size_problem(path: Path, mesh: Mesh, frame: MeshFrame | None, has_area: bool
         return None
     area = "" if has_area else ", and --area X Y explores a part of it"
     return f"the mesh {path} is {size_text(mesh)} m large; --scale 1 says that its unit is the metre{area}"
+
+
+def too_large(size: NDArray[np.float64]) -> bool:
+    """Whether the unit of a place (3,) can hardly be the metre."""
+    return bool(size.max() > LARGEST_M)
+
+
+def mesh_question(size: NDArray[np.float64], name: str) -> str:
+    """What is asked of a mesh of a size (3,) in an SDF file that is too large a place: the scale that it may have meant."""
+    scale, unit = next(((scale, unit) for scale, unit in sorted(_UNITS.items()) if size.max() * scale > _LEAST_M), (1.0, ""))
+    text = " x ".join(f"{v:,.0f}" for v in size)
+    return f"{name} is {text} m large. Is it {unit}? Then multiply its <scale> by {scale:g}"
 
 
 def question(path: Path, robot: RobotBody) -> str:

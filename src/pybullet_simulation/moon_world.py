@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from pybullet_simulation.solids import Solid, hull, walls_around
-from pybullet_simulation.terrain import surface_from_heights
-from pybullet_simulation.world import HeightField, Surface
+from world_files import HeightField, Surface, surface_from_heights
 
 Array = NDArray[np.float64]
 

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.records import Contact
 from pybullet_simulation.robot_model import TILT_JOINT, WHEELS, RobotModel
-from pybullet_simulation.world import Surface, World, nearest_normal, raycasting_scene
+from pybullet_simulation.world import World, nearest_normal, raycasting_scene
 from rigid_geometry import quat_xyzw_from_transform
 from robot_body import RobotBody
+from world_files import Surface
 
 Array = NDArray[np.float64]
 

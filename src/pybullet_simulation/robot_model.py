@@ -8,9 +8,10 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from pybullet_simulation.world import Surface, joined
+from pybullet_simulation.world import joined
 from rigid_geometry import transform_from_rpy
 from robot_body import RobotBody, contradictions, laser_mount, urdf_file
+from world_files import Surface
 
 Array = NDArray[np.float64]
 

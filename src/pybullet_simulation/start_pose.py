@@ -1,22 +1,24 @@
 """Where the robot can stand: ground under all of it, nothing inside or too near. Chooses the start, or judges the one asked for."""
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
-from pybullet_simulation.closed_solids import OPEN, closed_solids
 from pybullet_simulation.world import nearest_hits, raycasting_scene
 from robot_body import RobotBody
+from world_files import OPEN, closed_solids
 
 Array = NDArray[np.float64]
 
 HEADROOM_MARGIN_M = 0.2
 UP = np.array([0.0, 0.0, 1.0])
 _SAME_HEIGHT_M = 1e-3
+_COMPARED = 20  # places to start, of which one that is low is taken
 _ASIDE_M = (1.7e-4, 0.9e-4)  # off the edges of triangles, which a ray meets twice or not at all
 
 
@@ -52,6 +54,11 @@ class StandingTest:
         """How far the z of a start may be off the ground."""
         return self._robot.standing_tolerance_m
 
+    @property
+    def robot_height_m(self) -> float:
+        """Height of the robot above the ground."""
+        return self._robot.height_m
+
     def ground_levels(self, x: float, y: float) -> list[float]:
         """Heights of the surfaces at (x, y) with headroom above them, lowest first; empty when there is none."""
         ray = np.array([[x, y, self._top, 0.0, 0.0, -1.0]], np.float32)
@@ -59,6 +66,11 @@ class StandingTest:
         heights = self._top - found["t_hit"].numpy().astype(float)
         heights.sort()
         return [z for z in self._with_headroom(heights.tolist()) if not self._is_inside(x, y, z)]
+
+    def is_above_ground(self, x: float, y: float, z: float) -> bool:
+        """Whether there is other ground below the robot, at (x, y, z) or around it: a roof may stand on a post just there."""
+        places = np.array([x, y]) + _offsets(self._robot, 0.0, 0.0)[::4, :2]
+        return any(level < z - self._robot.height_m for a, b in places.tolist() for level in self.ground_levels(a, b))
 
     def _with_headroom(self, heights: list[float]) -> list[float]:
         levels = []
@@ -177,13 +189,26 @@ def choose_start(
 ) -> tuple[tuple[float, float, float], float]:
     """A start (x, y, yaw) on flat free ground in `area` (2, 2) (low xy, high xy), and its height: the flattest kind that is found.
 
-    `ground_z`: the range of heights in which ground may lie, if known. NoStartError when nothing will do.
+    It is never above other ground, and not higher than some place found beside it by the robot's height: not on a roof, nor on a
+    crate. `ground_z`: the range of heights in which ground may lie, if known. NoStartError when nothing will do.
     """
     for demand in (FLAT, FLATTISH):
-        for _ in range(tries):
-            x, y = (float(v) for v in rng.uniform(area[0], area[1]))
-            yaw = float(rng.uniform(-math.pi, math.pi))
-            for z in test.ground_levels(x, y):
-                if (ground_z is None or ground_z[0] <= z <= ground_z[1]) and test.obstruction(x, y, z, yaw, demand) is None:
-                    return (x, y, yaw), z
+        places = list(itertools.islice(_places_to_stand(test, area, rng, ground_z, demand, tries), _COMPARED))
+        for start, z in places:
+            if z <= min(height for _, height in places) + test.robot_height_m:
+                return start, z
     raise NoStartError(f"no flat ground with room around the robot and headroom to start on was found in {2 * tries} tries; give a start")
+
+
+def _places_to_stand(
+    test: StandingTest, area: Array, rng: np.random.Generator, ground_z: tuple[float, float] | None, demand: Demand, tries: int
+) -> Iterator[tuple[tuple[float, float, float], float]]:
+    """Those found in so many tries, on the lowest ground there is at a place."""
+    for _ in range(tries):
+        x, y = (float(v) for v in rng.uniform(area[0], area[1]))
+        yaw = float(rng.uniform(-math.pi, math.pi))
+        levels = [z for z in test.ground_levels(x, y) if ground_z is None or ground_z[0] <= z <= ground_z[1]]
+        if not levels or test.obstruction(x, y, levels[0], yaw, demand) is not None:
+            continue
+        if ground_z is not None or not test.is_above_ground(x, y, levels[0]):
+            yield (x, y, yaw), levels[0]

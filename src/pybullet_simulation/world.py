@@ -10,28 +10,11 @@ from numpy.typing import NDArray
 
 from pybullet_simulation.solids import Solid
 from rigid_geometry import origin_bytes
+from world_files import HeightField, Surface
 
 Array = NDArray[np.float64]
 
 WORLD_ORIGIN = "world_origin.json"
-
-
-@dataclass(frozen=True)
-class Surface:
-    """A surface that is not convex, such as terrain or a loaded mesh: vertices (V, 3) float64, triangles (T, 3) int32."""
-
-    vertices: Array
-    triangles: NDArray[np.int32]
-
-
-@dataclass(frozen=True)
-class HeightField:
-    """Heights (rows, columns) in m on a regular grid: heights[r, c] lies at (x0 + c * step, y0 + r * step)."""
-
-    heights: Array
-    x0: float
-    y0: float
-    step: float
 
 
 @dataclass(frozen=True)
@@ -40,7 +23,8 @@ class World:
 
     `vertices` (V, 3) float64 and `triangles` (T, 3) int32 hold everything; the physics takes `solids` and `surfaces`.
     `extent` (2, 3) is the lowest and highest corner, walls included; `start_z` the height of the ground at the start; `origin` where the
-    world's own lies in the coordinates of its file, 0 0 0 unless that is far away.
+    world's own lies in the coordinates of its file, 0 0 0 unless that is far away; `notes` what there is to say of its file; `movers` what
+    a description says of them, as it stands there.
     """
 
     name: str
@@ -53,6 +37,15 @@ class World:
     start_z: float
     heightfield: HeightField | None = None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    movers: object = None
+    notes: tuple[str, ...] = ()
+
+    def about(self) -> str:
+        """Its size and where the robot starts, in the coordinates of its file, in a few words."""
+        x, y, yaw = self.start_xyyaw
+        size = " x ".join(f"{v:.1f}" for v in self.extent[1] - self.extent[0])
+        ox, oy, oz = self.origin
+        return f"{size} m; the robot starts at x {x + ox:.2f} y {y + oy:.2f} z {self.start_z + oz:.2f} yaw {yaw:.2f}"
 
     def write_mesh(self, path: Path) -> None:
         """Writes the joint mesh (.ply, .obj, .stl), for the judge, and beside it the origin of a far world; OSError when it cannot be."""

@@ -30,12 +30,11 @@ from mapping_tools.configuration import configured
 from mapping_tools.pose_files import read_poses
 from pose_graph_mapping.graph.graph_files import g2o_text, read_graph_file
 from pose_graph_mapping.graph.graph_measurements import Edge, EdgeKind
-from pybullet_simulation.height_map import read_height_map
-from pybullet_simulation.mesh_file import read_mesh
 from rigid_geometry import read_origin, rpy_from_rotation
 from robot_body import DEFAULT_ROBOT_FILE
 from terrain_tools.criteria import Criteria, read_criteria
 from terrain_tools.map_source import read_map
+from world_files import ModelPaths, read_description, read_height_map, read_mesh, read_sdf
 
 _MOST_BYTES = 3e8  # a map may take
 _RNG = np.random.default_rng(1)
@@ -63,6 +62,8 @@ def kinds(folder: Path) -> list[Kind]:
     ]
     found += [Kind(name, content, read_mesh) for name, content in _meshes().items()]
     found += [Kind(name, content, lambda path: read_height_map(path, (10.0, 10.0, 1.0))) for name, content in _pictures().items()]
+    found.append(Kind("hall.world", _SDF, lambda path: read_sdf(path, ModelPaths())))
+    found.append(Kind("hall.yaml", b"world: hall.world\nstart: [1, 2, 1.5]\narea: [20, 15]\nmodels: [m]\nground: 0\n", read_description))
     found += [Kind(name, content, read_graph_file) for name, content in _graphs().items()]
     found += [Kind(name, content, _read_octree) for name, content in _octrees(folder).items()]
     found.append(Kind("robot.yaml", Path(DEFAULT_ROBOT_FILE).read_bytes(), lambda path: read_criteria(robot_file=path)))
@@ -71,6 +72,15 @@ def kinds(folder: Path) -> list[Kind]:
     return found
 
 
+_SDF = b"""<?xml version='1.0'?>
+<sdf version='1.9'><world name='w'><include><uri>model://ground_plane</uri></include><plugin filename='p.so'/>
+<frame name='f'><pose>1 2 0 0 0 0.5</pose></frame>
+<model name='a'><pose relative_to='f' degrees='true'>1 2 3 0 0 90</pose><link name='l'><pose relative_to='b::k'>0 0 1 0 0 0</pose>
+<collision name='c'><geometry><box><size>1 2 3</size></box></geometry></collision>
+<visual name='v'><geometry><sphere><radius>0.5</radius></sphere></geometry></visual></link>
+<model name='b' placement_frame='k'><link name='k'><collision name='c'><geometry><cylinder><radius>1</radius><length>2</length></cylinder>
+</geometry></collision></link></model></model></world></sdf>
+"""
 _PROFILE = {"octomap_server_3dnav_node": {"resolution": 0.1, "frontier": {"min_voxels": 3}}, "robot": {"max_step_m": 0.08}}
 
 

@@ -59,6 +59,42 @@ def test_empty_file_is_refused(tmp_path: Path) -> None:
     assert "empty.ply" in refused("--world", tmp_path / "empty.ply", "--headless", "--out", tmp_path / "run")
 
 
+def sdf(path: Path, world: str) -> Path:
+    path.write_text(f"<sdf version='1.9'>\n<world name='w'>\n{world}\n</world></sdf>")
+    return path
+
+
+GROUND = "<model name='g'><link name='l'><collision name='c'><geometry><plane/></geometry></collision></link></model>"
+BOX = GROUND.replace("<link", "{pose}<link").replace("<plane/>", "<box><size>{size}</size></box>")
+
+
+@pytest.mark.parametrize(
+    ("world", "said"),
+    [
+        ("<include><uri>model://cafe</uri></include>", "nothing to stand on is left of it; "),
+        ("<plugin name='p' filename='libp.so'/>", "plugin libp.so"),
+        (GROUND, "a plane only; --area X Y"),
+        (BOX.format(pose="<pose>1 2 3 4 5</pose>", size="1 1 1"), "w.sdf:3: <pose>: 5 numbers"),
+        (BOX.format(pose="", size="1 -1 1"), "w.sdf:3: <size>: 1 -1 1 is not above 0"),
+        (BOX.format(pose="<pose>nan 0 0 0 0 0</pose>", size="1 1 1"), "w.sdf:3: <pose>"),
+        (BOX.format(pose="", size="0.1 0.1 3"), "no flat ground"),
+        ("<model>", "w.sdf:4: cannot be read as XML: mismatched tag"),
+    ],
+)
+def test_sdf_file_that_is_no_world_is_refused_with_file_and_element(tmp_path: Path, world: str, said: str) -> None:
+    assert said in refused("--world", sdf(tmp_path / "w.sdf", world), "--headless", "--out", tmp_path / "run")
+
+
+def test_description_with_an_unknown_key_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "w.yaml").write_text("world: rooms\nstrat: [1, 2, 3]\n")
+    assert "did you mean start?" in refused("--world", tmp_path / "w.yaml", "--headless", "--out", tmp_path / "run")
+
+
+def test_folder_of_models_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    world = sdf(tmp_path / "w.sdf", GROUND)
+    assert "no such folder" in refused("--world", world, "--models", tmp_path / "no", "--headless", "--out", tmp_path / "run")
+
+
 def test_picture_that_is_none_is_refused(tmp_path: Path) -> None:
     (tmp_path / "map.png").write_bytes(b"no picture")
     assert "map.png" in refused("--world", tmp_path / "map.png", "--size", 10, 10, 1, "--headless", "--out", tmp_path / "run")

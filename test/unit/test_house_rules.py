@@ -22,8 +22,9 @@ ORDER: dict[str, set[str]] = {
     "point_cloud2": set(),
     "sensor_checks": BASE,
     "visiting_order": set(),
+    "world_files": {"rigid_geometry"},
     # stages
-    "pybullet_simulation": BASE,
+    "pybullet_simulation": BASE | {"world_files"},
     "odometry_fusion": BASE | {"sensor_checks"},
     "mount_calibration": BASE,
     "sweep_assembly": BASE | {"mount_calibration", "point_cloud2"},
@@ -56,7 +57,8 @@ ORDER: dict[str, set[str]] = {
     },
     # programs: they use stages, and no stage uses them
     "roslaunch_process": set(),
-    "explore_command": BASE | {"exploration_evaluation", "pose_graph_mapping.session", "pybullet_simulation", "roslaunch_process"},
+    "explore_command": BASE
+    | {"world_files", "exploration_evaluation", "pose_graph_mapping.session", "pybullet_simulation", "roslaunch_process"},
     "mapping_tools": BASE
     | MAPPING
     | {"explore_command", "mount_calibration", "odometry_fusion", "point_cloud2", "sensor_checks", "sweep_assembly"},
@@ -66,7 +68,7 @@ ORDER: dict[str, set[str]] = {
     "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "roslaunch_process"},
 }
 """Every package and what it may import, earlier ones only. Rooms count as packages."""
-SHARED = BASE | {"point_cloud2", "visiting_order"}
+SHARED = BASE | {"point_cloud2", "visiting_order", "world_files"}
 PROGRAMS = set(list(ORDER)[list(ORDER).index(ADAPTERS) + 1 :])
 STAGES = {name.partition(".")[0] for name in ORDER} - SHARED - PROGRAMS - {ADAPTERS}
 ROS = {

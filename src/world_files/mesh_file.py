@@ -1,4 +1,7 @@
-"""Meshes from files (.dae, .obj, .stl, .ply) as one surface in metres with z up near the origin, and cutting one to a rectangle."""
+"""Meshes from files (.dae, .obj, .stl, .ply, .glb, .gltf) as one surface in metres with z up near the origin.
+
+It can be cut to a rectangle. Textures are not looked for.
+"""
 
 import logging
 import xml.etree.ElementTree as ElementTree
@@ -9,13 +12,15 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from pybullet_simulation.closed_solids import closed_solids
-from pybullet_simulation.world import Surface
 from rigid_geometry import lost_digits_m, origin_near
+from world_files.closed_solids import closed_solids
+from world_files.dae_parts import parts_of_node
+from world_files.surfaces import Mesh, Surface
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int32]
 
-MESH_SUFFIXES = (".dae", ".obj", ".stl", ".ply")
+MESH_SUFFIXES = (".dae", ".obj", ".stl", ".ply", ".glb", ".gltf")
 UPS = {
     "x": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
     "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
@@ -43,43 +48,60 @@ class MeshFrame:
         return self
 
 
-@dataclass(frozen=True)
-class Mesh(Surface):
-    """A surface, with the number of the closed solid that each triangle bounds (T,), OPEN where none, and where its origin lies (3,)."""
-
-    solid: NDArray[np.int32]
-    origin: Array
-
-
 def read_mesh(path: Path, frame: MeshFrame | None = None) -> Mesh:
     """All of a mesh file, brought near the origin where it lies far away.
 
     ValueError when it cannot be read, holds no triangle or is not finite.
     """
+    vertices, triangles = read_triangles(path, frame)
+    return near_origin(vertices, triangles, closed_solids(vertices, triangles))
+
+
+def read_triangles(path: Path, frame: MeshFrame | None = None, part: str | None = None) -> tuple[Array, Indices]:
+    """(V, 3) vertices in metres with z up, where they are, and (T, 3) triangles of a mesh file, or of the `part` of it of this name.
+
+    ValueError as of `read_mesh`, and when there is no such part.
+    """
     given = (frame or MeshFrame()).checked()
     try:
         with np.errstate(all="ignore"):
-            loaded = trimesh.load(path, process=False)
-            mesh = loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded
-        scale, up = _dae_frame(path) if path.suffix.lower() == ".dae" else (1.0, "z")
+            mesh = _loaded(path, part)
+        scale, up = _own_frame(path)
     except Exception as error:  # the readers raise whatever they stumble over
         raise ValueError(f"cannot read the mesh {path}: {type(error).__name__}: {' '.join(str(error).split())}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise ValueError(f"the mesh {path} is empty: it has no triangles")
+        raise ValueError(f"the mesh {path} is empty: it has no triangles" + (f" in a part {part!r}" if part else ""))
     given_scale = given.scale or scale
-    R_metres = given_scale * UPS[given.up or up]
-    triangles, corners = np.asarray(mesh.faces, np.int64), np.asarray(mesh.vertices, np.float64)
-    if corners.ndim != 2 or corners.shape[1] != 3 or triangles.shape[1:] != (3,):
-        raise ValueError(f"the mesh {path} has vertices of {corners.shape[-1]} coordinates, or faces that are no triangles")
-    if triangles.min() < 0 or triangles.max() >= len(corners):
-        raise ValueError(f"the mesh {path} has triangles of vertices that it does not have")
+    corners, triangles = _checked(path, np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64))
     with np.errstate(all="ignore"):
-        vertices = corners @ R_metres.T
+        vertices = corners @ (given_scale * UPS[given.up or up]).T
     if not (np.abs(vertices) < _FARTHEST_M).all():
         raise ValueError(f"the mesh {path} has vertices that are not finite")
     if _is_float32(path) and (apart := lost_digits_m(corners, given_scale)) is not None:
         raise ValueError(f"the mesh {path} is far from 0 0 0 in float32, told apart to {apart:g} m only: write it relative, or as .obj")
-    return _near_origin(vertices, triangles.astype(np.int32))
+    return vertices, triangles
+
+
+def _loaded(path: Path, part: str | None) -> object:
+    """What trimesh makes of a file, as one mesh; of the parts of a scene only those that are asked for."""
+    loaded = trimesh.load(path, process=False, skip_materials=True)
+    if not isinstance(loaded, trimesh.Scene):
+        return loaded
+    if part is not None:
+        wanted = parts_of_node(path, part, list(loaded.geometry))
+        loaded.delete_geometry(set(loaded.geometry) - wanted)
+        if not wanted:
+            return None
+    return loaded.to_mesh()
+
+
+def _checked(path: Path, corners: Array, triangles: NDArray[np.int64]) -> tuple[Array, Indices]:
+    """Both, when they are a mesh."""
+    if corners.ndim != 2 or corners.shape[1] != 3 or triangles.shape[1:] != (3,):
+        raise ValueError(f"the mesh {path} has vertices of {corners.shape[-1]} coordinates, or faces that are no triangles")
+    if triangles.min() < 0 or triangles.max() >= len(corners):
+        raise ValueError(f"the mesh {path} has triangles of vertices that it does not have")
+    return corners, triangles.astype(np.int32)
 
 
 def _is_float32(path: Path) -> bool:
@@ -89,12 +111,19 @@ def _is_float32(path: Path) -> bool:
     return path.suffix.lower() == ".stl" or (path.suffix.lower() == ".ply" and b"property double x" not in head)
 
 
-def _near_origin(vertices: Array, triangles: NDArray[np.int32]) -> Mesh:
-    """Solids are told before slivers go, which may close them."""
+def near_origin(vertices: Array, triangles: Indices, solid: Indices) -> Mesh:
+    """A mesh whose solids (T,) are known, brought near; slivers go, which may have closed a solid."""
     origin = origin_near((vertices.min(axis=0) + vertices.max(axis=0)) / 2)
     near = vertices - origin
-    solid, kept = closed_solids(near, triangles), has_area(near, triangles)
+    kept = has_area(near, triangles)
     return Mesh(near, triangles[kept], solid[kept], origin)
+
+
+def _own_frame(path: Path) -> tuple[float, str]:
+    """Metres a unit and the axis upwards, by what the file or its format says, else 1 and z."""
+    if path.suffix.lower() == ".dae":
+        return _dae_frame(path)
+    return (1.0, "y") if path.suffix.lower() in (".glb", ".gltf") else (1.0, "z")
 
 
 def _dae_frame(path: Path) -> tuple[float, str]:

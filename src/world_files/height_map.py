@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.ndimage import gaussian_filter, map_coordinates, spline_filter
 
-from pybullet_simulation.world import HeightField
+from world_files.surfaces import HeightField
 
 Array = NDArray[np.float64]
 

@@ -1,11 +1,38 @@
-"""Height fields as triangles, for the moon and for height maps from files."""
+"""What a file holds, in metres: surfaces of triangles, and fields of heights, which become such."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pybullet_simulation.world import HeightField, Surface
-
 Array = NDArray[np.float64]
+Indices = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A surface that is not convex, such as terrain or a loaded mesh: vertices (V, 3) float64, triangles (T, 3) int32."""
+
+    vertices: Array
+    triangles: Indices
+
+
+@dataclass(frozen=True)
+class Mesh(Surface):
+    """A surface, with the number of the closed solid that each triangle bounds (T,), OPEN where none, and where its origin lies (3,)."""
+
+    solid: Indices
+    origin: Array
+
+
+@dataclass(frozen=True)
+class HeightField:
+    """Heights (rows, columns) in m on a regular grid: heights[r, c] lies at (x0 + c * step, y0 + r * step)."""
+
+    heights: Array
+    x0: float
+    y0: float
+    step: float
 
 
 def surface_from_heights(field: HeightField) -> Surface:

@@ -1,0 +1,83 @@
+"""Where the models and meshes are that an SDF file names: in the folders that were given, in Gazebo's own variables, beside the file."""
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import unquote
+
+from world_files.sdf_elements import Element, read_xml, text_of
+
+VARIABLES = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH")
+_SCHEME = re.compile(r"^([A-Za-z][A-Za-z0-9+.-]*)://(.*)$")
+
+
+@dataclass(frozen=True)
+class ModelPaths:
+    """Folders that hold models, in the order in which they are searched."""
+
+    folders: tuple[Path, ...] = ()
+
+    @classmethod
+    def of(cls, given: Sequence[Path], environment: Mapping[str, str] = os.environ) -> "ModelPaths":
+        """The given ones, those of Gazebo's variables, then its own folder. ValueError for a given one that is no folder."""
+        missing = [str(path) for path in given if not path.is_dir()]
+        if missing:
+            raise ValueError(f"models: no such folder: {', '.join(missing)}")
+        told = (path for name in VARIABLES for path in environment.get(name, "").split(os.pathsep) if path)
+        own = [Path(environment["HOME"], ".gazebo", "models")] if environment.get("HOME") else []
+        return cls((*given, *map(Path, told), *own))
+
+    def found(self, uri: str, folder: Path) -> Path | None:
+        """The file or folder of a URI that stands in a file of `folder`; None when there is none.
+
+        Of a model on a server (https://) the name is looked for, also as Gazebo's older models are written: ground_plane.
+        """
+        match = _SCHEME.match(uri.strip())
+        scheme, path = (match[1].lower(), unquote(match[2])) if match else ("", uri.strip())
+        if not path:
+            return None
+        near = (folder, folder.parent, folder / "models", folder.parent / "models")
+        if scheme in ("", "file"):
+            candidates = [folder / path, *(base / path for base in self.folders)]
+        elif scheme in ("http", "https"):
+            names = dict.fromkeys((last_name(path), last_name(path).lower().replace(" ", "_")))
+            candidates = [base / name for name in names for base in (*self.folders, *near)]
+        else:
+            candidates = [base / path for base in (*self.folders, *near)]
+        return next((candidate for candidate in candidates if _exists(candidate)), None)
+
+
+def last_name(uri: str) -> str:
+    """The last part of a URI: the model's name."""
+    return unquote(uri).rstrip("/").rpartition("/")[2]
+
+
+def sdf_file_of(path: Path) -> Path | None:
+    """The SDF file of a model: itself, or what model.config of its folder names, or model.sdf there; None when there is none.
+
+    A folder of Gazebo's cache holds a folder a version; the newest counts.
+    """
+    if path.is_file():
+        return path
+    config = path / "model.config"
+    if config.is_file() and (named := _newest(read_xml(config))) and (path / named).is_file():
+        return path / named
+    if (path / "model.sdf").is_file():
+        return path / "model.sdf"
+    versions = sorted((int(child.name) for child in path.iterdir() if child.name.isdigit()), reverse=True)
+    return sdf_file_of(path / str(versions[0])) if versions else None
+
+
+def _newest(config: Element) -> str:
+    """The file that a model.config names for the newest version of SDF."""
+    named = [([int(digits) for digits in re.findall(r"\d+", sdf.get("version", ""))], text_of(sdf)) for sdf in config.findall("sdf")]
+    return max(named)[1] if named else ""
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.is_file() or path.is_dir()
+    except (OSError, ValueError):  # a name that no file can have
+        return False
