@@ -9,7 +9,7 @@ import yaml
 from explore_command.arguments import NAMED_WORLDS, ArgumentProblem, ExploreArguments
 from explore_command.parameters import ROBOT, all_overrides, override_problems, robot_of
 from rigid_geometry import origin_text
-from robot_body import RobotBody, robot_mapping, urdf_file
+from robot_body import RobotBody, missing_visuals, robot_mapping, urdf_file
 from roslaunch_process import free_port, hand_on_signals, shown_lines, start_launch
 from stage_config import ConfigError
 
@@ -45,9 +45,13 @@ def parameter_problem(arguments: ExploreArguments) -> str | None:
 def effective_robot(arguments: ExploreArguments) -> RobotBody:
     """The robot of --robot with what --profile and --set change. ArgumentProblem lists all that is wrong with it, one a line."""
     try:
-        return robot_of(arguments.robot, all_overrides(arguments.profile, arguments.set_parameters))
+        robot = robot_of(arguments.robot, all_overrides(arguments.profile, arguments.set_parameters))
     except ConfigError as error:
         raise ArgumentProblem("\n".join(f"--robot {line}" for line in str(error).splitlines())) from error
+    urdf = urdf_file(robot)
+    for mesh in missing_visuals(urdf.read_text(encoding="utf-8"), urdf.parent):
+        print(f"./explore: {urdf}: {mesh} is missing: rviz will not show it, and nothing else needs it", flush=True)
+    return robot
 
 
 def _joined(values: tuple[float, ...] | None) -> str:
