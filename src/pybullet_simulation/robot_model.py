@@ -63,8 +63,8 @@ def read_robot_model(body: RobotBody) -> RobotModel:
     laser, imu = body.mount("laser"), body.mount("imu")
     description = with_mount(read_description(text, urdf_path.parent), imu)
     tilt_joint, T_base_mount, T_tilt_laser = mount_from_urdf(text, laser)
-    tilting = {link for link in description.shapes if any(joint.name == tilt_joint for joint in description.moving(link))}
-    links = [link for link in description.shapes if link not in tilting]
+    parts = [link for link in description.shapes if description.hangs_on_base(link)]
+    links = [link for link in parts if all(joint.name != tilt_joint for joint in description.moving(link))]
     return RobotModel(
         urdf_path=urdf_path,
         tilt_joint=tilt_joint,

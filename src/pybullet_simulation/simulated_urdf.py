@@ -16,7 +16,7 @@ def write_simulated_urdf(urdf: Path, folder: Path) -> Path:
     root, description = ElementTree.fromstring(text), read_description(text, urdf.parent)
     kept = {link for link in description.shapes if description.hangs_on_base(link)}
     links = [link for link in root.findall("link") if link.get("name") in kept]
-    joints = [joint for joint in root.findall("joint") if description.joints.keys() & _children(joint) & kept]
+    joints = [joint for joint in root.findall("joint") if _children(joint) & kept - {"base_link"}]
     for link in links:
         name = str(link.get("name"))
         if name not in description.masses:

@@ -50,7 +50,7 @@ def _of_wheels(robot: RobotBody, description: Description) -> Iterator[str]:
 def _of_outline(robot: RobotBody, description: Description) -> Iterator[str]:
     if any(shape.is_missing for shapes in description.shapes.values() for shape in shapes):
         return
-    reached = {link: reach for link in description.shapes if (reach := description.reach(link)) is not None}
+    reached = {link: reach for link in description.shapes if description.hangs_on_base(link) and (reach := description.reach(link))}
     if not reached:
         return
     low, high = np.min([r[0] for r in reached.values()], axis=0), np.max([r[1] for r in reached.values()], axis=0)

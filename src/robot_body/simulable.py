@@ -46,6 +46,8 @@ def _of_tree(description: Description, text: str) -> Iterator[str]:
         for link in (joint.parent, joint.child):
             if link not in description.shapes:
                 yield f"joint {joint.name}: the URDF has no link {link}"
+        if joint.kind in ("revolute", "prismatic") and not joint.is_limited:
+            yield f"joint {joint.name} is {joint.kind} and has no limit: give it lower, upper, effort and velocity"
     above, at = set(), BASE
     while at in description.joints and at not in above:
         at = description.joints[at].parent
@@ -67,7 +69,7 @@ def _of_weight(description: Description) -> Iterator[str]:
     heads = [BASE, *(joint.child for joint in description.joints.values() if joint.kind != "fixed")]
     weightless = [head for head in heads if description.hangs_on_base(head) and not _firm(description, head) & description.masses.keys()]
     if weightless:
-        yield f"{', '.join(weightless)} has no inertial with a mass and an inertia above 0: give it one"
+        yield f"an inertial with a mass and an inertia above 0 is missing in {', '.join(weightless)}"
 
 
 def _firm(description: Description, head: str) -> set[str]:

@@ -22,7 +22,7 @@ BASE = "base_link"
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint of the tree: T_parent_child at zero, and the axis that it moves about, if it moves."""
+    """A joint of the tree: T_parent_child at zero, the axis that it moves about, if it moves, and whether a limit is given for it."""
 
     name: str
     kind: str
@@ -30,6 +30,7 @@ class Joint:
     child: str
     T_parent_child: Array
     axis: tuple[float, float, float]
+    is_limited: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +126,15 @@ def _joint(element: ElementTree.Element) -> Joint:
     axis = element.find("axis")
     ends = [str(element.find(end).get("link")) for end in ("parent", "child")]  # type: ignore[union-attr]
     turns_about = triple(None if axis is None else axis.get("xyz"), "1 0 0")
-    return Joint(str(element.get("name")), str(element.get("type")), ends[0], ends[1], origin_of(element), turns_about)
+    return Joint(
+        str(element.get("name")),
+        str(element.get("type")),
+        ends[0],
+        ends[1],
+        origin_of(element),
+        turns_about,
+        element.find("limit") is not None,
+    )
 
 
 def _mass(link: ElementTree.Element) -> tuple[float, Array] | None:
