@@ -13,6 +13,7 @@ from pathlib import Path
 from evaluation_campaign.plan import Campaign, CampaignProblem, Limits, RunSpec, open_campaign, parse_seeds
 from explore_command.arguments import MAPPINGS, NAMED_WORLDS, REALISMS, SENSORS
 from explore_command.parameters import override_problems, read_profile, robot_of
+from robot_body import robot_file
 from stage_config import ConfigError
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -37,7 +38,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--profile", default="ours", metavar="P,P", help="profiles of parameters: ours, nearest, thesis, or YAML FILEs; default ours"
     )
-    p.add_argument("--robot", type=Path, metavar="FILE", help="the robot of all runs, as config/robot.yaml, which is the default")
+    p.add_argument("--robot", type=robot_file, metavar="R", help="the robot of all runs, by name or FILE as in ./explore; default husky")
     p.add_argument("--sensor", choices=SENSORS, default=SENSORS[0], help="the sensor of all runs; default %(default)s")
     p.add_argument(
         "--realism", choices=REALISMS, default=REALISMS[0], help="hardware or ideal sensors, clocks and drive; default %(default)s"

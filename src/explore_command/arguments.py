@@ -97,7 +97,7 @@ class ExploreArguments:
 def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(
         prog="./explore",
-        description="Explores a simulated world with a Husky and leaves a map, pictures and a score.",
+        description="Explores a simulated world with a robot and leaves a map, pictures and a score.",
         epilog="Exit code: 0 explored, 1 the run failed (summary.json says why), 2 wrong argument or missing package. "
         "A shell for roslaunch, rosrun and rostest: ./explore --setup, then source .ws/devel/setup.bash",
     )
@@ -164,7 +164,9 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--port", type=int, metavar="N", help="port of the ROS master; default 11311, or one near it when that is taken")
     p.add_argument("--max-sim-time", type=float, default=3600.0, metavar="S", help="stop after S simulated seconds; default 3600")
     p.add_argument(
-        "--robot", type=Path, metavar="FILE", help="the robot, as config/robot.yaml, which is the default; its URDF is named in it"
+        "--robot",
+        metavar="R",
+        help="the robot: husky, the name of a file in config/robots/, or a FILE like config/robot.yaml, with its URDF; default husky",
     )
     p.add_argument(
         "--profile", default="ours", metavar="P", help="parameters to explore with: ours, nearest, thesis, or a YAML FILE; default ours"
@@ -228,12 +230,18 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         record=a.record,
         port=a.port,
         max_sim_time_s=a.max_sim_time,
-        robot=a.robot.absolute() if a.robot else earlier.robot,
+        robot=_robot_file(a.robot) if a.robot else earlier.robot,
         profile=a.profile,
         set_parameters=tuple(a.set),
         clairvoyant=a.clairvoyant,
         check_only=a.setup,
     )
+
+
+def _robot_file(name_or_file: str) -> Path:
+    from robot_body import robot_file  # loads numpy: not for who only asks for help
+
+    return robot_file(name_or_file).absolute()
 
 
 def _check_world(world: str, size: list[float] | None) -> None:

@@ -11,7 +11,7 @@ import yaml
 from explore_command.arguments import MAPPINGS, NAMED_WORLDS, SENSORS, ArgumentProblem, ExploreArguments
 from explore_command.parameters import ROBOT, all_overrides, override_problems, robot_of
 from rigid_geometry import origin_text
-from robot_body import RobotBody, fixed_laser_problem, is_fixed, robot_mapping, urdf_file
+from robot_body import RobotBody, fixed_laser_problem, is_fixed, missing_visuals, robot_mapping, urdf_file
 from roslaunch_process import free_port, hand_on_signals, shown_lines, start_launch
 from stage_config import ConfigError
 
@@ -53,9 +53,13 @@ def parameter_problem(arguments: ExploreArguments) -> str | None:
 def effective_robot(arguments: ExploreArguments) -> RobotBody:
     """The robot of --robot with what --profile and --set change. ArgumentProblem lists all that is wrong with it, one a line."""
     try:
-        return robot_of(arguments.robot, all_overrides(arguments.profile, arguments.set_parameters))
+        robot = robot_of(arguments.robot, all_overrides(arguments.profile, arguments.set_parameters))
     except ConfigError as error:
         raise ArgumentProblem("\n".join(f"--robot {line}" for line in str(error).splitlines())) from error
+    urdf = urdf_file(robot)
+    for mesh in missing_visuals(urdf.read_text(encoding="utf-8"), urdf.parent):
+        print(f"./explore: {urdf}: {mesh} is missing: rviz will not show it, and nothing else needs it", flush=True)
+    return robot
 
 
 def as_robot_is_built(arguments: ExploreArguments, robot: RobotBody) -> ExploreArguments:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import yaml
 
-from robot_body import DEFAULT_ROBOT_FILE, RobotBody, contradictions, overlaid, robot_from_mapping, robot_values, urdf_file
+from robot_body import DEFAULT_ROBOT_FILE, RobotBody, overlaid, robot_from_mapping, robot_values, simulation_problems, urdf_file
 from stage_config import ConfigError, load_config
 
 PROFILES = Path(__file__).resolve().parents[2] / "config" / "profiles"
@@ -135,7 +135,7 @@ def override_problems(overrides: Mapping[str, Mapping[str, object]]) -> list[str
 def robot_of(file: Path | None, overrides: Overrides) -> RobotBody:
     """The robot of a file, by default the project's, with its overrides.
 
-    ConfigError lists all that is wrong, also where its URDF says something else, one a line.
+    ConfigError lists all that is wrong, also where its URDF says something else or cannot be simulated, one a line.
     """
     path = file or DEFAULT_ROBOT_FILE
     robot = robot_from_mapping(overlaid(robot_values(path), overrides.get(ROBOT, {})), str(path))
@@ -143,7 +143,7 @@ def robot_of(file: Path | None, overrides: Overrides) -> RobotBody:
         text = urdf_file(robot).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: urdf {robot.urdf} cannot be read: {error}") from error
-    if problems := contradictions(robot, text):
+    if problems := simulation_problems(robot, text, urdf_file(robot).parent):
         raise ConfigError("\n".join(f"{path}: {text} ({robot.urdf})" for text in problems))
     return robot
 

@@ -17,7 +17,7 @@ from mapping_tools.recording import Recording, bags_of
 from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.sweep_sources import SweepSource
 from mount_calibration import RECORDED_FILE, named_calibration
-from robot_body import DESCRIPTION, contradictions, load_robot, urdf_file
+from robot_body import DESCRIPTION, contradictions, load_robot, robot_file, urdf_file
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,12 @@ def source_of(wanted: Wanted, config: SensorConfig) -> SweepSource:
 
 def add_raw_arguments(p: argparse.ArgumentParser) -> None:
     """The options that say where drivers publish, and which robot recorded."""
-    p.add_argument("--robot", type=Path, metavar="FILE.yaml", help="the robot that sent it; default robot.yaml beside the bag")
+    p.add_argument(
+        "--robot",
+        type=robot_file,
+        metavar="R",
+        help="the robot that sent it, by name or FILE as in ./explore; default robot.yaml beside the bag",
+    )
     p.add_argument(
         "--odom-topic",
         default=BagTopics.odometry,

@@ -28,11 +28,14 @@ class PathFollower:
     """
 
     def __init__(self, config: FollowerConfig, robot: RobotBody) -> None:
-        """An idle follower; ValueError lists what is wrong with `config`, its speeds cut to what the robot can."""
+        """An idle follower; ValueError lists what is wrong with `config`, its speeds and accelerations cut to what the robot can."""
         config = replace(
             config,
             max_speed_mps=min(config.max_speed_mps, robot.max_speed_mps),
             max_turn_rate_radps=min(config.max_turn_rate_radps, robot.max_turn_rate_radps),
+            max_acceleration_mps2=min(config.max_acceleration_mps2, robot.max_acceleration_mps2),
+            max_deceleration_mps2=min(config.max_deceleration_mps2, robot.max_acceleration_mps2),
+            max_turn_acceleration_radps2=min(config.max_turn_acceleration_radps2, robot.max_turn_acceleration_radps2),
         )
         problems = config.validate()
         if problems:

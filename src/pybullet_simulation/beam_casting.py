@@ -35,18 +35,20 @@ class BeamCaster:
         self._world = raycasting_scene(world.vertices, world.triangles)
         self._body = raycasting_scene(robot.body.vertices, robot.body.triangles)
         self._T_base_mount = robot.T_base_mount @ transform_from_rpy((0.0, 0.0, 0.0), (config.mount_roll_rad, 0.0, 0.0))
-        self._offset, self._tilt_scale = robot.T_tilt_laser[:3, 3].copy(), config.mount_tilt_scale
+        self._R_tilt_laser, self._offset = robot.T_tilt_laser[:3, :3], robot.T_tilt_laser[:3, 3].copy()
+        self._tilt_scale = config.mount_tilt_scale
         self._clear_rad = _clearance(robot) / 2.0 - abs(config.mount_roll_rad)
 
     def hits(self, directions: Array, times_s: Array, motion: Motion) -> tuple[Floats, Floats]:
         """(N,) distances to what (N, 3) unit directions in `laser`, at (N,) seconds from the motion's first step, hit; inf for nothing.
         And (N,) the cosines at which they meet it."""
         tilts = self._tilt_scale * motion.tilts
+        pointing = directions @ self._R_tilt_laser.T
         in_world, in_base = _rays(
-            directions, times_s, motion.step_s, motion.rotations, motion.positions, tilts, self._T_base_mount, self._offset
+            pointing, times_s, motion.step_s, motion.rotations, motion.positions, tilts, self._T_base_mount, self._offset
         )
         hits, cosines = hits_and_incidence(self._world, in_world)
-        if np.abs(tilts).max() <= self._clear_rad and not directions[:, 2].any():  # all beams pass above all of the body
+        if np.abs(tilts).max() <= self._clear_rad and not pointing[:, 2].any():  # all beams pass above all of the body
             return hits, cosines
         own, own_cosines = hits_and_incidence(self._body, in_base)
         return np.minimum(hits, own), np.where(own < hits, own_cosines, cosines)

@@ -23,11 +23,8 @@ class SimulationConfig:
         0.5, "-", "sideways friction of a tyre as a share of the one along it, on average over the ground", low=0.05, high=1.0
     )
     wheel_torque_nm: float = parameter(60.0, "N m", "most torque of a wheel's motor", low=1.0, high=500.0)
-    max_acceleration_mps2: float = parameter(
-        3.0, "m/s^2", "how fast the drive changes its forward speed; husky_control's controller has 3", low=0.1, high=20.0
-    )
-    max_turn_acceleration_rps2: float = parameter(
-        6.0, "rad/s^2", "how fast the drive changes its turn rate; husky_control's controller has 6", low=0.1, high=50.0
+    caster_friction: float = parameter(
+        0.02, "-", "friction of a caster that is a ball, as a share of a wheel's: ball casters roll with 0.01 to 0.03", low=0.0, high=1.0
     )
     command_timeout_s: float = parameter(
         0.25,

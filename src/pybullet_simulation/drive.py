@@ -1,4 +1,4 @@
-"""The skid-steer drive: from commands to wheel speeds, from encoders to wheel odometry, and how both sides slip."""
+"""The drive of wheels on two sides: from commands to wheel speeds, from encoders to wheel odometry, and how both sides slip."""
 
 import math
 
@@ -29,11 +29,11 @@ class SlipModel:
 
 
 class Drive:
-    """Limits commands as the Husky's controller does, and converts between robot and wheel speeds."""
+    """Limits commands as the robot's controller does, and converts between robot and wheel speeds."""
 
-    def __init__(self, config: SimulationConfig, robot: RobotBody) -> None:
+    def __init__(self, robot: RobotBody) -> None:
         """At rest."""
-        self._config, self._robot = config, robot
+        self._robot = robot
         self._radius_m, self._track_m = robot.wheel_radius_m, robot.effective_track_m
         self._v, self._w = 0.0, 0.0
 
@@ -41,9 +41,8 @@ class Drive:
         """(2,) wheel speeds in rad/s, left and right, on the way to a command (m/s, rad/s). ValueError when it is not finite."""
         if not (math.isfinite(v) and math.isfinite(w)):
             raise ValueError(f"command v {v!r} m/s, w {w!r} rad/s is not finite")
-        c = self._config
-        self._v = _towards(self._v, _clipped(v, self._robot.max_speed_mps), c.max_acceleration_mps2 * dt_s)
-        self._w = _towards(self._w, _clipped(w, self._robot.max_turn_rate_radps), c.max_turn_acceleration_rps2 * dt_s)
+        self._v = _towards(self._v, _clipped(v, self._robot.max_speed_mps), self._robot.max_acceleration_mps2 * dt_s)
+        self._w = _towards(self._w, _clipped(w, self._robot.max_turn_rate_radps), self._robot.max_turn_acceleration_radps2 * dt_s)
         half = self._w * self._track_m / 2.0
         return np.array([self._v - half, self._v + half]) / self._radius_m
 

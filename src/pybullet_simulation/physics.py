@@ -1,4 +1,4 @@
-"""The physics: a Husky on its wheels in a world, by pybullet; forces and contacts in, poses and velocities out.
+"""The physics: a robot on its wheels in a world, by pybullet; forces and contacts in, poses and velocities out.
 
 The settings are the ones that were measured to make a skid steer behave: velocity motors, cylinders as such instead of hulls,
 less friction sideways, no cone friction (with it the turn rate depends on the heading in the world).
@@ -6,15 +6,18 @@ less friction sideways, no cone friction (with it the turn rate depends on the h
 
 import contextlib
 import os
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.records import Contact
-from pybullet_simulation.robot_model import TILT_JOINT, WHEELS, RobotModel
+from pybullet_simulation.robot_model import RobotModel
+from pybullet_simulation.simulated_urdf import write_simulated_urdf
 from pybullet_simulation.world import World, nearest_normal, raycasting_scene
 from rigid_geometry import quat_xyzw_from_transform
 from robot_body import RobotBody
@@ -59,7 +62,7 @@ class Physics:
 
     def __init__(self, config: SimulationConfig, body: RobotBody, robot: RobotModel, world: World) -> None:
         """The robot stands just above its start. ValueError when pybullet cannot load the robot."""
-        self._config, self._steep_z = config, float(np.cos(body.climbing_rad + config.wheel_contact_margin_rad))
+        self._config, self._model = config, robot
         self._client = pybullet.connect(pybullet.DIRECT)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=1.0 / config.physics_rate_hz, enableConeFriction=0, deterministicOverlappingPairs=1, physicsClientId=self._client
@@ -70,8 +73,10 @@ class Physics:
         self._robot = self._add_robot(robot, world, body.base_height_m)
         self._names = self._link_names()
         self._joints = {self._joint(i): i for i in range(pybullet.getNumJoints(self._robot, physicsClientId=self._client))}
-        self._wheels = [self._joints[name] for name in WHEELS]
-        self._tilt = self._joints.get(TILT_JOINT)
+        self._wheels = [self._joints[wheel.joint] for wheel in robot.wheels]
+        self._tilt = None if robot.tilt_joint is None else self._joints[robot.tilt_joint]
+        self._steep_z = self._steepest(body)
+        self._let_casters_roll()
         self._com = np.array(pybullet.getDynamicsInfo(self._robot, -1, physicsClientId=self._client)[3])
         self.set_sideways_friction(config.lateral_friction_ratio)
 
@@ -80,6 +85,25 @@ class Physics:
         if self._client >= 0:
             pybullet.disconnect(physicsClientId=self._client)
             self._client = -1
+
+    def _steepest(self, body: RobotBody) -> dict[int, float]:
+        """By wheel and caster, how little the normal of a surface may point up that it stands on: one steeper is an obstacle."""
+        links = {name: index for index, name in self._names.items()}
+        radii = {w.link: w.radius_m for w in self._model.wheels} | {c.link: c.radius_m for c in self._model.casters}
+        margin = self._config.wheel_contact_margin_rad
+        return {links[link]: float(np.cos(body.climbing_rad(radius_m) + margin)) for link, radius_m in radii.items()}
+
+    def _let_casters_roll(self) -> None:
+        """Joints that nothing drives turn freely, against the engine's habit of braking them; a ball slides as if it rolled."""
+        driven, links = {*self._wheels, self._tilt}, {name: index for index, name in self._names.items()}
+        for index in set(self._joints.values()) - driven:
+            if pybullet.getJointInfo(self._robot, index, physicsClientId=self._client)[2] == pybullet.JOINT_REVOLUTE:
+                pybullet.setJointMotorControl2(self._robot, index, pybullet.VELOCITY_CONTROL, force=0.0, physicsClientId=self._client)
+        for caster in self._model.casters:
+            grip = 1.0 if caster.rolls else self._config.caster_friction
+            pybullet.changeDynamics(
+                self._robot, links[caster.link], lateralFriction=grip, rollingFriction=0.0, physicsClientId=self._client
+            )
 
     def _joint(self, index: int) -> str:
         return str(pybullet.getJointInfo(self._robot, index, physicsClientId=self._client)[1].decode())
@@ -117,18 +141,19 @@ class Physics:
     def _add_robot(self, robot: RobotModel, world: World, base_height_m: float) -> int:
         x, y, yaw = world.start_xyyaw
         flags = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
-        try:
-            return int(
-                pybullet.loadURDF(
-                    str(robot.urdf_path),
-                    basePosition=[x, y, world.start_z + base_height_m + 0.02],
-                    baseOrientation=pybullet.getQuaternionFromEuler([0.0, 0.0, yaw]),
-                    flags=flags,
-                    physicsClientId=self._client,
+        with tempfile.TemporaryDirectory() as folder:
+            try:
+                return int(
+                    pybullet.loadURDF(
+                        str(write_simulated_urdf(robot.urdf_path, Path(folder))),
+                        basePosition=[x, y, world.start_z + base_height_m + 0.02],
+                        baseOrientation=pybullet.getQuaternionFromEuler([0.0, 0.0, yaw]),
+                        flags=flags,
+                        physicsClientId=self._client,
+                    )
                 )
-            )
-        except pybullet.error as error:
-            raise ValueError(f"pybullet cannot load the robot {robot.urdf_path}: {error}") from error
+            except pybullet.error as error:
+                raise ValueError(f"pybullet cannot load the robot {robot.urdf_path}: {error}") from error
 
     def set_sideways_friction(self, ratio: float) -> None:
         """Friction across the tyres as a share of the one along them, from the next step on."""
@@ -143,13 +168,13 @@ class Physics:
             )
 
     def set_wheel_speeds(self, speeds_rps: Array) -> None:
-        """Target speeds (4,) of the wheels in the order of `WHEELS`."""
+        """Target speeds (W,) of the wheels in the order of the model's."""
         pybullet.setJointMotorControlArray(
             self._robot,
             self._wheels,
             pybullet.VELOCITY_CONTROL,
-            targetVelocities=speeds_rps.tolist(),
-            forces=[self._config.wheel_torque_nm] * 4,
+            targetVelocities=(speeds_rps * self._model.forward_of_wheel).tolist(),
+            forces=[self._config.wheel_torque_nm] * len(self._wheels),
             physicsClientId=self._client,
         )
 
@@ -172,20 +197,21 @@ class Physics:
         return BodyState(R, np.array(com) - R @ self._com, np.array(com), np.array(linear), np.array(angular))
 
     def wheel_angles(self) -> Array:
-        """(4,) angles of the wheels in rad, in the order of `WHEELS`."""
+        """(W,) angles of the wheels in rad, in the order of the model's."""
         states = pybullet.getJointStates(self._robot, self._wheels, physicsClientId=self._client)
-        return np.array([state[0] for state in states])
+        return np.array([state[0] for state in states]) * self._model.forward_of_wheel
 
     def contacts(self, speed_mps: float) -> list[Contact]:
-        """What of the body touches anything, and what of the wheels touches something too steep to be ground."""
+        """What of the body touches anything, and what of wheels and casters touches something too steep to be ground."""
         found = []
         for point in pybullet.getContactPoints(bodyA=self._robot, physicsClientId=self._client):
             other, link, normal, force = point[2], point[3], point[7], point[9]
-            is_ground = link in self._wheels and (normal[2] > self._steep_z or self._is_level(point[6]))
+            steep_z = self._steep_z.get(link)
+            is_ground = steep_z is not None and (normal[2] > steep_z or self._is_level(point[6], steep_z))
             if other != self._robot and not is_ground and force >= self._config.contact_force_min_n:
                 found.append(Contact(self._names[link], speed_mps, float(force)))
         return found
 
-    def _is_level(self, position: tuple[float, float, float]) -> bool:
+    def _is_level(self, position: tuple[float, float, float], steep_z: float) -> bool:
         """Whether the world's surface nearest to a contact is ground: at the edges between triangles the engine invents steep normals."""
-        return bool(abs(nearest_normal(self._surface, position)[2]) > self._steep_z)
+        return bool(abs(nearest_normal(self._surface, position)[2]) > steep_z)

@@ -14,8 +14,6 @@ HARDWARE_OR_IDEAL = ("hardware", "ideal")
 _IDEAL: dict[type, dict[str, object]] = {
     SimulationConfig: {
         "friction": 1.0,
-        "max_acceleration_mps2": 2.0,
-        "max_turn_acceleration_rps2": 5.0,
         "wheel_radius_sigma": 0.0,
         "slip_patch_sigma": 0.0,
         "slip_per_climb": 0.0,

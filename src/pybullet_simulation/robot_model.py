@@ -1,6 +1,5 @@
-"""The robot as its URDF describes it: mounting poses, wheels, and the body as a mesh that its own laser can see."""
+"""The robot as its URDF describes it: mounting poses, wheels, casters, and the body as a mesh that its own laser can see."""
 
-import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,86 +8,102 @@ import trimesh
 from numpy.typing import NDArray
 
 from pybullet_simulation.world import joined
-from rigid_geometry import transform_from_rpy
-from robot_body import RobotBody, contradictions, laser_mount, urdf_file
+from rigid_geometry import transform_points
+from robot_body import (
+    Caster,
+    RobotBody,
+    Shape,
+    Wheel,
+    casters,
+    driven_wheels,
+    laser_mount,
+    mesh_surface,
+    read_description,
+    simulation_problems,
+    urdf_file,
+    with_mount,
+)
 from world_files import Surface
 
 Array = NDArray[np.float64]
 
-WHEELS = ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel")
-TILT_JOINT = "tilt_joint"
-
 
 @dataclass(frozen=True)
 class RobotModel:
-    """Geometry of the robot in base_link, in metres; `body` is all that does not tilt, but for the laser's own link.
+    """Geometry of the robot in base_link, in metres; `body` is all that does not tilt, but for a fixed laser's own link.
 
-    `tilts`: whether the laser does. One that is fixed has T_base_laser for T_base_mount.
+    `tilt_joint` tilts the laser; None for one that is fixed, which has T_base_laser for T_base_mount.
     """
 
     urdf_path: Path
+    tilt_joint: str | None
     T_base_mount: Array
     T_tilt_laser: Array
     T_base_imu: Array
+    wheels: tuple[Wheel, ...]
+    casters: tuple[Caster, ...]
     body: Surface
-    tilts: bool = True
+
+    @property
+    def tilts(self) -> bool:
+        """Whether the laser does."""
+        return self.tilt_joint is not None
+
+    @property
+    def side_of_wheel(self) -> NDArray[np.intp]:
+        """(W,) 0 for a wheel on the left, 1 for one on the right."""
+        return np.array([0 if wheel.is_left else 1 for wheel in self.wheels])
+
+    @property
+    def forward_of_wheel(self) -> Array:
+        """(W,) 1 or -1: which way the joint of a wheel turns when it rolls forward."""
+        return np.array([wheel.forward for wheel in self.wheels])
 
 
 def read_robot_model(body: RobotBody) -> RobotModel:
-    """The model in the robot's URDF, one like ours; ValueError when it cannot be read, lacks a joint that we need, or contradicts it."""
+    """The model in the robot's URDF; ValueError when it cannot be read or simulated, or contradicts the robot."""
     urdf_path = urdf_file(body)
     try:
         text = urdf_path.read_text(encoding="utf-8")
-        robot = ElementTree.fromstring(text)
-    except (OSError, UnicodeDecodeError, ElementTree.ParseError) as error:
+    except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"cannot read the robot description {urdf_path}: {error}") from error
-    if problems := contradictions(body, text):
-        raise ValueError(f"robot.yaml contradicts {urdf_path}: {'; '.join(problems)}")
-    poses = _joint_origins(robot)
-    laser = body.mount("laser")
-    joint, T_base_mount, T_tilt_laser = laser_mount(text, laser)
-    missing = [name for name in (*WHEELS, *([TILT_JOINT] if joint else []), "imu_joint") if name not in poses]
-    if missing:
-        raise ValueError(f"{urdf_path} lacks the joints {', '.join(missing)}")
+    if problems := simulation_problems(body, text, urdf_path.parent):
+        raise ValueError(f"robot {body.name} with {urdf_path}: {'; '.join(problems)}")
+    laser, imu = body.mount("laser"), body.mount("imu")
+    description = with_mount(with_mount(read_description(text, urdf_path.parent), imu), laser)
+    tilt_joint, T_base_mount, T_tilt_laser = laser_mount(text, laser)
+    parts = [link for link in description.shapes if description.hangs_on_base(link) and (tilt_joint or link != laser.frame)]
+    links = [link for link in parts if all(joint.name != tilt_joint for joint in description.moving(link))]
     return RobotModel(
-        urdf_path=Path(urdf_path),
+        urdf_path=urdf_path,
+        tilt_joint=tilt_joint,
         T_base_mount=T_base_mount,
         T_tilt_laser=T_tilt_laser,
-        T_base_imu=poses["imu_joint"][1],
-        body=_body_surface(robot, poses, {"tilt_link", laser.frame}),
-        tilts=joint is not None,
+        T_base_imu=description.T_base_link(imu.frame),
+        wheels=tuple(driven_wheels(description)),
+        casters=tuple(casters(description)),
+        body=Surface(*joined([_surface(shape, description.T_base_link(link)) for link in links for shape in description.shapes[link]])),
     )
 
 
-def _origin(element: ElementTree.Element) -> Array:
-    origin = element.find("origin")
-    if origin is None:
-        return np.eye(4)
-    xyz = [float(v) for v in origin.get("xyz", "0 0 0").split()]
-    roll, pitch, yaw = (float(v) for v in origin.get("rpy", "0 0 0").split())
-    return transform_from_rpy(xyz, (roll, pitch, yaw))
-
-
-def _joint_origins(robot: ElementTree.Element) -> dict[str, tuple[str, Array]]:
-    """Joint name -> (child link, T_parent_child at zero); our tree is flat but for the tilting laser."""
-    return {str(j.get("name")): (str(j.find("child").get("link")), _origin(j)) for j in robot.findall("joint")}  # type: ignore[union-attr]
-
-
-def _shape_surface(collision: ElementTree.Element, T_base_shape: Array) -> Surface:
-    box, cylinder = collision.find("geometry/box"), collision.find("geometry/cylinder")
-    if box is not None:
-        mesh = trimesh.creation.box([float(v) for v in str(box.get("size")).split()], T_base_shape)
-    elif cylinder is not None:
-        radius, length = float(str(cylinder.get("radius"))), float(str(cylinder.get("length")))
-        mesh = trimesh.creation.cylinder(radius, length, sections=48, transform=T_base_shape)
+def _surface(shape: Shape, T_base_link: Array) -> Surface:
+    if shape.mesh is not None:
+        vertices, triangles = mesh_surface(shape.mesh, shape.scale)
     else:
-        raise ValueError("collision shapes of the robot are boxes and cylinders, nothing else")
-    return Surface(np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32))
+        solid = _solid(shape)
+        vertices, triangles = np.asarray(solid.vertices, np.float64), np.asarray(solid.faces, np.int32)
+    return Surface(np.asarray(transform_points(T_base_link @ shape.T_link_shape, vertices), np.float64), triangles)
 
 
-def _body_surface(robot: ElementTree.Element, poses: dict[str, tuple[str, Array]], apart: set[str]) -> Surface:
-    T_base_link = {link: T for link, T in poses.values() if link not in apart} | {"base_link": np.eye(4)}
-    shapes = []
-    for name, T in T_base_link.items():
-        shapes += [_shape_surface(shape, T @ _origin(shape)) for shape in robot.findall(f"link[@name='{name}']/collision")]
-    return Surface(*joined(shapes))
+
+
+def _solid(shape: Shape) -> trimesh.Trimesh:
+    x, y, z = shape.half_m
+    solid: trimesh.Trimesh
+    if shape.kind == "box":
+        solid = trimesh.creation.box([2 * x, 2 * y, 2 * z])
+    elif shape.kind == "sphere":
+        solid = trimesh.creation.icosphere(subdivisions=3, radius=x)
+    else:
+        solid = trimesh.creation.cylinder(x, 2 * z, sections=48)
+    return solid

@@ -14,7 +14,7 @@ from pybullet_simulation.imu import Imu
 from pybullet_simulation.laser import Laser
 from pybullet_simulation.lidar_config import SpinningLidarConfig
 from pybullet_simulation.records import Delivery, ImuSample, JointSample, LidarGeometry, Revolution, Sample, Scan, WheelOdometry
-from pybullet_simulation.robot_model import TILT_JOINT, WHEELS, RobotModel
+from pybullet_simulation.robot_model import RobotModel
 from pybullet_simulation.sensor_clock import SensorClock, SensorTimes, nanoseconds
 from pybullet_simulation.spinning_lidar import SpinningLidar
 from pybullet_simulation.timing_config import SENSOR_TOPICS, TimingConfig
@@ -26,7 +26,6 @@ Array = NDArray[np.float64]
 SCAN_PERIOD_S = JOINT_PERIOD_S = 0.025
 IMU_PERIOD_S = 0.01
 WHEEL_PERIOD_S = 0.05
-SIDE_OF_WHEEL = np.array([0, 1, 0, 1])  # of WHEELS: left, right, left, right
 _LASER, _IMU, _JOINTS, _CLOCKS = 11, 12, 14, 15  # random streams of a seed
 
 
@@ -96,10 +95,11 @@ class Sensors:
     def _joint_sample(self, trace: Trace, stamp_ns: int) -> JointSample:
         now, turned = trace.at(stamp_ns), trace.turned(stamp_ns - nanoseconds(JOINT_PERIOD_S), stamp_ns)
         tilt = now.tilt_measured + self._config.tilt_encoder_sigma_rad * self._joint_rng.standard_normal()
-        positions = (float(tilt), *trace.encoders(stamp_ns).tolist())
-        velocities = (now.tilt_rate, *(turned / JOINT_PERIOD_S).tolist())
-        first = 0 if self._parts.robot.tilts else 1
-        return JointSample(stamp_ns / 1e9, (TILT_JOINT, *WHEELS)[first:], positions[first:], velocities[first:])
+        tilting = [] if self._parts.robot.tilt_joint is None else [(self._parts.robot.tilt_joint, float(tilt), now.tilt_rate)]
+        forward, wheels = self._parts.robot.forward_of_wheel, [wheel.joint for wheel in self._parts.robot.wheels]
+        turns, rates = (forward * trace.encoders(stamp_ns)).tolist(), (forward * turned / JOINT_PERIOD_S).tolist()
+        names, positions, velocities = zip(*tilting, *zip(wheels, turns, rates, strict=True), strict=True)
+        return JointSample(stamp_ns / 1e9, names, positions, velocities)
 
     def _imu_sample(self, trace: Trace, stamp_ns: int) -> ImuSample:
         before, now = trace.at(stamp_ns - nanoseconds(IMU_PERIOD_S)), trace.at(stamp_ns)
@@ -109,5 +109,6 @@ class Sensors:
 
     def _wheel_odometry(self, trace: Trace, stamp_ns: int) -> WheelOdometry:
         speeds = trace.turned(stamp_ns - nanoseconds(WHEEL_PERIOD_S), stamp_ns) / WHEEL_PERIOD_S
-        left, right = speeds[SIDE_OF_WHEEL == 0].mean(), speeds[SIDE_OF_WHEEL == 1].mean()
+        side = self._parts.robot.side_of_wheel
+        left, right = speeds[side == 0].mean(), speeds[side == 1].mean()
         return WheelOdometry(stamp_ns / 1e9, *self._parts.drive.velocity(float(left), float(right)))

@@ -17,7 +17,7 @@ from pybullet_simulation.mount_drive import MountDrive
 from pybullet_simulation.physics import BodyState, Physics
 from pybullet_simulation.records import Contact, ScanGeometry, TickData, Truth
 from pybullet_simulation.robot_model import read_robot_model
-from pybullet_simulation.sensors import IMU_PERIOD_S, SIDE_OF_WHEEL, SensorParts, Sensors
+from pybullet_simulation.sensors import IMU_PERIOD_S, SensorParts, Sensors
 from pybullet_simulation.sweep_profile import nod_moves, spinning_sweep_profile, sweep_profile
 from pybullet_simulation.tilt_mount import TiltMount
 from pybullet_simulation.timing_config import TimingConfig
@@ -37,7 +37,7 @@ _SLIP, _GROUND, _MOUNT = 13, 16, 17  # random streams of a seed, beside those of
 
 
 class Simulation:
-    """A Husky in a world, in ticks of 0.05 s; the first one ends at 1.0 s."""
+    """A robot in a world, in ticks of 0.05 s; the first one ends at 1.0 s."""
 
     def __init__(
         self,
@@ -62,7 +62,7 @@ class Simulation:
         if not self._robot.tilts and lidar is None:
             raise ValueError(f"robot {body.name}: a laser that is fixed has to be a spinning lidar")
         self._physics = Physics(config, body, self._robot, world)
-        self._drive, self._slip, self._ground = Drive(config, body), SlipModel(config, slip_rng), Ground(config, ground_rng)
+        self._drive, self._slip, self._ground = Drive(body), SlipModel(config, slip_rng), Ground(config, ground_rng)
         self._mount = TiltMount(config, mount_rng)
         self._profile = spinning_sweep_profile(config, lidar) if lidar else sweep_profile(config)
         self._mount_drive = MountDrive(self._profile, nod_moves(config))
@@ -70,7 +70,7 @@ class Simulation:
         self._steps, self._dt_s = config.physics_rate_hz // TICKS_PER_S, 1.0 / config.physics_rate_hz
         self._command, self._command_age = (0.0, 0.0), 0
         self._settle()
-        self._encoders, self._angles = np.zeros(4), self._physics.wheel_angles()
+        self._encoders, self._angles = np.zeros(len(self._robot.wheels)), self._physics.wheel_angles()
         self._trace = Trace(TICK_NS, config.physics_rate_hz)
         self._trace.append(self._stood())
         self._sensors, self.spinning = (
@@ -80,7 +80,7 @@ class Simulation:
 
     def _settle(self) -> None:
         self._physics.set_tilt(0.0)
-        self._physics.set_wheel_speeds(np.zeros(4))
+        self._physics.set_wheel_speeds(np.zeros(len(self._robot.wheels)))
         self._state = self._physics.state()
         for _ in range(round(self._config.settle_time_s * self._config.physics_rate_hz)):
             self._state = self._physics.step()
@@ -172,8 +172,9 @@ class Simulation:
     def _advance(self, command: tuple[float, float], tilts: Tilts) -> PhysicsTick:
         """One tick of physics; contacts are looked at whenever the IMU samples, wheels at half and at all of it."""
         speeds = self._drive.step(*command, TICK_S)
-        slip = (1.0 + self._slip.step(TICK_S) + self._slip_of_ground(speeds))[SIDE_OF_WHEEL]
-        self._physics.set_wheel_speeds(speeds[SIDE_OF_WHEEL] / slip)
+        side = self._robot.side_of_wheel
+        slip = (1.0 + self._slip.step(TICK_S) + self._slip_of_ground(speeds))[side]
+        self._physics.set_wheel_speeds(speeds[side] / slip)
         self._physics.set_tilt(float(tilts.measured[-1]))
         look = self._steps // IMU_PER_TICK
         states, contacts, turns = [self._state], [], []
@@ -215,7 +216,7 @@ class Simulation:
     def _stood(self) -> PhysicsTick:
         """A tick before the first one: the robot stands."""
         still = self._tilts(np.zeros(self._steps + 1))
-        before = self._physics_tick([self._state] * (self._steps + 1), still, np.zeros((ENCODERS_PER_TICK, 4)), [])
+        before = self._physics_tick([self._state] * (self._steps + 1), still, np.zeros((ENCODERS_PER_TICK, len(self._robot.wheels))), [])
         return replace(before, begin_ns=self._now_ns - TICK_NS)
 
 

@@ -28,7 +28,7 @@ class PhysicsTick:
     """A tick of physics at its S steps, the first and last included.
 
     `rotations` (S, 3, 3), `positions` (S, 3), `angular` (S, 3) and `imu_velocities` (S, 3) in world axes. Of the wheels' encoders:
-    angles (4,) at the beginning, and how far they turned (H, 4) in each of H equal parts of the tick.
+    angles (W,) at the beginning, and how far they turned (H, W) in each of H equal parts of the tick.
     """
 
     begin_ns: int
@@ -87,7 +87,7 @@ class Trace:
         return Instant(R, angular, velocity, float(tilt), float(rate))
 
     def turned(self, from_ns: int, to_ns: int) -> Array:
-        """(4,) how far the encoders turned in between, in rad."""
+        """(W,) how far the encoders turned in between, in rad."""
         parts = []
         for tick in self.ticks:
             length = self.tick_ns // len(tick.turns)
@@ -99,7 +99,7 @@ class Trace:
         return np.asarray(np.array(parts).sum(axis=0))
 
     def encoders(self, stamp_ns: int) -> Array:
-        """(4,) angles of the encoders at a stamp, in rad."""
+        """(W,) angles of the encoders at a stamp, in rad."""
         tick = self.ticks[self._index(stamp_ns - 1)]
         length, angles = self.tick_ns // len(tick.turns), tick.encoders
         for i, turn in enumerate(tick.turns):

@@ -3,30 +3,55 @@
 A radius, a box or a margin that is due to the body is derived here, once, and written nowhere else.
 """
 
+from robot_body.agreement import contradictions
 from robot_body.body import RobotBody
 from robot_body.fixed_frames import FixedFrames, StaticTransform
-from robot_body.loading import DEFAULT_ROBOT_FILE, load_robot, overlaid, robot_from_mapping, robot_mapping, robot_values
+from robot_body.loading import (
+    DEFAULT_ROBOT_FILE,
+    load_robot,
+    overlaid,
+    robot_file,
+    robot_from_mapping,
+    robot_mapping,
+    robot_names,
+    robot_values,
+)
 from robot_body.mounts import SensorMount
+from robot_body.shapes import Shape, mesh_surface
+from robot_body.simulable import missing_visuals, simulation_problems
 from robot_body.tilting_mount import DESCRIPTION, fixed_laser_problem, is_fixed, laser_mount, mount_from_urdf
-from robot_body.urdf import contradictions, urdf_file, with_base
+from robot_body.urdf import read_description, urdf_file, with_base, with_mount
+from robot_body.wheels import Caster, Wheel, casters, driven_wheels
 
 __all__ = [
     "DEFAULT_ROBOT_FILE",
     "DESCRIPTION",
+    "Caster",
     "FixedFrames",
     "RobotBody",
     "SensorMount",
+    "Shape",
     "StaticTransform",
+    "Wheel",
+    "casters",
     "contradictions",
+    "driven_wheels",
     "fixed_laser_problem",
     "is_fixed",
     "laser_mount",
     "load_robot",
+    "mesh_surface",
+    "missing_visuals",
     "mount_from_urdf",
     "overlaid",
+    "read_description",
+    "robot_file",
     "robot_from_mapping",
     "robot_mapping",
+    "robot_names",
     "robot_values",
+    "simulation_problems",
     "urdf_file",
     "with_base",
+    "with_mount",
 ]

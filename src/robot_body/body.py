@@ -44,6 +44,12 @@ class RobotBody:
     max_slope_rad: float = parameter(math.radians(25.0), "rad", "steepest slope that it drives", low=0.05, high=0.8)
     max_speed_mps: float = parameter(1.0, "m/s", "fastest that its drive can do, not what it explores with", low=0.01, high=2.0)
     max_turn_rate_radps: float = parameter(1.5, "rad/s", "fastest turn that its drive can do", low=0.01, high=4.0)
+    max_acceleration_mps2: float = parameter(
+        3.0, "m/s^2", "how fast its drive changes the forward speed; husky_control's controller has 3", low=0.1, high=20.0
+    )
+    max_turn_acceleration_radps2: float = parameter(
+        6.0, "rad/s^2", "how fast its drive changes the turn rate; husky_control's controller has 6", low=0.1, high=50.0
+    )
     own_echo_margin_m: float = parameter(0.10, "m", "echoes this near to the outline are its own: cables, noise, a mast", low=0.0, high=1.0)
     mounts: tuple[SensorMount, ...] = parameter(
         MOUNTS, "-", "frame of each sensor, and its pose there or 'from: urdf'; laser and imu are needed"
@@ -126,10 +132,9 @@ class RobotBody:
         """Track of a robot without skidding that would turn as this one: track times effective_track_factor."""
         return self.track_m * self.effective_track_factor
 
-    @property
-    def climbing_rad(self) -> float:
-        """Steepest that the ground under a wheel stands where it climbs its highest step: acos(1 - max_step / wheel_radius)."""
-        return math.acos(1.0 - self.max_step_m / self.wheel_radius_m)
+    def climbing_rad(self, radius_m: float) -> float:
+        """Steepest that the ground under a wheel of a radius stands where it climbs the highest step: acos(1 - max_step / radius)."""
+        return math.acos(max(1.0 - self.max_step_m / radius_m, 0.0))
 
     @property
     def body_min_m(self) -> tuple[float, float, float]:

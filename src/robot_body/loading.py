@@ -13,7 +13,19 @@ from robot_body.body import RobotBody
 from robot_body.mounts import read_mounts
 from stage_config import ConfigError, load_config, to_mapping
 
-DEFAULT_ROBOT_FILE = Path(__file__).resolve().parents[2] / "config" / "robot.yaml"
+_CONFIG = Path(__file__).resolve().parents[2] / "config"
+DEFAULT_ROBOT_FILE = _CONFIG / "robot.yaml"
+_ROBOTS = {"husky": DEFAULT_ROBOT_FILE, **{path.stem: path for path in sorted((_CONFIG / "robots").glob("*.yaml"))}}
+
+
+def robot_names() -> list[str]:
+    """The robots that come with the project."""
+    return list(_ROBOTS)
+
+
+def robot_file(name_or_file: str) -> Path:
+    """The file of a robot that comes with the project, or the file that is named."""
+    return _ROBOTS.get(name_or_file, Path(name_or_file))
 
 
 def load_robot(path: Path | str = DEFAULT_ROBOT_FILE) -> RobotBody:
@@ -25,6 +37,8 @@ def robot_values(path: Path | str) -> dict[str, object]:
     """What a robot's file says, unchecked, with the path of a description beside it. ConfigError when it cannot be read."""
     try:
         content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise ConfigError(f"{path}: no such robot or file; robots are {', '.join(_ROBOTS)}, or a file like config/robot.yaml") from error
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
     except (yaml.YAMLError, UnicodeDecodeError, ValueError) as error:

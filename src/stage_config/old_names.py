@@ -44,6 +44,8 @@ OLD_NAMES = {
     "turning_slide_m": "robot.yaml: turning_slide_m",
     "wheel_contact_slope_rad": "robot.yaml: max_step_m and wheel_radius_m, and wheel_contact_margin_rad beyond it",
     "track_factor": "robot.yaml: effective_track_factor",
+    "max_acceleration_mps2": "robot.yaml: max_acceleration_mps2",
+    "max_turn_acceleration_rps2": "robot.yaml: max_turn_acceleration_radps2",
     "max_speed_mps": "robot.yaml: max_speed_mps",
     "max_turn_rate_rps": "robot.yaml: max_turn_rate_radps",
 }

@@ -19,6 +19,7 @@ from explore_command.arguments import ArgumentProblem, OneLineParser
 from octomap_server_3dnav.exploration import first_decision
 from octomap_server_3dnav.octree.octree_files import replace_file
 from octomap_server_3dnav.terrain.classify import Terrain
+from robot_body import robot_file
 from terrain_tools import octree_survey
 from terrain_tools.analysis import Analysis, analyse
 from terrain_tools.criteria import Criteria, read_criteria
@@ -59,7 +60,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--goal-tolerance", type=float, default=0.5, metavar="M", help="how far from the goal a path may end; default %(default)g m"
     )
-    p.add_argument("--robot", type=Path, metavar="FILE.yaml", help="the robot, as config/robot.yaml, which is the default")
+    p.add_argument("--robot", type=robot_file, metavar="R", help="the robot, by name or FILE as in ./explore; default husky")
     p.add_argument(
         "--profile",
         metavar="P",

@@ -181,16 +181,15 @@ def test_imu_at_rest_on_a_slope_measures_gravity_and_its_bias_is_that_of_the_see
 
 
 def test_wheel_odometry_is_the_inverse_of_the_drive():
-    drive = Drive(SimulationConfig(), HUSKY)
+    drive = Drive(HUSKY)
     for _ in range(100):
         left, right = drive.step(0.4, -0.3, 0.05)
     assert drive.velocity(left, right) == pytest.approx((0.4, -0.3))
 
 
 def test_drive_clips_and_smooths_commands_and_refuses_nan():
-    config = SimulationConfig()
-    drive = Drive(config, HUSKY)
-    assert drive.velocity(*drive.step(9.0, 0.0, 0.05))[0] == pytest.approx(config.max_acceleration_mps2 * 0.05)
+    drive = Drive(HUSKY)
+    assert drive.velocity(*drive.step(9.0, 0.0, 0.05))[0] == pytest.approx(HUSKY.max_acceleration_mps2 * 0.05)
     for _ in range(100):
         speeds = drive.step(9.0, 0.0, 0.05)
     assert drive.velocity(*speeds)[0] == pytest.approx(HUSKY.max_speed_mps)
@@ -218,7 +217,9 @@ def test_robot_that_contradicts_its_description_is_refused():
 
 
 def test_drive_is_as_fast_and_turns_as_the_robot_does():
-    drive = Drive(SimulationConfig(), replace(HUSKY, max_speed_mps=0.3, max_turn_rate_radps=0.2, effective_track_factor=2.0))
+    robot = replace(HUSKY, max_speed_mps=0.3, max_turn_rate_radps=0.2, max_acceleration_mps2=0.5, effective_track_factor=2.0)
+    drive = Drive(robot)
+    assert drive.velocity(*drive.step(9.0, 0.0, 0.05))[0] == pytest.approx(0.5 * 0.05)
     for _ in range(100):
         left, right = drive.step(9.0, 9.0, 0.05)
     assert drive.velocity(left, right) == pytest.approx((0.3, 0.2))

@@ -19,7 +19,8 @@ OF_THE_BODY = {f.name for f in dataclasses.fields(RobotBody)} - {"name", "urdf",
 OLD = {path.rpartition("/")[2] for path, home in OLD_NAMES.items() if home.startswith("robot.yaml")}
 # A name that also means something else: how fast the follower wants to go, and how far the costmap's costs reach.
 OTHER_KEYS = {"max_speed_mps", "max_turn_rate_radps", "inflation_radius_m"}
-OTHERS = {("path_following/config.py", "max_speed_mps"), ("path_following/config.py", "max_turn_rate_radps")}
+OF_THE_FOLLOWER = {"max_speed_mps", "max_turn_rate_radps", "max_acceleration_mps2", "max_turn_acceleration_radps2"}
+OTHERS = {("path_following/config.py", name) for name in OF_THE_FOLLOWER}
 OTHERS |= {("local_terrain_costmap/config.py", "inflation_radius_m")}
 
 

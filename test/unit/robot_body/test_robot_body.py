@@ -112,7 +112,10 @@ def test_all_violations_come_at_once_one_a_line() -> None:
     assert len(found) == 5, found  # track missing, step twice, colour, frame; nothing of the width, which the track would tell
 
 
-@pytest.mark.parametrize(("text", "expected"), [("[1, 2", "is no YAML"), ("- a", "expected the robot's values"), (None, "cannot be read")])
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [("[1, 2", "is no YAML"), ("- a", "expected the robot's values"), (None, "no such robot or file; robots are husky, ")],
+)
 def test_file_that_is_none_is_told(tmp_path: Path, text: str | None, expected: str) -> None:
     path = tmp_path / "robot.yaml"
     if text is not None:

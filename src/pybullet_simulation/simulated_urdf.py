@@ -1,0 +1,55 @@
+"""The robot description as the physics engine needs it: without pictures, with every mesh at hand, and no link without a mass."""
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import trimesh
+
+from robot_body import mesh_surface, read_description
+
+_DUST = "1e-6"  # kg, kg m^2: what a frame without an inertial weighs; the engine would take it for 1 kg
+
+
+def write_simulated_urdf(urdf: Path, folder: Path) -> Path:
+    """Writes such a description of the links from base_link on into a folder, with its meshes; where it lies."""
+    text = urdf.read_text(encoding="utf-8")
+    root, description = ElementTree.fromstring(text), read_description(text, urdf.parent)
+    kept = {link for link in description.shapes if description.hangs_on_base(link)}
+    links = [link for link in root.findall("link") if link.get("name") in kept]
+    joints = [joint for joint in root.findall("joint") if _children(joint) & kept - {"base_link"}]
+    for link in links:
+        name = str(link.get("name"))
+        if name not in description.masses:
+            _give_mass(link)
+        for i, (collision, shape) in enumerate(zip(link.findall("collision"), description.shapes[name], strict=True)):
+            if shape.mesh is not None:
+                hull = trimesh.Trimesh(*mesh_surface(shape.mesh, shape.scale)).convex_hull
+                hull.export(folder / f"{name}_{i}.obj")
+                _replace_mesh(collision, f"{name}_{i}.obj")
+        for visual in link.findall("visual"):
+            link.remove(visual)
+    for other in list(root):
+        if other not in links and other not in joints:
+            root.remove(other)
+    path = folder / "robot.urdf"
+    ElementTree.ElementTree(root).write(path)
+    return path
+
+
+def _children(joint: ElementTree.Element) -> set[str]:
+    return {str(child.get("link")) for child in joint.findall("child")}
+
+
+def _give_mass(link: ElementTree.Element) -> None:
+    for inertial in link.findall("inertial"):
+        link.remove(inertial)
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "mass", value=_DUST)
+    ElementTree.SubElement(inertial, "inertia", ixx=_DUST, ixy="0", ixz="0", iyy=_DUST, iyz="0", izz=_DUST)
+
+
+def _replace_mesh(collision: ElementTree.Element, name: str) -> None:
+    geometry = collision.find("geometry")
+    assert geometry is not None
+    geometry.clear()
+    ElementTree.SubElement(geometry, "mesh", filename=name)

@@ -1,0 +1,119 @@
+"""Collision shapes of a robot description: boxes, cylinders, spheres and meshes, and how far each reaches."""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigid_geometry import transform_from_rpy, transform_points
+
+Array = NDArray[np.float64]
+SOLIDS = ("box", "cylinder", "sphere", "mesh")
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A shape in its link: half its size along x, y and z of its own frame; of a mesh its file, None where it is missing, and scale."""
+
+    kind: str
+    T_link_shape: Array
+    half_m: tuple[float, float, float]
+    mesh: Path | None = None
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+    @property
+    def is_missing(self) -> bool:
+        """A mesh whose file is not there."""
+        return self.kind == "mesh" and self.mesh is None
+
+    def reach(self, T_base_link: Array) -> tuple[Array, Array]:
+        """The lower and the upper corner (3,) of the box around it in base_link, exactly. ValueError for a mesh that cannot be read."""
+        T = T_base_link @ self.T_link_shape
+        if self.mesh is not None:
+            points = transform_points(T, mesh_surface(self.mesh, self.scale)[0])
+            return points.min(axis=0), points.max(axis=0)
+        half = self._half_in(T[:3, :3])
+        return T[:3, 3] - half, T[:3, 3] + half
+
+    def _half_in(self, R: Array) -> Array:
+        if self.kind == "sphere":
+            return np.array(self.half_m)
+        if self.kind == "cylinder":
+            return np.asarray(self.half_m[0] * np.sqrt(np.clip(1.0 - R[:, 2] ** 2, 0.0, None)) + self.half_m[2] * np.abs(R[:, 2]))
+        return np.asarray(np.abs(R) @ np.array(self.half_m))
+
+
+def shapes_of(link: ElementTree.Element, folder: Path | None) -> tuple[Shape, ...]:
+    """The collision shapes of a link; a mesh is looked for from the `folder` of the description. ValueError when one cannot be read."""
+    return tuple(_shape(collision, folder) for collision in link.findall("collision"))
+
+
+def _shape(collision: ElementTree.Element, folder: Path | None) -> Shape:
+    geometry = collision.find("geometry")
+    solid = next((e for e in ([] if geometry is None else geometry) if e.tag in SOLIDS), None)
+    if solid is None:
+        kinds = "nothing" if geometry is None else ", ".join(e.tag for e in geometry) or "nothing"
+        raise ValueError(f"a collision shape is {kinds}, expected one of {', '.join(SOLIDS)}")
+    T = origin_of(collision)
+    if solid.tag == "mesh":
+        scale = triple(solid.get("scale"), "1 1 1")
+        return Shape("mesh", T, (0.0, 0.0, 0.0), found_mesh(str(solid.get("filename")), folder), scale)
+    if solid.tag == "box":
+        x, y, z = triple(solid.get("size"), "0 0 0")
+        return Shape("box", T, (x / 2, y / 2, z / 2))
+    radius = float(str(solid.get("radius")))
+    return Shape(solid.tag, T, (radius, radius, radius if solid.tag == "sphere" else float(str(solid.get("length"))) / 2))
+
+
+def triple(text: str | None, default: str) -> tuple[float, float, float]:
+    """Three numbers of an attribute."""
+    x, y, z = (float(v) for v in (text or default).split())
+    return x, y, z
+
+
+def origin_of(element: ElementTree.Element) -> Array:
+    """(4, 4) the pose of an element's origin, the identity where it has none: so a URDF says it."""
+    origin = element.find("origin")
+    if origin is None:
+        return np.eye(4)
+    return np.asarray(transform_from_rpy(triple(origin.get("xyz"), "0 0 0"), triple(origin.get("rpy"), "0 0 0")))
+
+
+def found_mesh(name: str, folder: Path | None) -> Path | None:
+    """The file of a mesh: `package://NAME/...` in a package that ROS finds or around the description, else a path; None where none is."""
+    return next((path for path in _places(name, folder) if path.is_file()), None)
+
+
+def _places(name: str, folder: Path | None) -> Iterator[Path]:
+    scheme, _, rest = name.rpartition("://")
+    if scheme != "package":
+        yield Path(rest) if folder is None else folder / rest
+        return
+    package, _, inner = rest.partition("/")
+    for root in map(Path, filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(":"))):
+        yield root / inner if root.name == package else root / package / inner
+    if folder is not None:
+        yield from (above / inner for above in (folder, *folder.parents[:2]))
+
+
+@lru_cache(maxsize=64)
+def mesh_surface(path: Path, scale: tuple[float, float, float]) -> tuple[Array, NDArray[np.int32]]:
+    """Vertices (N, 3), scaled, and triangles (T, 3) of a mesh. ValueError when it cannot be read, or has none."""
+    import trimesh  # only where a description has meshes
+
+    try:
+        mesh: Any = trimesh.load(path, force="mesh")
+        vertices, triangles = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
+    except Exception as error:  # the readers raise whatever they stumble over
+        raise ValueError(f"mesh {path} cannot be read: {type(error).__name__}: {' '.join(str(error).split())}") from error
+    if not len(triangles) or not np.isfinite(vertices).all():
+        raise ValueError(f"mesh {path} has no triangles, or some that are not finite")
+    return vertices * np.array(scale), triangles

@@ -1,0 +1,121 @@
+"""Which robots can be simulated by their description; what keeps one from it is told in one line."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from robot_body import RobotBody, casters, driven_wheels, load_robot, missing_visuals, read_description, robot_file, robot_names, urdf_file
+from robot_body import simulation_problems as problems_of
+
+SMALL = load_robot(robot_file("small"))
+URDF = urdf_file(SMALL).read_text(encoding="utf-8")
+HUSKY_URDF = urdf_file(RobotBody()).read_text(encoding="utf-8")
+BALL = '<visual><geometry><sphere radius="0.05"/></geometry><material name="grey"/></visual>'
+
+
+def between(text: str, begin: str, end: str) -> str:
+    """The part of a text from `begin` to the next `end`, both included."""
+    return text[text.index(begin) : text.index(end, text.index(begin)) + len(end)]
+
+
+def without(part: str, text: str = URDF) -> str:
+    assert part in text
+    return text.replace(part, "")
+
+
+def changed(old: str, new: str, text: str = URDF) -> str:
+    assert old in text
+    return text.replace(old, new)
+
+
+LEFT_WHEEL = between(URDF, '<link name="left_wheel">', "</link>")
+LEFT_JOINT = between(URDF, '<joint name="left_wheel_joint"', "</joint>")
+OF_HUSKY = between(HUSKY_URDF, '<joint name="rear_left_wheel"', "</joint>")
+CASTER = between(URDF, '<joint name="caster_joint"', "</joint>") + "\n  " + between(URDF, '<link name="caster">', "</link>")
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_every_robot_of_the_project_can_be_simulated(name: str) -> None:
+    robot = load_robot(robot_file(name))
+    assert robot.name == name
+    urdf = urdf_file(robot)
+    assert problems_of(robot, urdf.read_text(encoding="utf-8"), urdf.parent) == []
+    assert missing_visuals(urdf.read_text(encoding="utf-8"), urdf.parent) == []
+
+
+@pytest.mark.parametrize(
+    ("robot", "text", "said"),
+    [
+        (SMALL, without(between(LEFT_WHEEL, "<inertial>", "</inertial>")), "above 0 is missing in left_wheel, right_wheel"),
+        (SMALL, without(between(LEFT_WHEEL, "<inertia ", "/>")), "a mass and an inertia above 0 is missing in left_wheel"),
+        (
+            SMALL,
+            changed('<mass value="11.0"/>', '<mass value="0"/>', URDF.replace("<inertia ", "<nothing ")),
+            "above 0 is missing in base_link, left_wheel, right_wheel, tilt_link",
+        ),
+        (
+            SMALL,
+            changed(BALL, '<collision><geometry><mesh filename="ball.stl"/></geometry></collision>'),
+            "mesh of a collision shape of caster",
+        ),
+        (SMALL, changed("0 0.155 0", "0 0.155 0.02"), "left_wheel is 0.02 m above the ground"),
+        (SMALL, changed("0 0.155 0", "0 0.175 0"), "track_m = 0.31, and the URDF has 0.33"),
+        (replace(SMALL, track_m=0.30, width_m=0.36), URDF, "track_m = 0.3, and the URDF has 0.31"),
+        (replace(SMALL, base_height_m=0.12), URDF, "base_height_m = 0.12, and the URDF has 0.1"),
+        (SMALL, without(LEFT_JOINT), "no joint leads from base_link to left_wheel"),
+        (SMALL, without(LEFT_WHEEL), "joint left_wheel_joint: the URDF has no link left_wheel"),
+        (SMALL, without(LEFT_JOINT, without(LEFT_WHEEL)), "0 wheels on the left and 1 on the right"),
+        (SMALL, changed('name="left_wheel_joint" type="continuous"', 'name="left_wheel_joint" type="fixed"'), "0 wheels on the left"),
+        (RobotBody(), without(OF_HUSKY, HUSKY_URDF), "no joint leads from base_link to rear_left_wheel_link"),
+        (SMALL, without(CASTER), "which the wheels and casters do not surround: it falls over"),
+        (SMALL, changed('"laser"', '"lidar"'), "mounts/laser: the URDF has no frame laser"),
+        (SMALL, changed('"imu_link"', '"imu"'), "mounts/imu: the URDF has no frame imu_link"),
+        (SMALL, changed('"base_link"', '"base"'), "the URDF has no link base_link"),
+        (SMALL, changed("<sphere", "<capsule"), "a collision shape is capsule, expected one of box, cylinder, sphere, mesh"),
+        (SMALL, without(between(URDF, "<limit ", "/>")), "joint tilt_joint is revolute and has no limit"),
+        (SMALL, URDF[:500], "cannot be read"),
+    ],
+    ids=lambda value: value if isinstance(value, str) and len(value) < 90 else "",
+)
+def test_robot_that_cannot_be_simulated_is_told_in_one_line(robot: RobotBody, text: str, said: str, tmp_path: Path) -> None:
+    found = problems_of(robot, text, tmp_path)
+    assert sum(said in line for line in found) == 1, found
+    assert all("\n" not in line for line in found)
+
+
+def test_missing_mesh_of_a_picture_keeps_nobody_from_driving(tmp_path: Path) -> None:
+    text = changed(BALL, '<visual><geometry><mesh filename="package://mine/ball.dae"/></geometry></visual>')
+    assert problems_of(SMALL, text, tmp_path) == []
+    assert missing_visuals(text, tmp_path) == ["package://mine/ball.dae"]
+
+
+def test_mesh_is_found_beside_the_description_and_in_its_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "mine" / "meshes").mkdir(parents=True)
+    (tmp_path / "mine" / "urdf").mkdir()
+    (tmp_path / "mine" / "meshes" / "ball.dae").touch()
+    text = changed(BALL, '<visual><geometry><mesh filename="package://mine/meshes/ball.dae"/></geometry></visual>')
+    assert missing_visuals(text, tmp_path / "mine" / "urdf") == []
+    assert missing_visuals(text, Path("/")) != []
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
+    assert missing_visuals(text, Path("/")) == []
+
+
+def test_wheels_are_what_turns_about_y_whatever_their_own_axes() -> None:
+    turned = changed(
+        '<origin xyz="0 0.155 0"/>\n    <axis xyz="0 1 0"/>', '<origin xyz="0 0.155 0" rpy="-1.5707963 0 0"/>\n    <axis xyz="0 0 1"/>'
+    )
+    backwards = changed('<origin xyz="0 0.155 0"/>\n    <axis xyz="0 1 0"/>', '<origin xyz="0 0.155 0"/>\n    <axis xyz="0 -1 0"/>')
+    turned = turned.replace(LEFT_WHEEL, LEFT_WHEEL.replace('<origin rpy="1.5707963267948966 0 0"/>', ""))
+    for text, forward in ((turned, 1.0), (backwards, -1.0)):
+        left, right = driven_wheels(read_description(text))
+        assert (left.joint, left.is_left, left.forward) == ("left_wheel_joint", True, forward) and right.forward == 1.0
+        assert (left.radius_m, left.width_m) == pytest.approx((0.1, 0.04))
+        assert problems_of(SMALL, text, Path("/")) == []
+
+
+def test_ball_that_is_off_the_ground_is_no_caster_but_a_belly() -> None:
+    assert [caster.link for caster in casters(read_description(URDF))] == ["caster"]
+    high = changed('<origin xyz="-0.15 0 -0.05"/>', '<origin xyz="-0.15 0 -0.04"/>')
+    assert casters(read_description(high)) == []
+    assert any("ground_clearance_m = 0.05, and the URDF has 0.01" in line for line in problems_of(SMALL, high, Path("/")))
