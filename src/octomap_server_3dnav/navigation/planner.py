@@ -181,12 +181,6 @@ def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np
     return np.asarray(total * terrain.resolution + math.dist(centers[:2], terrain.robot_xyz[:2]))
 
 
-def distances_from(terrain: Terrain, node: int, config: PlannerConfig) -> NDArray[np.float64]:
-    """(N,) the same in metres from a node of traversable ground."""
-    plain = np.where(np.isfinite(terrain.cost), np.float32(1.0), np.float32(np.inf))
-    return np.asarray(distances(_ways(terrain, plain, 0.0, config), node) * terrain.resolution)
-
-
 def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], tolerance_m: float) -> int | None:
     """The traversable node that the robot can reach nearest to a point in map; None when none lies within `tolerance_m`.
 
