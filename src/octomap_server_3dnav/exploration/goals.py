@@ -122,7 +122,7 @@ class GoalSearch:
                 continue
             if self._way_out.has_looked_from(way.line[-1]) or self._tried.why_aside(place):
                 continue
-            path = plan_into(view.terrain, way, self._planner_config)
+            path = plan_into(view.terrain, way, yaw_of(view.T_map_base), self._planner_config)
             if path is None or (is_inside and 0 not in path.entries()):
                 place.failures.append("no path to a place from where to look")
                 continue
