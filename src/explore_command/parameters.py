@@ -46,7 +46,6 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
         "frontier": "octomap_server_3dnav.exploration.frontiers.FrontierConfig",
         "planner": "octomap_server_3dnav.navigation.planner.PlannerConfig",
         "exploration": "octomap_server_3dnav.exploration.config.ExplorationConfig",
-        "tour": "octomap_server_3dnav.exploration.tour.TourConfig",
     },
     "octomap_server_3dnav_local_node": {
         "": "octomap_server_3dnav.navigation.local_grid.LocalGridConfig",

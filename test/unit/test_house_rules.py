@@ -37,7 +37,7 @@ ORDER: dict[str, set[str]] = {
     "octomap_server_3dnav.octree": BASE,
     "octomap_server_3dnav.terrain": BASE | {"octomap_server_3dnav.octree"},
     "octomap_server_3dnav.navigation": BASE | {"octomap_server_3dnav.octree", "octomap_server_3dnav.terrain"},
-    "octomap_server_3dnav.exploration": BASE | {"visiting_order"} | TERRAIN - {"octomap_server_3dnav.exploration"},
+    "octomap_server_3dnav.exploration": BASE | TERRAIN - {"octomap_server_3dnav.exploration"},
     "local_terrain_costmap": BASE,
     "path_following": BASE,
     "stop_scan_and_go": BASE,

@@ -16,7 +16,6 @@ from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig
 from octomap_server_3dnav.exploration.goals import GoalSearch, View
 from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
 from octomap_server_3dnav.exploration.retreat import Retreat, way_back
-from octomap_server_3dnav.exploration.tour import TourConfig
 from octomap_server_3dnav.navigation.passages import TerrainSettings
 from octomap_server_3dnav.navigation.planner import PlannerConfig
 from octomap_server_3dnav.terrain.classified_terrain import Terrain
@@ -74,19 +73,16 @@ class Explorer:
         terrain: TerrainSettings | None = None,
         frontier: FrontierConfig | None = None,
         planner: PlannerConfig | None = None,
-        tour: TourConfig | None = None,
     ) -> None:
-        """ValueError lists every violation of the five configurations."""
+        """ValueError lists every violation of the four configurations."""
         self.config = config or ExplorationConfig()
         self.terrain_settings = terrain or TerrainSettings()
         self.frontier_config = frontier or FrontierConfig()
         self.planner_config = planner or PlannerConfig()
-        tour = tour or TourConfig()
-        self._tours = tour.enabled
         configs = self.config, self.terrain_settings, self.frontier_config, self.planner_config
-        if problems := [problem for c in (*configs, tour) for problem in c.validate()]:
+        if problems := [problem for c in configs for problem in c.validate()]:
             raise ValueError("\n".join(problems))
-        self._goals = GoalSearch(*configs, tour)
+        self._goals = GoalSearch(*configs)
         self._state = State.STARTING
         self._plan: Decision | None = None
         self.forget_sweeps()
@@ -180,12 +176,7 @@ class Explorer:
                 if dist_limit is None:  # 16: no start voxel is left
                     return self._goals.decision(DecisionKind.TRAPPED, _why_trapped(view.terrain), view)  # 17
                 continue
-            if self._tours and dist_limit is not None:
-                continue  # a tour is made over all that is open
             frontiers = self._goals.frontiers_in(view)  # 21
-            if (decision := self._goals.by_tour(frontiers, view, observation.vertex_poses)) is not None:
-                return decision
-            frontiers = self._goals.not_aside(frontiers)
             decision = self._goals.towards([f for f in frontiers if not f.last], view)  # 35
             if decision is not None:
                 return decision  # 29 to 32: the next search begins around the robot again

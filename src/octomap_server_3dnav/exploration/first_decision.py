@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.exploration.decide import Explorer, Observation, SweepOutcome
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
 from octomap_server_3dnav.exploration.lookouts import find_lookouts
-from octomap_server_3dnav.exploration.tour import TourConfig
 from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.navigation.storey import robot_storey
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
@@ -46,6 +45,5 @@ def _decide(states: NDArray[np.uint8], x: float, heights: SurfaceHeights | None)
     def terrain_within(radius_m: float | None) -> Terrain:
         return navigable_terrain(runs, T_map_base, _SETTINGS, radius_m, heights)
 
-    for tour in (TourConfig(), TourConfig(enabled=True)):
-        Explorer(tour=tour).step(Observation(SweepOutcome.MATCHED, T_map_base[None], terrain_within))
+    Explorer().step(Observation(SweepOutcome.MATCHED, T_map_base[None], terrain_within))
     return terrain_within(None)

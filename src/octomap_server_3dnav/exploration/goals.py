@@ -4,7 +4,6 @@ For `decide`, which asks for the terrain around the robot first and then for the
 robot looked at them, or that driving failed to reach, are set aside (`tried_places`).
 """
 
-import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +14,6 @@ from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
 from octomap_server_3dnav.exploration.lookouts import Lookout, WayOut, find_lookouts
-from octomap_server_3dnav.exploration.tour import Tour, TourConfig
 from octomap_server_3dnav.exploration.tried_places import Place, TriedPlaces
 from octomap_server_3dnav.navigation.passages import TerrainSettings
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
@@ -38,21 +36,12 @@ class View:
 class GoalSearch:
     """Chooses a goal in a terrain; remembers what was tried where, and how the robot went to where it cannot turn."""
 
-    def __init__(
-        self,
-        config: ExplorationConfig,
-        terrain: TerrainSettings,
-        frontier: FrontierConfig,
-        planner: PlannerConfig,
-        tour: TourConfig | None = None,
-    ) -> None:
+    def __init__(self, config: ExplorationConfig, terrain: TerrainSettings, frontier: FrontierConfig, planner: PlannerConfig) -> None:
         self._config, self._terrain_settings, self._frontier_config, self._planner_config = config, terrain, frontier, planner
         self._tried = TriedPlaces(config)
         self._approach = Approach(config, planner.trim_m)
         self._way_out = WayOut(terrain)
         self._begun: tuple[float, float, float] | None = None  # the frontier on the way to which it was sent to where a passage begins
-        self._tour_config = tour or TourConfig()
-        self._tour = Tour(self._tour_config, config.min_trim_m, frontier.angle_weight_m_per_rad, planner)
         self._sent_to: Lookout | None = None  # before whose way it was sent
 
     def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
@@ -82,10 +71,6 @@ class GoalSearch:
         self._tried.count_looks([f.xyz for f in frontiers], (x, y, z))
         return [f for f in frontiers if not self._tried.is_aside(f.xyz)]
 
-    def not_aside(self, frontiers: list[Frontier]) -> list[Frontier]:
-        """Those that are still tried."""
-        return [f for f in frontiers if not self._tried.is_aside(f.xyz)]
-
     def towards(self, left: list[Frontier], view: View) -> Decision | None:
         """The first of some frontiers to which a path leads, as a goal; None where none does, and that is remembered."""
         for count, frontier in enumerate(left):
@@ -98,30 +83,6 @@ class GoalSearch:
                 return self._goal(view, frontier, path, trimmed, len(left) - count)
             self._tried.at(frontier.xyz).failures.append("no path" if path is None else "no path clear of unknown floor")
         return None
-
-    def by_tour(self, frontiers: list[Frontier], view: View, vertex_poses: NDArray[np.float64]) -> Decision | None:
-        """The first view of a tour over all frontiers; None where none is made. What no view is left of is set aside.
-
-        A robot that was sent to where a passage begins goes on through it first.
-        """
-        if not self._tour_config.enabled or not frontiers:
-            return None
-        begun = [f for f in frontiers if self._begun is not None and math.dist(f.xyz, self._begun) <= self._config.place_radius_m]
-        if begun and (decision := self.towards(begun, view)) is not None:
-            return decision
-        reaches_m = self._tour.reaches_m(frontiers, view.terrain, vertex_poses)
-        for k in np.flatnonzero(reaches_m == 0.0):
-            self._tried.at(frontiers[k].xyz).looks = self._config.max_looks
-        first = self._tour.first_view(frontiers, view.terrain, view.T_map_base, reaches_m)
-        path = None if first is None else plan_path(view.terrain, first.node, self._planner_config)
-        if first is None or path is None:
-            return None
-        part = self._approach.part_of(path, view.terrain, view.T_map_base, first.frontier, self._config.min_trim_m)
-        if part is None:
-            return None
-        decision = self._goal(view, first.frontier, path, part, len(frontiers))
-        reason = f"view 1 of {first.views}, {first.way_m:.1f} m away, of {first.shown} frontiers"
-        return replace(decision, reason=reason) if self._begun else as_it_arrives(replace(decision, reason=reason))
 
     def last_of_all(self, last: list[Frontier], view: View) -> Decision | None:
         """When nothing else is left: to a frontier that is looked at last, to a look from inside, or out of there.
@@ -161,7 +122,7 @@ class GoalSearch:
                 continue
             if self._way_out.has_looked_from(way.line[-1]) or self._tried.why_aside(place):
                 continue
-            path = plan_into(view.terrain, way, self._planner_config)
+            path = plan_into(view.terrain, way, yaw_of(view.T_map_base), self._planner_config)
             if path is None or (is_inside and 0 not in path.entries()):
                 place.failures.append("no path to a place from where to look")
                 continue
@@ -199,11 +160,3 @@ class GoalSearch:
         self._tried.count_progress(place, path.length_m)
         decision = self.decision(DecisionKind.GOAL, "out of a place without room to turn", view)
         return decision.along(path, path, yaw_of(view.T_map_base), place.xyz)
-
-
-def as_it_arrives(decision: Decision) -> Decision:
-    """The same goal with the heading in which its path arrives: a sweep sees all around, and turning takes time."""
-    if decision.path is None or decision.goal is None or len(decision.path) < 2:
-        return decision
-    x, y, z, _ = decision.goal
-    return replace(decision, goal=(x, y, z, facing_yaw(decision.path[max(-4, -len(decision.path))], decision.path[-1])))

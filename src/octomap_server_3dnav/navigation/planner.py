@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.navigation.passages import rest_from
+from octomap_server_3dnav.navigation.passages import is_along, rest_from
 from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, distances
 from octomap_server_3dnav.navigation.shortcuts import resampled, straightened
 from octomap_server_3dnav.navigation.storey import STOREY_M
@@ -181,12 +181,6 @@ def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np
     return np.asarray(total * terrain.resolution + math.dist(centers[:2], terrain.robot_xyz[:2]))
 
 
-def distances_from(terrain: Terrain, node: int, config: PlannerConfig) -> NDArray[np.float64]:
-    """(N,) the same in metres from a node of traversable ground."""
-    plain = np.where(np.isfinite(terrain.cost), np.float32(1.0), np.float32(np.inf))
-    return np.asarray(distances(_ways(terrain, plain, 0.0, config), node) * terrain.resolution)
-
-
 def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], tolerance_m: float) -> int | None:
     """The traversable node that the robot can reach nearest to a point in map; None when none lies within `tolerance_m`.
 
@@ -239,11 +233,14 @@ def plan_path(terrain: Terrain, goal_node: int, config: PlannerConfig, start_nod
     return _joined(parts, config.waypoint_spacing_m)
 
 
-def plan_into(terrain: Terrain, way: Passage, config: PlannerConfig) -> Path | None:
-    """The cheapest path to the first node of a way that need not be one of the terrain's passages, and straight along it to its end; for a
-    robot that stands in it already what is left of it."""
+def plan_into(terrain: Terrain, way: Passage, yaw: float, config: PlannerConfig) -> Path | None:
+    """The cheapest path to the first node of a way that need not be one of the terrain's passages, and straight along it to its end.
+
+    For a robot of heading `yaw` in map that stands in the way already, where it cannot turn or looks along it, what is left of it.
+    """
     start = terrain.start
-    rest = rest_from(way, terrain.robot_xyz[:2], start) if start is not None and terrain.is_inside else None
+    is_on_it = terrain.is_inside or is_along(way, yaw)
+    rest = rest_from(way, terrain.robot_xyz[:2], start) if start is not None and is_on_it else None
     if rest is not None:
         return straight_path(rest.line, config)
     path, along = plan_path(terrain, way.nodes[0], config), straight_path(way.line, config)

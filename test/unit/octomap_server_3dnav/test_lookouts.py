@@ -199,12 +199,25 @@ def test_path_out_is_driven_at_once_whichever_way_the_robot_faces():
     assert path.straight[0] and math.dist(path.points[0, :2], T_map_base[:2, 3]) < 0.1
 
 
+@pytest.mark.parametrize(
+    "yaw, aside_m, goes_on", [(0.0, 0.0, True), (0.3, 0.1, True), (1.0, 0.0, False), (math.pi, 0.0, False), (0.0, 0.5, False)]
+)
+def test_robot_on_its_way_in_goes_on_though_it_could_still_turn(yaw, aside_m, goes_on):
+    (lookout,) = lookouts_in(dead_end())
+    x, y = lookout.line[0, 0] + 0.6, lookout.line[0, 1] + aside_m
+    assert not terrain_of(dead_end(), pose(x, y)).is_inside
+    decision = decide(Explorer(), runs_of(dead_end()), pose(x, y, yaw=yaw))
+    assert "a look at" in decision.reason
+    assert bool(decision.path[:, 0].min() > x - 0.1) is goes_on
+    assert bool(decision.goal[0] > x + 1.0) is goes_on
+
+
 def test_robot_inside_goes_on_from_where_it_stands():
     (lookout,) = lookouts_in(dead_end())
     x, y, _ = lookout.line[np.argmin(np.abs(lookout.line[:, 0] - 3.5))]
     inside, outside = terrain_of(dead_end(), pose(x, y)), terrain_of(dead_end(), pose(1.2, 2.6))
     way = lookout.way_in(0.5)
-    on, whole = plan_into(inside, way, PlannerConfig()), plan_into(outside, way, PlannerConfig())
+    on, whole = plan_into(inside, way, 2.0, PlannerConfig()), plan_into(outside, way, 0.0, PlannerConfig())
     assert on.length_m == pytest.approx(way.line[-1, 0] - x, abs=0.05) and on.straight[:-1].all()
     assert whole.length_m > 2.0 and np.allclose(on.points[-1], whole.points[-1])
     assert not lookout.is_seen_from(outside, 5.0)

@@ -12,7 +12,6 @@ from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import DecisionKind
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
 from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
-from octomap_server_3dnav.exploration.tour import TourConfig
 from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.navigation.planner import PlannerConfig
 from octomap_server_3dnav.terrain.classified_terrain import TerrainClass
@@ -208,16 +207,11 @@ def coverage(journey, world, start):
     return journey.decisions[-1].terrain.traversable_area_m2 / true
 
 
-@pytest.fixture(params=[False, True], ids=["one by one", "by tours"])
-def explorer(request):
-    return Explorer(tour=TourConfig(enabled=request.param))
-
-
-def test_two_rooms_are_explored_to_the_end(explorer):
+def test_two_rooms_are_explored_to_the_end():
     world = room(110, 80)
     world[55, :, BELOW : BELOW + 30] = OCCUPIED
     world[55, 50:70, BELOW + 1 :] = FREE
-    journey = explore(world, 2.0, 2.0, 0.04, explorer, most=20)
+    journey = explore(world, 2.0, 2.0, 0.04, Explorer(), most=20)
     assert journey.decisions[-1].kind is EXPLORED
     assert coverage(journey, world, pose(2.0, 2.0)) > 0.97
 
@@ -233,9 +227,9 @@ def two_levels():
     return world
 
 
-def test_deck_is_explored_above_and_below_and_its_edges_are_never_left(explorer):
+def test_deck_is_explored_above_and_below_and_its_edges_are_never_left():
     world = two_levels()
-    journey = explore(world, 1.5, 1.5, 0.04, explorer, most=30)
+    journey = explore(world, 1.5, 1.5, 0.04, Explorer(), most=30)
     last = journey.decisions[-1]
     assert last.kind is EXPLORED
     assert coverage(journey, world, pose(1.5, 1.5)) > 0.95
@@ -247,11 +241,11 @@ def test_deck_is_explored_above_and_below_and_its_edges_are_never_left(explorer)
         assert np.linalg.norm(cliffs[level, :2] - ground[:2], axis=1).min(initial=9.0) > 0.5
 
 
-def test_rough_ground_with_range_noise_ends_explored(explorer):
+def test_rough_ground_with_range_noise_ends_explored():
     random = np.random.default_rng(4)
     hills = [(*random.uniform(0, 9, 2), random.uniform(0.8, 2.0), random.uniform(-0.35, 0.35)) for _ in range(14)]
     world = room(110, 110, lambda x, y: 0.4 + sum(a * np.exp(-((x - cx) ** 2 + (y - cy) ** 2) / s**2) for cx, cy, s, a in hills))
     ground = ((world[50, 50] == OCCUPIED).nonzero()[0].max() - BELOW + 0.5) * RESOLUTION
-    journey = explore(world, 50.5 * RESOLUTION, 50.5 * RESOLUTION, ground, explorer, most=30, noise_m=0.015)
+    journey = explore(world, 50.5 * RESOLUTION, 50.5 * RESOLUTION, ground, Explorer(), most=30, noise_m=0.015)
     assert journey.decisions[-1].kind is EXPLORED
     assert coverage(journey, world, pose(50.5 * RESOLUTION, 50.5 * RESOLUTION, ground)) > 0.6  # of voxels alone noise reads as steps
