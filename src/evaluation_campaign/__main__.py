@@ -11,7 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from evaluation_campaign.plan import Campaign, CampaignProblem, Limits, RunSpec, open_campaign, parse_seeds
-from explore_command.arguments import MAPPINGS, NAMED_WORLDS, REALISMS, SENSORS
+from explore_command.arguments import MAPPINGS, NAMED_WORLDS, REALISMS, SENSORS, ArgumentProblem
+from explore_command.launching import sensor_and_mapping
 from explore_command.parameters import override_problems, read_profile, robot_of
 from robot_body import robot_file
 from stage_config import ConfigError
@@ -39,15 +40,14 @@ def parser() -> argparse.ArgumentParser:
         "--profile", default="ours", metavar="P,P", help="profiles of parameters: ours, nearest, thesis, or YAML FILEs; default ours"
     )
     p.add_argument("--robot", type=robot_file, metavar="R", help="the robot of all runs, by name or FILE as in ./explore; default husky")
-    p.add_argument("--sensor", choices=SENSORS, default=SENSORS[0], help="the sensor of all runs; default %(default)s")
+    p.add_argument("--sensor", choices=SENSORS, help="the sensor of all runs; default tilting, where a lidar is fixed spinning")
     p.add_argument(
         "--realism", choices=REALISMS, default=REALISMS[0], help="hardware or ideal sensors, clocks and drive; default %(default)s"
     )
     p.add_argument(
         "--mapping",
         choices=MAPPINGS,
-        default=MAPPINGS[0],
-        help="whether the robot stands for each sweep or maps while driving; default %(default)s",
+        help="whether the robot stands for each sweep or maps while driving; default stop_and_go, where the lidar is fixed driving",
     )
     p.add_argument(
         "--jobs", type=int, default=max(1, (os.cpu_count() or 2) // 2), metavar="N", help="runs at a time; default: half the cores"
@@ -74,7 +74,11 @@ def parse(arguments: list[str] | None = None) -> tuple[Campaign, argparse.Namesp
         raise CampaignProblem(f"--profile {a.profile}: two of these have the same name, after which the folders of their runs are called")
     worlds = tuple(w if w in NAMED_WORLDS else str(Path(w).absolute()) for w in worlds)
     limits, robot = Limits(a.max_sim_time, a.max_wall_time), str(a.robot.absolute()) if a.robot else ""
-    return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, a.sensor, limits, robot, a.realism, a.mapping), a
+    try:
+        sensor, mapping = sensor_and_mapping(robot_of(a.robot, {}), a.sensor, a.mapping)
+    except ArgumentProblem as error:
+        raise CampaignProblem(str(error)) from error
+    return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, sensor, limits, robot, a.realism, mapping), a
 
 
 def _check_world(world: str) -> None:

@@ -64,11 +64,17 @@ def effective_robot(arguments: ExploreArguments) -> RobotBody:
 
 def as_robot_is_built(arguments: ExploreArguments, robot: RobotBody) -> ExploreArguments:
     """The arguments with sensor and mapping where they were not said. ArgumentProblem when what was said does not go with a fixed lidar."""
+    sensor, mapping = sensor_and_mapping(robot, arguments.sensor, arguments.mapping)
+    return replace(arguments, sensor=sensor, mapping=mapping)
+
+
+def sensor_and_mapping(robot: RobotBody, sensor: str | None, mapping: str | None) -> tuple[str, str]:
+    """Both, as the robot is built where they are None. ArgumentProblem when they do not go with a lidar that is fixed."""
     fixed = is_fixed(urdf_file(robot).read_text(encoding="utf-8"), robot.mount("laser"))
-    sensor, mapping = arguments.sensor or SENSORS[fixed], arguments.mapping or MAPPINGS[fixed]
+    sensor, mapping = sensor or SENSORS[fixed], mapping or MAPPINGS[fixed]
     if fixed and (problem := fixed_laser_problem(robot, sensor, mapping)):
         raise ArgumentProblem(problem)
-    return replace(arguments, sensor=sensor, mapping=mapping)
+    return sensor, mapping
 
 
 def _joined(values: tuple[float, ...] | None) -> str:

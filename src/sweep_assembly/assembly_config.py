@@ -16,7 +16,7 @@ class SweepAssemblyConfig:
     windows: str = parameter(
         "rest",
         "-",
-        "rest: sweeps go from rest to rest; turning_points: or are half of a nod; travelled: a part of the way, of a lidar that is fixed",
+        "rest: sweeps go from rest to rest; turning_points: or are half of a nod; travelled: a part of the way, as always of a fixed lidar",
         choices=("rest", "turning_points", "travelled"),
     )
     travelled_m: float = parameter(1.0, "m", "travelled: a sweep ends so far from where it began", low=0.1, high=5.0)

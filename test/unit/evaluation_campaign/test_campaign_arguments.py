@@ -64,3 +64,13 @@ def test_robot_of_all_runs_is_checked_with_every_profile(tmp_path, capsys):
     assert main(["--robot", str(robot), "--out", str(tmp_path / "c")]) == 2
     lines = capsys.readouterr().err.splitlines()
     assert len(lines) == len(robot_mapping(RobotBody())) and all(line.startswith("./evaluate: --robot ") for line in lines)
+
+
+def test_fixed_lidar_decides_for_sensor_and_mapping_of_all_runs(tmp_path, capsys):
+    robot = ["--robot", str(ROOT / "config" / "robots" / "husky_vlp16.yaml"), "--out", str(tmp_path / "c")]
+    campaign, _ = parse(robot)
+    assert (campaign.sensor, campaign.mapping) == ("spinning", "driving")
+    campaign, _ = parse(["--out", str(tmp_path / "c")])
+    assert (campaign.sensor, campaign.mapping) == ("tilting", "stop_and_go")
+    assert main([*robot, "--mapping", "stop_and_go"]) == 2
+    assert "set it to driving" in capsys.readouterr().err and not (tmp_path / "c").exists()
