@@ -95,8 +95,6 @@ def _surface(shape: Shape, T_base_link: Array) -> Surface:
     return Surface(np.asarray(transform_points(T_base_link @ shape.T_link_shape, vertices), np.float64), triangles)
 
 
-
-
 def _solid(shape: Shape) -> trimesh.Trimesh:
     x, y, z = shape.half_m
     solid: trimesh.Trimesh
