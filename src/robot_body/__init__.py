@@ -19,7 +19,7 @@ from robot_body.loading import (
 from robot_body.mounts import SensorMount
 from robot_body.shapes import Shape, mesh_surface
 from robot_body.simulable import missing_visuals, simulation_problems
-from robot_body.tilting_mount import DESCRIPTION, mount_from_urdf
+from robot_body.tilting_mount import DESCRIPTION, laser_height_m, mount_from_urdf
 from robot_body.urdf import read_description, urdf_file, with_base, with_mount
 from robot_body.wheels import Caster, Wheel, casters, driven_wheels
 
@@ -36,6 +36,7 @@ __all__ = [
     "casters",
     "contradictions",
     "driven_wheels",
+    "laser_height_m",
     "load_robot",
     "mesh_surface",
     "missing_visuals",

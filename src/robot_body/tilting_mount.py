@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_body.body import RobotBody
 from robot_body.mounts import SensorMount
 from robot_body.urdf import read_description, with_mount
 
@@ -10,6 +11,13 @@ Transform = NDArray[np.float64]
 
 DESCRIPTION = "robot.urdf"
 """In a run's folder beside robot.yaml: the robot_description of the run."""
+
+
+def laser_height_m(robot: RobotBody, urdf: str) -> float:
+    """The laser above the ground that a robot stands on, all joints at zero. ValueError where its description does not say."""
+    laser = robot.mount("laser")
+    T_base_laser = with_mount(read_description(urdf), laser).T_base_link(laser.frame)
+    return robot.base_height_m + float(T_base_laser[2, 3])
 
 
 def mount_from_urdf(urdf: str, laser: SensorMount) -> tuple[str, Transform, Transform]:
