@@ -34,7 +34,7 @@ class ClairvoyantConfig:
         5.65, "s", "a whole sweep while standing: of the tilting laser, from horizontal to horizontal", low=0.0, high=60.0
     )
     settle_s: float = parameter(0.75, "s", "coming to rest before a sweep", low=0.0, high=10.0)
-    eye_m: float = parameter(0.92, "m", "height of the laser above the ground", low=0.05, high=5.0)
+    eye_m: float = parameter(0.92, "m", "height of the laser above the ground; that of the run's robot", low=0.05, high=5.0)
     view_step_m: float = parameter(1.0, "m", "grid of the views", low=0.2, high=5.0)
     ground_step_m: float = parameter(0.4, "m", "grid of the ground that has to be seen", low=0.1, high=2.0)
     max_ground_m2: float = parameter(1200.0, "m2", "larger ground has no clairvoyant: it would take minutes to compute", low=1.0)

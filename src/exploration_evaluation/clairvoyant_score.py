@@ -7,7 +7,7 @@ in ~/.cache/explore_3dnav/clairvoyant, or below XDG_CACHE_HOME, one file for eac
 import contextlib
 import hashlib
 import os
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,7 +68,9 @@ def _of_run(folder: Path, summary: JsonObject, cache: Path) -> Clairvoyant:
         raise ValueError(f"nothing is known of the views of sensor {sensor}; only of {', '.join(SENSOR_VIEWS)}")
     speed_mps = _number(summary, "config", "move_base_node", "follower", "max_speed_mps")
     start = np.round(read_trajectory(folder / "trajectory_truth.txt")[1][0, :3, 3], 2)
-    return _kept(cache, read_mesh(folder / "world.ply"), start, read_robot(folder), speed_mps, SENSOR_VIEWS[sensor])
+    robot = read_robot(folder)
+    view = replace(SENSOR_VIEWS[sensor], eye_m=robot.laser_height_m)
+    return _kept(cache, read_mesh(folder / "world.ply"), start, robot, speed_mps, view)
 
 
 def _kept(

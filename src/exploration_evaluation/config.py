@@ -40,6 +40,7 @@ class RobotShape:
     )
     max_slope_rad: float = parameter(_DEFAULT.max_slope_rad, "rad", "steepest ground that is driven", low=0.01, high=1.4)
     max_step_m: float = parameter(_DEFAULT.max_step_m, "m", "highest step between neighbouring cells of ground", low=0.0, high=1.0)
+    laser_height_m: float = parameter(0.92, "m", "its laser above the ground, of the run's robot.urdf", low=0.0, high=5.0)
 
     @classmethod
     def of(cls, robot: RobotBody) -> "RobotShape":

@@ -9,6 +9,7 @@ import json
 import math
 import os
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from exploration_evaluation.config import RobotShape
 from exploration_evaluation.scores import ContactEpisode, contact_episodes
-from robot_body import load_robot
+from robot_body import DESCRIPTION, laser_height_m, load_robot
 
 Floats = NDArray[np.float64]
 Trajectory = tuple[Floats, Floats]
@@ -41,9 +42,15 @@ def read_trajectory(path: Path) -> Trajectory:
 
 
 def read_robot(folder: Path) -> RobotShape:
-    """The shape of the robot that drove, from its robot.yaml; the project's own where a run of before has none."""
-    path = folder / "robot.yaml"
-    return RobotShape.of(load_robot(path)) if path.is_file() else RobotShape()
+    """The shape of the robot that drove, from its robot.yaml and robot.urdf; the project's own where a run of before has none."""
+    path, urdf = folder / "robot.yaml", folder / DESCRIPTION
+    if not path.is_file():
+        return RobotShape()
+    robot = load_robot(path)
+    if not urdf.is_file():
+        return RobotShape.of(robot)
+    height_m = laser_height_m(robot, urdf.read_text(encoding="utf-8"))
+    return replace(RobotShape.of(robot), laser_height_m=round(height_m, 2))
 
 
 def read_contacts(path: Path, gap_s: float = 1.0) -> tuple[ContactEpisode, ...]:

@@ -33,7 +33,7 @@ def surface_scores(
     """The keys of `NO_SURFACE_SCORES`; `attempt` calls what may raise ValueError, and notes why a score is not there."""
 
     def complete() -> dict[str, Any]:
-        config = VisibilityConfig()
+        config = VisibilityConfig(sensor_height_m=robot.laser_height_m)
         surface = visible_surface(*mesh, ground, config)
         found = completeness(surface, transform_points(T_world_map, read_cloud(folder / "cloud.ply")), config.seen_within_m)
         return {

@@ -31,7 +31,7 @@ class VisibilityConfig:
 
     piece_m: float = parameter(0.40, "m", "longest edge of the triangles by whose centroids the surface is sampled", low=0.01, high=5.0)
     standpoint_m: float = parameter(1.5, "m", "distance between the places from which the surface is looked at", low=0.1, high=10.0)
-    sensor_height_m: float = parameter(0.90, "m", "height of the laser above the ground, in the mean of a sweep", low=0.0, high=5.0)
+    sensor_height_m: float = parameter(0.92, "m", "height of the laser above the ground; that of the run's robot", low=0.0, high=5.0)
     max_range_m: float = parameter(12.0, "m", "farthest surface that gets into the map", low=0.5, high=100.0)
     max_incidence_rad: float = parameter(
         1.40, "rad", "largest angle between a beam and the normal of what it hits; more is a graze", low=0.1, high=1.57

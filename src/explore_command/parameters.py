@@ -143,7 +143,7 @@ def robot_of(file: Path | None, overrides: Overrides) -> RobotBody:
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: urdf {robot.urdf} cannot be read: {error}") from error
     if problems := simulation_problems(robot, text, urdf_file(robot).parent):
-        raise ConfigError("\n".join(f"{path}: {text} ({robot.urdf})" for text in problems))
+        raise ConfigError("\n".join(f"{path}: {text} ({Path(robot.urdf).name})" for text in problems))
     return robot
 
 

@@ -34,7 +34,7 @@ def ground_equations(
     plane = np.column_stack([np.ones(len(mean)), mean[:, :2]]) @ (fit @ mean[:, 2])
     seen = (fit @ fit.T)[1:, 1:] * float(np.mean((mean[:, 2] - plane) ** 2))
     uneven_m = _unevenness(points[ground, 2] - plane[patch], mean[:, 2] - plane, patch, size)
-    standing = (math.hypot(uneven_m, config.ground_flat_m) / min(robot.wheelbase_m, robot.track_m)) ** 2
+    standing = (math.hypot(uneven_m, config.ground_flat_m) / robot.standing_base_m) ** 2
     precision = np.linalg.inv(seen + standing * np.eye(2))
     return slopes_by.T @ precision @ slopes_by, slopes_by.T @ precision @ slopes
 

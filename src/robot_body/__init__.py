@@ -19,7 +19,7 @@ from robot_body.loading import (
 from robot_body.mounts import SensorMount
 from robot_body.shapes import Shape, mesh_surface
 from robot_body.simulable import missing_visuals, simulation_problems
-from robot_body.tilting_mount import DESCRIPTION, fixed_laser_problem, is_fixed, laser_mount, mount_from_urdf
+from robot_body.tilting_mount import DESCRIPTION, fixed_laser_problem, is_fixed, laser_height_m, laser_mount, mount_from_urdf
 from robot_body.urdf import read_description, urdf_file, with_base, with_mount
 from robot_body.wheels import Caster, Wheel, casters, driven_wheels
 
@@ -38,6 +38,7 @@ __all__ = [
     "driven_wheels",
     "fixed_laser_problem",
     "is_fixed",
+    "laser_height_m",
     "laser_mount",
     "load_robot",
     "mesh_surface",

@@ -106,6 +106,11 @@ class RobotBody:
         return math.hypot(self.length_m, self.width_m) / 2
 
     @property
+    def standing_base_m(self) -> float:
+        """Shortest distance between what it stands on: the track, the wheelbase, or with one axle half its length, where a caster is."""
+        return min(self.track_m, self.wheelbase_m or self.half_length_m)
+
+    @property
     def standing_tolerance_m(self) -> float:
         """How far ground under the robot may lie off the plane of its wheels: a slope and a step under half its length (0.331 m)."""
         return self.half_length_m * math.tan(self.max_slope_rad) + self.max_step_m

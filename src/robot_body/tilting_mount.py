@@ -13,6 +13,13 @@ DESCRIPTION = "robot.urdf"
 """In a run's folder beside robot.yaml: the robot_description of the run."""
 
 
+def laser_height_m(robot: RobotBody, urdf: str) -> float:
+    """The laser above the ground that a robot stands on, all joints at zero. ValueError where its description does not say."""
+    laser = robot.mount("laser")
+    T_base_laser = with_mount(read_description(urdf), laser).T_base_link(laser.frame)
+    return robot.base_height_m + float(T_base_laser[2, 3])
+
+
 def laser_mount(urdf: str, laser: SensorMount) -> tuple[str | None, Transform, Transform]:
     """The tilting joint's name, T_base_mount (at tilt 0) and T_tilt_laser; of a laser that is fixed None, T_base_laser and the identity.
 

@@ -12,8 +12,9 @@ from run_folder_on_disk import CONTACTS_HEADER, T_WORLD_MAP, WORLD, true_poses, 
 
 from exploration_evaluation import RobotShape, evaluate_run, format_summary, read_contacts, read_trajectory, write_json
 from exploration_evaluation.__main__ import main
+from exploration_evaluation.run_files import read_robot
 from rigid_geometry import transform_points
-from robot_body import RobotBody, robot_mapping
+from robot_body import RobotBody, load_robot, robot_file, robot_mapping, urdf_file
 
 DESIGNED_KEYS = [
     "success",
@@ -255,3 +256,13 @@ def test_command_refuses_a_missing_folder_or_mesh_in_one_line(run, capsys):
     ):
         assert main(arguments) == 2
         assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_judge_looks_from_the_laser_of_the_robot_that_drove(tmp_path):
+    small = load_robot(robot_file("small"))
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(small)))
+    assert read_robot(tmp_path).laser_height_m == RobotShape().laser_height_m
+    for robot, height_m in ((small, 0.48), (RobotBody(), 0.92)):
+        (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(robot)))
+        (tmp_path / "robot.urdf").write_text(urdf_file(robot).read_text())
+        assert read_robot(tmp_path).laser_height_m == height_m

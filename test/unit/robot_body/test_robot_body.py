@@ -145,3 +145,8 @@ def test_value_that_is_missing_or_wrong_contradicts_nothing() -> None:
 def test_sensor_that_is_not_mounted_is_told_with_those_that_are() -> None:
     with pytest.raises(ValueError, match="no mount 'radar'; it has imu, laser"):
         HUSKY.mount("radar")
+
+
+def test_robot_of_one_axle_stands_on_its_track_and_on_a_caster() -> None:
+    assert HUSKY.standing_base_m == HUSKY.wheelbase_m
+    assert replace(HUSKY, wheelbase_m=0.0, length_m=0.4, track_m=0.31).standing_base_m == 0.2
