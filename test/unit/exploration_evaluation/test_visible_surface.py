@@ -51,7 +51,7 @@ def test_ceiling_is_seen_only_as_high_as_a_sweep_looks() -> None:
     world = join(room(8, 8), plate(0, 0, 8, 8, 2.0))
     assert seen(world).area_m2 == pytest.approx(ROOM_M2 + 64.0)
     level = seen(world, max_elevation_rad=0.0)
-    assert level.points[:, 2].max() < 0.9
+    assert level.points[:, 2].max() < 0.95  # the laser is at 0.92
 
 
 def test_winding_does_not_matter_and_nothing_is_random() -> None:
