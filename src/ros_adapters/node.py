@@ -15,9 +15,11 @@ from rospy.numpy_msg import numpy_msg
 from std_msgs.msg import String
 
 from robot_body import RobotBody
+from ros_adapters.aliases import ALIASES
 from ros_adapters.at_once import beside
 from ros_adapters.barrier import Barrier, Tick
 from ros_adapters.conversions import header
+from ros_adapters.counting_publisher import CountingPublisher
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.inputs import InputWatch
 from ros_adapters.urdf_mount import robot_of_parameters
@@ -45,21 +47,6 @@ def heard_publishers(subscriber: rospy.Subscriber) -> set[str]:
 
 def _is_heard(subscriber: rospy.Subscriber) -> bool:
     return bool(heard_publishers(subscriber))
-
-
-class CountingPublisher(rospy.Publisher):
-    """A publisher that knows how many messages it was given; while topics close at the end, what still comes goes nowhere."""
-
-    sent = 0
-
-    def publish(self, *args: object, **fields: object) -> None:
-        """Publishes, as rospy's."""
-        try:
-            super().publish(*args, **fields)
-        except rospy.ROSException:
-            if not rospy.core.is_shutdown_requested():
-                raise
-        self.sent += 1
 
 
 class Node:
@@ -245,7 +232,7 @@ class Node:
         return subscriber
 
     def serve(self, name: str, service_type: type, handler: Callable[[M], object], *, buff_size: int = 65536) -> rospy.Service:
-        """Serves; a request that cannot be used is counted, and its caller is told why."""
+        """Serves, also under a second name in ALIASES; a request that cannot be used is counted, and its caller is told why."""
 
         def answer(request: M) -> object:
             try:
@@ -254,6 +241,8 @@ class Node:
                 self.diagnostics.dropped(f"bad {name.rpartition('/')[2].lstrip('~')}", str(error))
                 raise rospy.ServiceException(str(error)) from error
 
+        if name in ALIASES:
+            rospy.Service(ALIASES[name], service_type, answer, buff_size=buff_size)
         return rospy.Service(name, service_type, answer, buff_size=buff_size)
 
     def watch(self, topic: str, silent_after_s: float | None) -> None:

@@ -4,44 +4,32 @@ import numpy as np
 from std_msgs.msg import Header
 
 from octomap_server_3dnav.octree.octree import OctreeMap
+from ros_adapters.built_types import PARTS, message_class
 from ros_adapters.conversions import ros_time
 from ros_adapters.frames import frames
-
-_PARTS = {
-    "std_msgs/Header": "uint32 seq\ntime stamp\nstring frame_id\n",
-    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z\n",
-    "octomap_msgs/Octomap": "std_msgs/Header header\nbool binary\nstring id\nfloat64 resolution\nint8[] data\n",
-}
 
 try:
     from octomap_msgs.msg import Octomap as Octomap
     from octomap_msgs.srv import BoundingBoxQuery as BoundingBoxQuery
     from octomap_msgs.srv import GetOctomap as GetOctomap
 except ImportError:
-    from genpy.dynamic import generate_dynamic
-
-    def _message_class(name: str, fields: str, *parts: str) -> type:
-        """The class of a message of `fields`; `parts` are the types in them, however deep."""
-        text = fields + "".join(f"{'=' * 80}\nMSG: {part}\n{_PARTS[part]}" for part in parts)
-        found: type = generate_dynamic(name, text)[name]
-        return found
 
     def _service_class(name: str, md5: str, request: type, response: type) -> type:
         """A service type as rospy takes it."""
         return type(name, (), {"_type": f"octomap_msgs/{name}", "_md5sum": md5, "_request_class": request, "_response_class": response})
 
-    Octomap = _message_class("octomap_msgs/Octomap", _PARTS["octomap_msgs/Octomap"], "std_msgs/Header")
+    Octomap = message_class("octomap_msgs/Octomap", PARTS["octomap_msgs/Octomap"], "std_msgs/Header")
     GetOctomap = _service_class(
         "GetOctomap",
         "be9d2869d24fe40d6bc21ac21f6bb2c5",
-        _message_class("octomap_msgs/GetOctomapRequest", ""),
-        _message_class("octomap_msgs/GetOctomapResponse", "octomap_msgs/Octomap map\n", "octomap_msgs/Octomap", "std_msgs/Header"),
+        message_class("octomap_msgs/GetOctomapRequest", ""),
+        message_class("octomap_msgs/GetOctomapResponse", "octomap_msgs/Octomap map\n", "octomap_msgs/Octomap", "std_msgs/Header"),
     )
     BoundingBoxQuery = _service_class(
         "BoundingBoxQuery",
         "93aa3d73b866f04880927745f4aab303",
-        _message_class("octomap_msgs/BoundingBoxQueryRequest", "geometry_msgs/Point min\ngeometry_msgs/Point max\n", "geometry_msgs/Point"),
-        _message_class("octomap_msgs/BoundingBoxQueryResponse", ""),
+        message_class("octomap_msgs/BoundingBoxQueryRequest", "geometry_msgs/Point min\ngeometry_msgs/Point max\n", "geometry_msgs/Point"),
+        message_class("octomap_msgs/BoundingBoxQueryResponse", ""),
     )
 
 

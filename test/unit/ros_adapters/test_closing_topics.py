@@ -3,7 +3,7 @@
 import pytest
 import rospy
 
-from ros_adapters.node import CountingPublisher
+from ros_adapters.counting_publisher import CountingPublisher
 
 
 @pytest.fixture
