@@ -253,19 +253,6 @@ def occupancy_grid_message(
     return grid
 
 
-# costmap_2d's translation of costs for OccupancyGrid: free 0, inscribed 99, lethal 100, unknown -1, between them 1..98
-_OCCUPANCY_OF_COST = np.concatenate([[0], np.linspace(1, 98, 252), [99, 100, -1]]).astype(np.int8)
-
-
-def costmap_message(
-    stamp_s: float, frame: str, cost: NDArray[np.uint8], origin: tuple[float, float, float], resolution: float
-) -> OccupancyGrid:
-    """(ny, nx) costs of costmap_2d as the OccupancyGrid that it publishes, drawn at the height of its origin."""
-    grid = occupancy_grid_message(stamp_s, frame, _OCCUPANCY_OF_COST[cost], origin[:2], resolution)
-    grid.info.origin.position.z = origin[2]
-    return grid
-
-
 def scan_points(message: LaserScan) -> tuple[Floats, Floats]:
     """(N, 3) hits and (M, 3) ends at range_max of the beams that met nothing (+inf), in the scan's frame; NaN beams are in neither."""
     ranges = np.asarray(message.ranges, dtype=np.float64)

@@ -179,14 +179,30 @@ class OctomapServer3dnavTest(unittest.TestCase):
         self.assertEqual(plan.header.frame_id, "map")
         self.assertLess(np.hypot(plan.poses[-1].pose.position.x - 1.0, plan.poses[-1].pose.position.y - 0.5), 0.5)
         far = PoseStamped(header(0.0, "map"), pose_message(transform_from_rpy((50.0, 0.0, 0.0))))
-        foreign = PoseStamped(header(0.0, "odom"), near.pose)
-        self.assertEqual([len(make_plan(PoseStamped(), goal, 0.5).plan.poses) for goal in (far, foreign)], [0, 0])
+        self.assertEqual(make_plan(PoseStamped(), far, 0.5).plan.poses, [])
         start = PoseStamped(header(0.0, "map"), pose_message(transform_from_rpy((-1.0, 0.5, 0.0))))
         first = make_plan(start, near, 0.5).plan.poses[0].pose.position
         self.assertLess(np.hypot(first.x + 1.0, first.y - 0.5), 0.5)
         self.assertEqual(make_plan(far, near, 0.5).plan.poses, [])
         near.pose.position.z = float("nan")
         self.assertEqual(make_plan(PoseStamped(), near, 0.5).plan.poses[-1].pose, plan.poses[-1].pose)
+
+    def test_make_plan_is_found_under_move_bases_name_and_says_what_it_lacks(self) -> None:
+        self.decision()
+        make_plan = rospy.ServiceProxy("/move_base/make_plan", GetPlan)
+        near = PoseStamped(header=header(0.0, "map"))
+        near.pose.position.x = 1.0  # without a heading: rosservice's users leave it out
+        end = make_plan(PoseStamped(), near, 0.5).plan.poses[-1].pose
+        self.assertLess(np.hypot(end.position.x - 1.0, end.position.y), 0.5)
+        nowhere = PoseStamped(header=header(0.0, "map"))
+        nowhere.pose.position.x = float("nan")
+        for goal, reason in (
+            (PoseStamped(), "without a frame"),
+            (PoseStamped(header(0.0, "kitchen"), near.pose), "kitchen"),
+            (nowhere, "no numbers"),
+        ):
+            with self.assertRaisesRegex(rospy.ServiceException, reason):
+                make_plan(PoseStamped(), goal, 0.5)
 
     def test_plan_path_leads_where_make_plan_does_and_tells_that_it_is_whole(self) -> None:
         self.decision()
@@ -196,7 +212,8 @@ class OctomapServer3dnavTest(unittest.TestCase):
         answer = plan_path(here, near, 0.5)
         self.assertEqual(answer.plan.poses[-1].pose, plan.poses[-1].pose)
         self.assertEqual((answer.whole, any(answer.straight)), (True, False))
-        self.assertEqual(plan_path(PoseStamped(header(0.0, "odom"), here.pose), near, 0.5).plan.poses, [])
+        with self.assertRaisesRegex(rospy.ServiceException, "odom"):
+            plan_path(PoseStamped(header(0.0, "odom"), here.pose), near, 0.5)
         near.pose.position.x = 50.0
         self.assertEqual(plan_path(here, near, 0.5).plan.poses, [])
 

@@ -48,6 +48,7 @@ ORDER: dict[str, set[str]] = {
     | TERRAIN
     | {
         "exploration_evaluation",
+        "local_terrain_costmap",
         "mount_calibration",
         "path_following",
         "point_cloud2",

@@ -176,13 +176,6 @@ def test_terrain_grid_whose_sizes_do_not_agree_or_whose_frame_is_another_is_refu
         c.terrain_grid(message)
 
 
-def test_costs_are_translated_as_costmap_2d_does() -> None:
-    cost = np.array([[0, 1, 252, 253, 254, 255]], dtype=np.uint8)
-    grid = c.costmap_message(1.0, "map", cost, (0.0, 0.0, 0.0), 0.1)
-    assert list(grid.data) == [0, 1, 98, 99, 100, -1]
-    assert (grid.info.width, grid.info.height) == (6, 1)
-
-
 def scan(ranges: list[float]) -> LaserScan:
     return LaserScan(
         angle_min=-math.pi / 2, angle_max=math.pi / 2, angle_increment=math.pi / 2, time_increment=1e-5, range_max=10.0, ranges=ranges
