@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from exploration_evaluation.config import EvaluationConfig
 from rigid_geometry import rotation_angles
 
-# The states that stop, scan and go tells of; a robot that starts, or comes to rest before a sweep, waits.
+# The states that stop, scan and go tells of; a robot that starts, comes to rest before a sweep, or is somebody else's, waits.
 _ACTIVITIES = {
     "starting": "waiting",
     "settling": "waiting",
@@ -21,6 +21,8 @@ _ACTIVITIES = {
     "mapping": "mapping",
     "driving": "driving",
     "looking": "sweeping",  # it stands while its mount nods
+    "paused": "waiting",
+    "taken_over": "waiting",
 }
 _ENDS = ("finished", "failed")
 _STEP_S = 0.2  # over which a motion is told from the tremble of a robot that stands

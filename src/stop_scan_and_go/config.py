@@ -12,6 +12,8 @@ class StopScanAndGoConfig:
     max_input_age_s: float = parameter(
         0.3, "s", "the robot stands when odometry, joint states or the follower's command are older than this", low=0.05, high=5.0
     )
+    teleop_topic: str = parameter("/joy_teleop/cmd_vel", "-", "a Twist here drives the robot in place of the follower's command")
+    teleop_hold_s: float = parameter(0.5, "s", "for so long after it came", low=0.05, high=10.0)
     start_delay_s: float = parameter(1.0, "s", "odometry must have been there for so long before the first sweep", low=0.0, high=60.0)
     max_distance_m: float = parameter(2.5, "m", "distance since the last sweep that asks for the next", low=0.2, high=100.0)
     looked_within_m: float = parameter(
@@ -74,6 +76,8 @@ class StopScanAndGoConfig:
     def validate(self) -> list[str]:
         """All violations, as sentences."""
         problems = check_ranges(self)
+        if not self.teleop_topic:
+            problems.append("teleop_topic is empty: it is the topic of a joystick's Twist")
         if self.left_tilt_rad <= self.level_tilt_rad:
             problems.append(f"left_tilt_rad = {self.left_tilt_rad} is not above level_tilt_rad = {self.level_tilt_rad}")
         if self.sweep_limit_s <= self.sweep_start_limit_s:

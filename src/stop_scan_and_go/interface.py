@@ -1,6 +1,7 @@
 """What stop, scan and go is told at a tick and what it answers."""
 
 import enum
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,11 @@ from numpy.typing import NDArray
 
 
 class DriveState(enum.Enum):
-    """What the robot does; FINISHED and FAILED are for good. LOOKING: it stands while its mount nods, until the next decision."""
+    """What the robot does; FAILED is for good. LOOKING: it stands while its mount nods, until the next decision.
+
+    PAUSED: somebody has stopped exploration. Paused or FINISHED, it drives when the follower has a path, to somebody's goal.
+    TAKEN_OVER: somebody drives it by joystick.
+    """
 
     STARTING = "starting"
     SETTLING = "settling"
@@ -16,6 +21,8 @@ class DriveState(enum.Enum):
     MAPPING = "mapping"
     DRIVING = "driving"
     LOOKING = "looking"
+    PAUSED = "paused"
+    TAKEN_OVER = "taken_over"
     FINISHED = "finished"
     FAILED = "failed"
 
@@ -40,8 +47,9 @@ class Decision(enum.Enum):
     TRAPPED = "trapped"
 
 
-FOLLOWER_ENDS = {"reached": SweepKind.REACHED, "stuck": SweepKind.STUCK, "blocked": SweepKind.BLOCKED}
-"""The follower's states that end a drive, by the name under which they cross the stages; "idle" is none, all others drive."""
+_FOLLOWER_ENDS = {"reached": SweepKind.REACHED, "stuck": SweepKind.STUCK, "blocked": SweepKind.BLOCKED}
+_FOLLOWER_IDLE, _FOLLOWER_PAUSED = "idle", "paused"
+"""The follower's states without a path to go, by the name under which they cross the stages; in all others it drives."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +57,8 @@ class TickObservation:
     """All of one tick; None is "not known".
 
     `stamp_s`; `T_odom_base` (4, 4); measured `twist` (v m/s, w rad/s); `tilt_rad` of the laser, 0 horizontal; the follower's
-    `command` (v, w), its state by name and its reason; `pose_sigma_m`, sigma of the position, None when nobody tracks it.
+    `command` (v, w), its state by name and its reason; `pose_sigma_m`, sigma of the position, None when nobody tracks it; the
+    joystick's `teleop` (v, w), None when nobody drives by it.
     """
 
     stamp_s: float
@@ -60,6 +69,38 @@ class TickObservation:
     follower_state: str
     follower_reason: str
     pose_sigma_m: float | None = None
+    teleop: tuple[float, float] | None = None
+
+    @property
+    def finite_pose(self) -> NDArray[np.float64] | None:
+        """T_odom_base, or None when a number in it is none."""
+        T = self.T_odom_base
+        return T if T is not None and np.isfinite(T).all() else None
+
+    @property
+    def tracked_sigma_m(self) -> float | None:
+        """pose_sigma_m, or None when it is no number."""
+        return self.pose_sigma_m if self.pose_sigma_m is not None and math.isfinite(self.pose_sigma_m) else None
+
+    @property
+    def drive_end(self) -> SweepKind | None:
+        """How the follower's drive has ended; None when it has not."""
+        return _FOLLOWER_ENDS.get(self.follower_state)
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether the follower has been given no path."""
+        return self.follower_state == _FOLLOWER_IDLE
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether it has none because somebody has stopped exploration."""
+        return self.follower_state == _FOLLOWER_PAUSED
+
+    @property
+    def has_path(self) -> bool:
+        """Whether the follower has a path to go."""
+        return not (self.is_idle or self.is_paused or self.drive_end)
 
 
 @dataclass(frozen=True)

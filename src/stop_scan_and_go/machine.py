@@ -2,17 +2,19 @@
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from stop_scan_and_go.config import StopScanAndGoConfig
-from stop_scan_and_go.interface import FOLLOWER_ENDS, Decision, DriveState, SweepKind, TickAction, TickObservation
-from stop_scan_and_go.travel import TravelMeter
+from stop_scan_and_go.interface import Decision, DriveState, SweepKind, TickAction, TickObservation
+from stop_scan_and_go.travel import TravelMeter, too_far
 from stop_scan_and_go.watches import HeldFor, RockingWatch, SweepWatch, leap_s
+
+_STANDING = (DriveState.STARTING, DriveState.PAUSED, DriveState.FINISHED, DriveState.FAILED)
 
 
 class StopScanAndGo:
-    """STARTING, then SETTLING, SWEEPING, MAPPING, DRIVING round and round until FINISHED or FAILED (thesis 6.2.1, figure 6.5)."""
+    """STARTING, then SETTLING, SWEEPING, MAPPING, DRIVING round and round until FINISHED or FAILED (thesis 6.2.1, figure 6.5).
+
+    PAUSED or FINISHED it goes on driving, with the same sweeps, when the follower is given a path.
+    """
 
     def __init__(self, config: StopScanAndGoConfig) -> None:
         """A machine before its first tick; ValueError lists what is wrong with `config`."""
@@ -31,6 +33,8 @@ class StopScanAndGo:
         self._idle = HeldFor(config.idle_limit_s)
         self._watch: SweepWatch | None = None
         self._early: tuple[Decision, str] | None = None
+        self._before = self._state, self._reason  # what it did when the joystick took over
+        self._is_over = False  # exploration has come to its end once
         self._awaits_follower = False
         self._sweeps = self._unsettled = self._ignored = 0
         self._sweep_end_s: float | None = None
@@ -40,7 +44,9 @@ class StopScanAndGo:
             DriveState.SWEEPING: self._sweeping,
             DriveState.MAPPING: self._mapping,
             DriveState.DRIVING: self._driving,
-            DriveState.FINISHED: self._standing,
+            DriveState.PAUSED: self._paused,
+            DriveState.TAKEN_OVER: self._let_go,
+            DriveState.FINISHED: self._finished,
             DriveState.FAILED: self._standing,
         }
 
@@ -95,6 +101,8 @@ class StopScanAndGo:
             raise ValueError(f"stamp_s is a finite time, not {tick.stamp_s!r}")
         self._take_stamp(tick.stamp_s)
         self._measure(tick)
+        if tick.teleop is not None:
+            return self._taken_over(tick.teleop)
         return self._answers[self._state](tick)
 
     @property
@@ -128,11 +136,16 @@ class StopScanAndGo:
 
     def _decided(self, decision: Decision, reason: str) -> TickAction:
         if decision in (Decision.EXPLORED, Decision.TRAPPED):
+            self._is_over = True
             self._enter(DriveState.FINISHED, f"{decision.value}: {reason}")
-        else:
-            self._enter(DriveState.DRIVING, f"{decision.value}: {reason}")
-            self._awaits_follower = True
-            self._idle = HeldFor(self._config.idle_limit_s)
+            self._kind = None
+            return self._answer()
+        return self._drive(f"{decision.value}: {reason}")
+
+    def _drive(self, reason: str) -> TickAction:
+        self._enter(DriveState.DRIVING, reason)
+        self._awaits_follower = True
+        self._idle = HeldFor(self._config.idle_limit_s)
         self._kind = None
         return self._answer()
 
@@ -145,12 +158,12 @@ class StopScanAndGo:
         self._stamp = stamp
 
     def _measure(self, tick: TickObservation) -> None:
-        T = _finite_pose(tick)
+        T = tick.finite_pose
         self._rocking = self._rocks.rate(tick.stamp_s, T)
         if T is None:
             return
         # Standing, the odometry's noise would add up to a way.
-        moves = self._state is DriveState.DRIVING or (self._state is DriveState.SETTLING and self._is_moving(tick))
+        moves = self._state in (DriveState.DRIVING, DriveState.TAKEN_OVER) or (self._state is DriveState.SETTLING and self._is_moving(tick))
         if moves:
             self._travel.add(T)
         else:
@@ -171,7 +184,7 @@ class StopScanAndGo:
         return TickAction(v, w, start_sweep, acknowledge, self._state, reason or self._reason, self._kind)
 
     def _starting(self, tick: TickObservation) -> TickAction:
-        known = _finite_pose(tick) is not None and tick.twist is not None and tick.tilt_rad is not None
+        known = tick.finite_pose is not None and tick.twist is not None and tick.tilt_rad is not None
         if self._ready.holds(tick.stamp_s, known):
             return self._prepare_sweep(SweepKind.INITIAL, "the first sweep")
         return self._answer()
@@ -217,10 +230,13 @@ class StopScanAndGo:
         return self._answer()
 
     def _driving(self, tick: TickObservation) -> TickAction:
+        if tick.is_paused:
+            self._enter(DriveState.PAUSED, tick.follower_reason)
+            return self._answer()
         ended = self._end_of_drive(tick)
         if ended is not None:
             return self._end_drive(*ended)
-        if _finite_pose(tick) is None:
+        if tick.finite_pose is None:
             return self._answer(reason="no odometry")
         if tick.tilt_rad is None:
             return self._answer(reason="no joint state of the tilting mount")
@@ -232,42 +248,51 @@ class StopScanAndGo:
         return self._prepare_sweep(kind, reason)
 
     def _end_of_drive(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
-        end = FOLLOWER_ENDS.get(tick.follower_state)
+        end = tick.drive_end
         if end is not None and not self._is_old_end(tick.stamp_s):
             return end, f"{tick.follower_state}: {tick.follower_reason}"
-        if end is None and tick.follower_state != "idle":
+        if end is None and not tick.is_idle:
             self._awaits_follower = False
-        if self._idle.holds(tick.stamp_s, tick.follower_state == "idle"):
+        if self._idle.holds(tick.stamp_s, tick.is_idle):
             return SweepKind.IDLE, f"the follower is idle: {tick.follower_reason}"
         return self._too_far(tick)
 
     def _too_far(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
-        sigma_m = _tracked_sigma_m(tick)
-        most_m = self._config.max_distance_m if sigma_m is None else self._config.max_tracked_distance_m
-        if self._travel.distance_m > most_m:
-            return SweepKind.INTERMEDIATE, f"{self._travel.distance_m:.2f} m since the last sweep"
-        if sigma_m is not None:  # which knows what turns did to it
-            is_lost = sigma_m > self._config.max_pose_sigma_m
-            return (SweepKind.INTERMEDIATE, f"the position is known to {100 * sigma_m:.1f} cm only") if is_lost else None
-        if self._travel.yaw_rad > self._config.max_yaw_rad:
-            return SweepKind.INTERMEDIATE, f"{self._travel.yaw_rad:.2f} rad since the last sweep"
-        drives_on = tick.command is not None and abs(tick.command[0]) > self._config.still_speed_mps
-        if drives_on and self._travel.slope_turn_rad > self._config.max_slope_turn_rad:
-            return SweepKind.INTERMEDIATE, f"turned {self._travel.slope_turn_rad:.2f} rad in place on a slope"
-        return None
+        reason = too_far(self._config, self._travel, tick)
+        return (SweepKind.INTERMEDIATE, reason) if reason else None
 
     def _is_old_end(self, stamp: float) -> bool:
         # The follower may still tell of its last path when the new one is just being stored.
         return self._awaits_follower and stamp - self._entered_s < self._config.follower_grace_s
 
-    def _standing(self, tick: TickObservation) -> TickAction:
+    def _taken_over(self, teleop: tuple[float, float]) -> TickAction:
+        if self._state is not DriveState.TAKEN_OVER:
+            self._before = self._state, self._reason
+            self._kind = self._watch = None  # a sweep that was begun counts for nothing
+            self._enter(DriveState.TAKEN_OVER, "somebody drives by joystick")
+        return self._answer(*teleop)
+
+    def _let_go(self, _tick: TickObservation) -> TickAction:
+        """Exploration goes on with a sweep from wherever the robot was driven to; what it was not driving for stays."""
+        state, reason = self._before
+        if state in _STANDING:
+            self._enter(state, reason)
+            return self._answer()
+        return self._prepare_sweep(SweepKind.IDLE, "the joystick has let go")
+
+    def _paused(self, tick: TickObservation) -> TickAction:
+        if tick.is_paused:
+            return self._answer()
+        if tick.has_path:
+            return self._drive("to a goal while exploration is paused")
+        return self._end_drive(SweepKind.IDLE, "exploration goes on")
+
+    def _finished(self, tick: TickObservation) -> TickAction:
+        # The follower may still tell of its last path just after the decision.
+        is_new = tick.stamp_s - self._entered_s >= self._config.follower_grace_s
+        if is_new and tick.has_path:
+            return self._drive("to a goal after exploration")
         return self._answer()
 
-
-def _tracked_sigma_m(tick: TickObservation) -> float | None:
-    return tick.pose_sigma_m if tick.pose_sigma_m is not None and math.isfinite(tick.pose_sigma_m) else None
-
-
-def _finite_pose(tick: TickObservation) -> NDArray[np.float64] | None:
-    T = tick.T_odom_base
-    return T if T is not None and np.isfinite(T).all() else None
+    def _standing(self, tick: TickObservation) -> TickAction:
+        return self._answer()

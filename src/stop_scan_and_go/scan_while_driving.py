@@ -46,6 +46,8 @@ class ScanWhileDriving(StopScanAndGo):
             return super().on_decision(stamp_s, decision, reason)
         self._sweeps += 1
         self._travel.restart()
+        if self._state is DriveState.DRIVING and self._is_over and decision is not Decision.GOAL:
+            return None  # it is on the way to somebody's goal
         if decision is Decision.KEEP and (self._state is DriveState.DRIVING or stamp_s <= self._entered_s):
             return None
         return self._decided(decision, reason)

@@ -4,6 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigid_geometry import angle_difference, tilt_angle, translation_distance, yaw_of
+from stop_scan_and_go.config import StopScanAndGoConfig
+from stop_scan_and_go.interface import TickObservation
 
 _PIVOT_M = 0.2  # a turn about a centre that is nearer than this is one in place
 
@@ -39,3 +41,19 @@ class TravelMeter:
             if step < _PIVOT_M * turn and tilt_angle(T_odom_base) > self._slope_rad:
                 self.slope_turn_rad += turn
         self._last = T_odom_base
+
+
+def too_far(config: StopScanAndGoConfig, travel: TravelMeter, tick: TickObservation) -> str:
+    """Why it has come so far since the last sweep that the next is due; empty when it has not."""
+    sigma_m = tick.tracked_sigma_m
+    most_m = config.max_distance_m if sigma_m is None else config.max_tracked_distance_m
+    if travel.distance_m > most_m:
+        return f"{travel.distance_m:.2f} m since the last sweep"
+    if sigma_m is not None:  # which knows what turns did to it
+        return f"the position is known to {100 * sigma_m:.1f} cm only" if sigma_m > config.max_pose_sigma_m else ""
+    if travel.yaw_rad > config.max_yaw_rad:
+        return f"{travel.yaw_rad:.2f} rad since the last sweep"
+    drives_on = tick.command is not None and abs(tick.command[0]) > config.still_speed_mps
+    if drives_on and travel.slope_turn_rad > config.max_slope_turn_rad:
+        return f"turned {travel.slope_turn_rad:.2f} rad in place on a slope"
+    return ""

@@ -37,6 +37,7 @@ class StopScanAndGoTest(unittest.TestCase):
         cls.joints = feed("/joint_states", JointState)
         cls.commands = feed("/cmd_vel/move_base", FollowerCommand)
         cls.decisions = feed("/exploration/decision", ExplorationDecision)
+        cls.joystick = feed("/joy_teleop/cmd_vel", Twist)
 
     @classmethod
     def start_sweep(cls, _: object) -> TriggerResponse:
@@ -162,6 +163,67 @@ class StopScanAndGoTest(unittest.TestCase):
         self.tick(v=0.2)
         self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.2)
 
+    def steer(self, v: float, w: float, seconds: float) -> None:
+        """A joystick at 20 Hz, of which the follower knows nothing."""
+        twist = Twist()
+        twist.linear.x, twist.angular.z = v, w
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            self.joystick.publish(twist)
+            time.sleep(0.005)
+            self.tick(v=0.3, moving=v)
+            time.sleep(0.04)
+
+    def test_6_joystick_wins_for_as_long_as_it_comes_and_exploration_goes_on_with_a_sweep(self) -> None:
+        self.drive()
+        self.steer(-0.2, 0.4, 1.0)
+        newest = self.velocities.messages[-1]
+        self.assertEqual((newest.linear.x, newest.angular.z, self.state()), (-0.2, 0.4, "taken_over"))
+        self.assertTrue(self.held[-1])
+        last = time.monotonic()
+        while self.state() == "taken_over":
+            self.tick(v=0.3, moving=-0.2)
+            time.sleep(0.02)
+        self.assertGreater(time.monotonic() - last, 0.3)
+        self.assertLess(time.monotonic() - last, 5.0)
+        self.assertEqual((self.velocities.messages[-1].linear.x, self.state()), (0.0, "settling"))
+        self.drive()
+        self.tick(v=0.3)
+        self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.3)
+
+    def test_6_joystick_that_says_no_number_is_counted_and_moves_nothing(self) -> None:
+        self.drive()
+        twist = Twist()
+        twist.linear.x = float("nan")
+        self.joystick.publish(twist)
+        self.diagnostics.wait_for_dropped("bad Twist")
+        self.tick(v=0.3)
+        self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.3)
+
+    def test_6_joystick_drives_while_the_follower_is_silent(self) -> None:
+        self.drive()
+        self.tick(v=0.2)
+        time.sleep(0.5)
+        twist = Twist()
+        twist.linear.x = 0.15
+        for _ in range(10):
+            self.joystick.publish(twist)
+            time.sleep(0.05)
+        self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.15)
+        wait_until(lambda: self.velocities.messages[-1].linear.x == 0.0, "the robot to stand when the joystick lets go")
+
+    def test_6_robot_stands_while_exploration_is_paused_and_sweeps_when_it_goes_on(self) -> None:
+        self.drive()
+        self.tick(v=0.0, state="paused")
+        asked = self.sweeps_asked_for
+        for _ in range(150):
+            self.tick(v=0.0, state="paused")
+        self.assertEqual((self.state(), self.sweeps_asked_for), ("paused", asked))
+        self.tick_until("sweeping", state="idle")
+        self.play_sweep()
+        self.decide("goal")
+        wait_until(lambda: self.state() == "driving", "the decision to be taken")
+
     def test_7_decision_of_an_unknown_kind_is_counted_and_dropped(self) -> None:
         self.drive()
         self.decisions.publish(ExplorationDecision(header=header(self.clock_s - 100.0, "map"), kind="maybe"))
@@ -183,6 +245,15 @@ class StopScanAndGoTest(unittest.TestCase):
         self.play_sweep()
         self.decide("explored")
         self.assertTrue(self.events.wait_for(lambda m: m.state == "finished").reason.startswith("explored"))
+
+    def test_9_then_a_goal_is_driven_to(self) -> None:
+        self.assertEqual(self.state(), "finished")
+        for _ in range(15):
+            self.tick(state="idle")
+        self.assertEqual((self.state(), self.held[-1]), ("finished", True))
+        self.tick_until("driving", state="following", limit=5)
+        self.tick(v=0.3)
+        self.assertEqual((self.velocities.messages[-1].linear.x, self.held[-1]), (0.3, False))
 
     def test_wrong_parameter_ends_the_node_with_the_nearest_name(self) -> None:
         code, stderr = run_misconfigured(NODE, "max_distance:=3.0")

@@ -292,13 +292,13 @@ def test_follower_that_stays_idle_ends_the_drive():
 
 
 @pytest.mark.parametrize("kind", [Decision.EXPLORED, Decision.TRAPPED])
-def test_end_of_the_exploration_stands_for_good(kind):
+def test_end_of_the_exploration_stands(kind):
     script = Script()
     script.until(DriveState.MAPPING)
     answer = script.decide(kind.value, "no frontier is left")
     assert answer.state is DriveState.FINISHED and answer.acknowledge and answer.reason == f"{kind.value}: no frontier is left"
-    for _ in range(50):
-        action = script.tick(FORWARD, "following")
+    for follower in ["following"] * 5 + ["reached"] * 20 + ["idle"] * 200 + ["paused"] * 20:  # the old path's end, and none
+        action = script.tick(FORWARD, follower)
         assert (action.v, action.w, action.state, action.acknowledge) == (0.0, 0.0, DriveState.FINISHED, True)
 
 
