@@ -106,6 +106,7 @@ def launch_arguments(arguments: ExploreArguments, robot: RobotBody, overrides: P
         "record": str(arguments.record).lower(),
         "rviz": str(not arguments.headless).lower(),
         "max_sim_time": arguments.max_sim_time_s,
+        "required": "true",
         "overrides": overrides,
     }
 

@@ -19,6 +19,7 @@ class MonitorConfig:
     seed: int = parameter(1, "-", "seed of the run, for the summary", low=0)
     profile: str = parameter("ours", "-", "profile of the parameters, for the summary")
     out: str = parameter("", "-", "folder for the results; empty: none")
+    required: bool = parameter(False, "-", "the end of the run is the end of all nodes; else they live on, and goals are driven to")
     max_sim_time: float = parameter(3600.0, "s", "the run ends after so much simulated time", low=0.0)
     watch: str = parameter(_WATCHED, "-", "nodes whose death ends the run; in simulation pybullet_sim_node, too")
     status_period_s: float = parameter(1.0, "s", "wall time between two status lines", low=0.05)

@@ -87,8 +87,12 @@ class RunLog:
 
     def _is_over(self, stamp_s: float) -> bool:
         """Whether something comes after the run: the clock goes on until all nodes have ended, how far depends on the machine."""
-        ended = self._event.state in ("finished", "failed") and stamp_s > stamp_of(self._event) + 1e-6
-        return self.finished or ended
+        return self.finished or (self._has_ended and stamp_s > stamp_of(self._event) + 1e-6)
+
+    @property
+    def _has_ended(self) -> bool:
+        """By what the robot says: what it does afterwards is no part of the run."""
+        return self._event.state in ("finished", "failed")
 
     def truth(self, stamp_s: float, T_world_base: NDArray[np.float64]) -> None:
         if self._truth_file and not self._is_over(stamp_s):
@@ -100,8 +104,10 @@ class RunLog:
             self._contacts_file.write(f"{stamp_of(message):.3f},{message.link},{message.speed_mps:.4f},{message.force_n:.2f}\n")
 
     def event(self, message: RunEvent) -> None:
+        if self.finished or self._has_ended:
+            return
         self._event = message
-        if self._events_file and not self.finished:
+        if self._events_file:
             row = (f"{stamp_of(message):.3f}", f"{time.monotonic() - self._begun:.3f}", message.state, message.reason, message.sweeps)
             csv.writer(self._events_file, lineterminator="\n").writerow(row)
 

@@ -17,7 +17,8 @@ import rosgraph
 import rospy
 from explore_3dnav.msg import ExplorationDecision, RunEvent
 from nav_msgs.msg import Odometry
-from node_testing import feed, odometry, one_line_of, run_misconfigured, wait_until
+from node_testing import Inbox, feed, odometry, one_line_of, run_misconfigured, wait_until
+from std_msgs.msg import Bool
 from std_srvs.srv import Trigger, TriggerResponse
 
 import rostest
@@ -49,9 +50,17 @@ class Monitor:
 
 
 @contextmanager
-def monitor(*parameters: str) -> Iterator[Monitor]:
+def monitor(*parameters: str, required: bool = True) -> Iterator[Monitor]:
     with tempfile.TemporaryDirectory() as folder:
-        command = ["rosrun", "explore_3dnav", NODE, f"_out:={folder}", "_sim:=false", *(f"_{p}" for p in parameters)]
+        command = [
+            "rosrun",
+            "explore_3dnav",
+            NODE,
+            f"_out:={folder}",
+            "_sim:=false",
+            f"_required:={str(required).lower()}",
+            *(f"_{p}" for p in parameters),
+        ]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         try:
             yield Monitor(Path(folder), process)
@@ -82,6 +91,30 @@ class ExplorationMonitorTest(unittest.TestCase):
         self.assertEqual(summary["local_classifications"], 7)
         self.assertEqual(set(self.saved), {"pose_graph_mapping_node", "octomap_server_3dnav_node"})
         self.assertIn("[explore]", output)
+
+    def test_monitor_that_is_not_required_ends_the_run_and_lives_on(self) -> None:
+        resume = Inbox("/explore/resume", Bool)
+        victim = subprocess.Popen([sys.executable, "-c", f"import rospy; rospy.init_node('{VICTIM}'); rospy.spin()"])
+        try:
+            with monitor(f"watch:={VICTIM}", required=False) as run:
+                resume.wait_until_connected()
+                run.odometry.publish(odometry(100.0))
+                run.odometry.publish(odometry(110.0, x=3.0))
+                time.sleep(0.3)
+                run.say("finished", "explored: nothing is left", sweeps=4)
+                path = run.out / "summary.json"
+                wait_until(path.exists, "the summary")
+                self.assertFalse(resume.wait_for().data)
+                run.say("driving", "to a goal after exploration", sweeps=5)
+                time.sleep(2.0)
+                self.assertEqual((run.process.poll(), victim.poll()), (None, None))
+                run.process.send_signal(signal.SIGINT)
+                summary, output = run.end()
+        finally:
+            victim.kill()
+            victim.wait()
+        self.assertEqual((summary["success"], summary["stop_reason"], summary["sweeps"]), (True, "explored: nothing is left", 4))
+        self.assertIn("the nodes live on", output)
 
     def test_failed_run_is_no_success_and_says_why(self) -> None:
         with monitor() as run:

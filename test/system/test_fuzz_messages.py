@@ -141,9 +141,10 @@ def makers() -> dict[str, Callable[[float], Any]]:
     from actionlib_msgs.msg import GoalID
     from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
     from explore_3dnav.msg import ExplorationDecision, FollowerCommand, MappedSweep, RunEvent
-    from geometry_msgs.msg import PointStamped, PoseStamped
+    from geometry_msgs.msg import PointStamped, PoseStamped, Twist
     from move_base_msgs.msg import MoveBaseActionGoal
     from rosgraph_msgs.msg import Clock
+    from std_msgs.msg import Bool
 
     from rigid_geometry import transform_from_rpy
     from ros_adapters.conversions import cloud_message, header, pose_message, ros_time, terrain_grid_message, transform_stamped
@@ -187,6 +188,8 @@ def makers() -> dict[str, Callable[[float], Any]]:
         ),
         "move_base_msgs/MoveBaseActionGoal": goal,
         "actionlib_msgs/GoalID": lambda t: GoalID(ros_time(t), "a"),
+        "geometry_msgs/Twist": lambda _: Twist(),
+        "std_msgs/Bool": lambda _: Bool(True),
         "std_msgs/Header": lambda t: header(t, ""),
         "rosgraph_msgs/Clock": lambda t: Clock(ros_time(t)),
     }
