@@ -8,6 +8,7 @@ import numpy as np
 import rospy
 import tf2_ros
 from actionlib_msgs.msg import GoalStatus
+from explore_3dnav.msg import RunEvent
 from fed_move_base import FedMoveBase
 from geometry_msgs.msg import PolygonStamped, PoseStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseFeedback, MoveBaseGoal, RecoveryStatus
@@ -20,6 +21,7 @@ from ros_adapters.conversions import header, path_message, pose_message, transfo
 from ros_adapters.costmap_topics import OccupancyGridUpdate
 
 SIMPLE = "/move_base_simple/goal"
+FAILED = "the robot has failed: the sweep did not begin"
 
 
 def goal_at(x: float, y: float = 0.0, frame: str = "map", yaw: float = 0.0) -> MoveBaseGoal:
@@ -149,6 +151,24 @@ class MoveBaseGoalsTest(FedMoveBase):
         self.assertEqual((told[0], told[-1]), ("waiting", "blocked"))
         self.assertEqual(recoveries.messages[0].pose_stamped.header.frame_id, "map")
         self.assertFalse([a for a, b in zip(told, told[1:], strict=False) if a == b], told)
+
+    def test_robot_that_has_failed_keeps_no_goal_waiting(self) -> None:
+        self.begin(goal_at(3.0))
+        events = feed("/exploration/event", RunEvent)
+        events.publish(RunEvent(header(self.clock_s, "odom"), "failed", "the sweep did not begin", 1, False, ""))
+        self.assertEqual(self.wait_for_result(), GoalStatus.ABORTED)
+        self.client.send_goal(goal_at(2.0))
+        self.assertEqual((self.wait_for_result(), self.client.get_goal_status_text()), (GoalStatus.ABORTED, FAILED))
+        events.publish(RunEvent(header(self.clock_s, "odom"), "driving", "", 1, False, ""))
+        wait_until(lambda: self.is_taken(goal_at(2.0)), "goals to be taken again")
+
+    def is_taken(self, goal: MoveBaseGoal) -> bool:
+        """Whether the robot drives to it."""
+        self.client.send_goal(goal)
+        for _ in range(5):
+            if self.tick().state == "following":
+                return True
+        return False
 
     # -- cancel and resume
 
