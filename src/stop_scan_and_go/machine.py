@@ -268,7 +268,7 @@ class StopScanAndGo:
     def _taken_over(self, teleop: tuple[float, float]) -> TickAction:
         if self._state is not DriveState.TAKEN_OVER:
             self._before = self._state, self._reason
-            self._kind = self._watch = None  # a sweep that was begun counts for nothing
+            self._kind = None
             self._enter(DriveState.TAKEN_OVER, "somebody drives by joystick")
         return self._answer(*teleop)
 
