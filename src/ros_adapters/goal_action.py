@@ -29,19 +29,22 @@ if TYPE_CHECKING:
 _PLAN_PATH = "/octomap_server_3dnav_node/plan_path"
 _TOLERANCE_M = 0.5
 _GIVEN_UP = ("stuck", "blocked")
+_MOMENT_S = 0.1
 _SIMPLE, _CLICKED = "move_base_simple/goal", "clicked_point"
 _LEAST_QUATERNION = 1e-3  # move_base's: a shorter one is no rotation, any other is made a unit
 
 
 @dataclass(frozen=True)
 class GoalDriving:
-    """What goals need of the node: `store` takes a plan and where it is driven straight, `stop` has the robot stand for a reason.
+    """What goals need of the node: `store` takes a plan and where it is driven straight. `stand` has the robot stand for a reason until the
+    next plan, `stop` until the next goal.
 
     `pose` tells where the robot is in map, None when that is not known. `in_map` turns a goal of any frame into one in map; ValueError when
     it cannot. `began` and `refused` are told of each goal in map, and of why one is not driven to.
     """
 
     store: Callable[[Path, Sequence[bool]], None]
+    stand: Callable[[str], None]
     stop: Callable[[str], None]
     pose: "Callable[[], Transform | None]"
     in_map: Callable[[PoseStamped], PoseStamped]
@@ -118,6 +121,7 @@ class GoalAction:
             return
         if output.state.value in _GIVEN_UP:
             self.give_up(output.reason)
+            self._driving.stand(f"the goal was given up: {output.reason}")  # exploration's own goal has not failed
         elif output.state.value == "reached" and self._is_whole:
             self._active.set_succeeded(MoveBaseResult(), output.reason)
             self._active = self._goal = None
@@ -171,13 +175,24 @@ class GoalAction:
             else:
                 self._is_whole = self._drive_to(asked)
         except ValueError as error:
-            handle.set_aborted(MoveBaseResult(), str(error))
-            self._driving.refused(str(error))
+            self._refuse(handle, str(error))
             return
         if self._active is not None:
             self._active.set_canceled(MoveBaseResult(), "replaced by a newer goal")
         self._active, self._goal = handle, goal
         self._driving.began(asked)
+
+    def _refuse(self, handle: "actionlib.ServerGoalHandle", reason: str) -> None:
+        """Aborts a goal a moment later: actionlib's client in Python is deaf to a result that comes before its send_goal has returned."""
+        self._driving.refused(reason)
+        timer = threading.Timer(_MOMENT_S, self._abort, (handle, reason))
+        timer.daemon = True
+        timer.start()
+
+    def _abort(self, handle: "actionlib.ServerGoalHandle", reason: str) -> None:
+        with self._lock:
+            if self._server.started:
+                handle.set_aborted(MoveBaseResult(), reason)
 
     def _looking_along(self, pose: Pose) -> Pose:
         """The place of a pose, and the direction in which it lies from the robot."""

@@ -150,6 +150,8 @@ class MoveBaseGoalsTest(FedMoveBase):
         told = [m.recovery_behavior_name for m in recoveries.messages]
         self.assertEqual((told[0], told[-1]), ("waiting", "blocked"))
         self.assertEqual(recoveries.messages[0].pose_stamped.header.frame_id, "map")
+        self.assert_stands("idle")  # and no frontier of exploration's is blamed for it
+        self.assertNotIn("blocked", [m.state for m in self.commands.messages[-40:]])
         self.assertFalse([a for a, b in zip(told, told[1:], strict=False) if a == b], told)
 
     def test_robot_that_has_failed_keeps_no_goal_waiting(self) -> None:
