@@ -67,6 +67,8 @@ def monitor(*parameters: str, required: bool = True) -> Iterator[Monitor]:
         finally:
             process.kill()
             process.communicate()
+            if rospy.has_param(f"/{NODE}"):  # parameters outlive their node
+                rospy.delete_param(f"/{NODE}")
 
 
 class ExplorationMonitorTest(unittest.TestCase):
@@ -131,7 +133,8 @@ class ExplorationMonitorTest(unittest.TestCase):
             time.sleep(0.3)
             self.assertIsNone(run.process.poll())
             run.odometry.publish(odometry(151.0))
-            self.assertTrue(run.end()[0]["stop_reason"].startswith("time limit"))
+            summary, output = run.end()
+        self.assertTrue(str(summary["stop_reason"]).startswith("time limit"), output)
 
     def test_watched_node_that_dies_ends_the_run_with_its_name(self) -> None:
         victim = subprocess.Popen([sys.executable, "-c", f"import rospy; rospy.init_node('{VICTIM}'); rospy.spin()"])
