@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from pybullet_simulation import IDEAL, IDEAL_TIMING, Simulation, load_world
+from pybullet_simulation import IDEAL, IDEAL_TIMING, Simulation, SpinningLidarConfig, load_world
 from pybullet_simulation.robot_model import read_robot_model
 from rigid_geometry import tilt_angle, yaw_of
-from robot_body import RobotBody, SensorMount, load_robot, robot_file
+from robot_body import RobotBody, SensorMount, load_robot, robot_file, robot_names
 
 EXACT = replace(IDEAL, slip_sigma=0.0, slip_bias_sigma=0.0)
 SMALL = load_robot(robot_file("small"))
@@ -53,13 +53,17 @@ def cart(folder: Path) -> RobotBody:
     return replace(RobotBody(), name="cart", urdf=str(path), mounts=mounts, **sizes, **wheels)
 
 
-@pytest.fixture(params=["small", "cart"])
+@pytest.fixture(params=["cart", *robot_names()])
 def robot(request: pytest.FixtureRequest, tmp_path: Path) -> RobotBody:
-    return SMALL if request.param == "small" else cart(tmp_path)
+    return cart(tmp_path) if request.param == "cart" else load_robot(robot_file(request.param))
+
+
+def lidar_of(robot: RobotBody) -> SpinningLidarConfig | None:
+    return None if read_robot_model(robot).tilts else SpinningLidarConfig()
 
 
 def driven(robot: RobotBody, ticks: int, v: float, w: float, start=(-4.0, 0.0, 0.0), world: str = "rooms"):
-    simulation = Simulation(EXACT, load_world(world, 1, start=start, robot=robot), 1, robot, timing=IDEAL_TIMING)
+    simulation = Simulation(EXACT, load_world(world, 1, start=start, robot=robot), 1, robot, lidar_of(robot), IDEAL_TIMING)
     data = [simulation.tick(v, w) for _ in range(ticks)]
     simulation.close()
     return data
