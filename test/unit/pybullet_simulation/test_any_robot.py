@@ -10,6 +10,8 @@ import trimesh
 
 from pybullet_simulation import IDEAL, IDEAL_TIMING, Simulation, SpinningLidarConfig, load_world
 from pybullet_simulation.robot_model import read_robot_model
+from pybullet_simulation.solids import box
+from pybullet_simulation.world import World, joined
 from rigid_geometry import tilt_angle, yaw_of
 from robot_body import RobotBody, SensorMount, load_robot, robot_file, robot_names
 
@@ -102,6 +104,21 @@ def test_small_robot_climbs_its_slope_and_comes_down_without_a_touch() -> None:
     up = driven(SMALL, 480, 0.5, 0.0, (-8.0, 1.0, 0.0), "ramp")
     assert up[-1].truth.T_world_base[2, 3] == pytest.approx(2.3 + SMALL.base_height_m, abs=0.01)
     assert not any(d.contacts for d in up)
+
+
+@pytest.mark.parametrize("v", [0.25, -0.25])
+def test_small_robot_climbs_its_highest_step_either_way_with_its_caster(v: float) -> None:
+    step_m = SMALL.max_step_m
+    solids = [box("ground", (-5.0, -5.0, -0.5), (5.0, 5.0, 0.0)), box("front", (0.5, -5.0, -0.1), (5.0, 5.0, step_m))]
+    solids.append(box("rear", (-5.0, -5.0, -0.1), (-0.5, 5.0, step_m)))
+    vertices, triangles = joined(solids)
+    extent = np.array([vertices.min(axis=0), vertices.max(axis=0)])
+    world = World("steps", tuple(solids), (), vertices, triangles, extent, (0.0, 0.0, 0.0), 0.0)
+    simulation = Simulation(EXACT, world, 1, SMALL, timing=IDEAL_TIMING)
+    data = [simulation.tick(v, 0.0) for _ in range(160)]
+    simulation.close()
+    assert abs(data[-1].truth.T_world_base[0, 3]) > 1.5 and not any(d.contacts for d in data)
+    assert data[-1].truth.T_world_base[2, 3] == pytest.approx(SMALL.base_height_m + step_m, abs=2e-3)
 
 
 def test_joint_states_name_the_robot_s_own_joints_and_turn_as_they_do(tmp_path: Path) -> None:
