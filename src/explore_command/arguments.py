@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from explore_command.sessions import NO_RUN, earlier_run
+from simulated_movers import asked_movers
 
 NAMED_WORLDS = ("rooms", "doors", "ramp", "moon")
 SENSORS = ("tilting", "spinning")
@@ -22,6 +23,7 @@ _RUN_FILES: tuple[str, ...] = (
     "trajectory.txt",
     "trajectory_truth.txt",
     "contacts.csv",
+    "movers.csv",
     "events.csv",
     "map_missed.png",
     "outcome.json",
@@ -69,6 +71,7 @@ class ExploreArguments:
     sensor: str | None
     realism: str
     mapping: str | None
+    movers: str
     seed: int
     start: tuple[float, ...] | None
     scale: float | None
@@ -145,6 +148,9 @@ def parser() -> argparse.ArgumentParser:
         choices=MAPPINGS,
         help="stop_and_go: the robot stands for each sweep; driving: it does not; default stop_and_go, where the lidar is fixed driving",
     )
+    p.add_argument(
+        "--movers", metavar="N|FILE", help="so many people, carts and robots that go about, or those of a YAML FILE; default none"
+    )
     p.add_argument("--seed", type=int, help="sets start, noise, slip and clutter; default 1")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for the results; default runs/WORLD-SEED")
     go_on = p.add_mutually_exclusive_group()
@@ -197,11 +203,13 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
     a.sensor = a.sensor or (earlier.sensor if earlier.sensor in SENSORS else None)
     a.realism = a.realism or (earlier.realism if earlier.realism in REALISMS else REALISMS[0])
     a.mapping = a.mapping or (earlier.mapping if earlier.mapping in MAPPINGS else None)
+    a.movers = a.movers if a.movers is not None else earlier.movers or ""
     a.rate = float(a.free) if a.rate is None else a.rate
     if a.resume and a.out:
         raise ArgumentProblem("--resume goes on in the folder of the earlier run: --out cannot be another")
     _check_world(a.world, a.size)
     _check_numbers(a)
+    check_movers(a.movers, a.seed)
     out = (a.resume or a.out or Path("runs") / f"{Path(a.world).stem}-{a.seed}").absolute()
     if a.map and a.map.resolve() == out.resolve():
         raise ArgumentProblem(
@@ -212,6 +220,7 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         sensor=a.sensor,
         realism=a.realism,
         mapping=a.mapping,
+        movers=a.movers if a.movers.isdecimal() or not a.movers else str(Path(a.movers).absolute()),
         seed=a.seed,
         start=tuple(a.start) if a.start else None,
         scale=a.scale,
@@ -253,6 +262,14 @@ def _check_world(world: str, size: list[float] | None) -> None:
         )
     if Path(world).suffix.lower() == ".png" and size is None:
         raise ArgumentProblem(f"--world {world}: a height map needs --size X Y Z, the metres that it covers")
+
+
+def check_movers(movers: str, seed: int = 0) -> None:
+    """ArgumentProblem for what is neither a number of movers nor a file of them."""
+    try:
+        asked_movers(movers, seed)
+    except ValueError as error:
+        raise ArgumentProblem(f"--movers {error}") from error
 
 
 def _check_numbers(a: argparse.Namespace) -> None:
