@@ -41,6 +41,7 @@ ORDER: dict[str, set[str]] = {
     "octomap_server_3dnav.exploration": BASE | TERRAIN - {"octomap_server_3dnav.exploration"},
     "local_terrain_costmap": BASE,
     "path_following": BASE,
+    "collision_monitor": BASE,
     "stop_scan_and_go": BASE,
     "exploration_evaluation": BASE | {"visiting_order"},  # the judge knows no stage that it judges
     # between the stages and ROS
