@@ -2,7 +2,7 @@
 
 The robot of `pybullet_simulation` (`realism:=hardware`) drives over a level hall at --speed. Its lines, filtered and placed by its true
 pose, feed the costmap, and the collision monitor limits the command: no planner, no follower. Trial by trial the person starts elsewhere
-and the mount's nod has another phase. The way counts from when the person's outline is in the robot's way, no more than 1 m before it,
+and the mount's nod has another phase. The way counts from when the person's outline is in the robot's way, no more than 1.2 m before it,
 until the robot stands.
 
     python benchmarks/stepping_in.py --trials 100 [--mount level] [--speed 0.5] [--unguarded]
@@ -34,13 +34,13 @@ MODEL = read_robot_model(ROBOT)
 MOUNT = TiltGeometry(MODEL.T_base_mount, MODEL.T_tilt_laser)
 START = (-8.0, 0.0, 0.0)
 EVERY_S = 0.05
-LONGEST_S = 10.0
-AHEAD_M = 1.0
+LONGEST_S = 20.0
+AHEAD_M = 1.2
 
 
 def hall() -> World:
-    """24 by 10 m of level floor between walls."""
-    low, high = np.array([-12.0, -5.0]), np.array([12.0, 5.0])
+    """16 by 4 m of level floor between walls."""
+    low, high = np.array([-10.0, -2.0]), np.array([6.0, 2.0])
     solids = [box("floor", (*(low - 0.2), -0.5), (*(high + 0.2), 0.0)), *walls_around(low, high, -0.1, 2.5)]
     vertices, triangles = joined(solids)
     return World("hall", tuple(solids), (), vertices, triangles, np.array([vertices.min(0), vertices.max(0)]), START, 0.0)
@@ -48,7 +48,7 @@ def hall() -> World:
 
 def person(rng: np.random.Generator) -> MoverSpec:
     """Beside the way, where it will see the robot come."""
-    place = (float(rng.uniform(-5.2, -4.2)), float(rng.choice([-1.0, 1.0]) * rng.uniform(0.9, 1.8)))
+    place = (float(rng.uniform(-5.2, -4.2)), float(rng.choice([-1.0, 1.0]) * rng.uniform(0.9, 1.6)))
     return MoverSpec(name="mean", walk="steps_in", start=place, speed_mps=float(rng.uniform(0.8, 1.4)), pause_s=6.0)
 
 

@@ -15,7 +15,7 @@ from robot_body import RobotBody
 
 Array = NDArray[np.float64]
 
-_SHARES = (1.0, 0.8, 0.6, 0.4)  # slower it need not creep up to a stranger: it stands
+_SHARES = (1.0, 0.7)  # it slows, and then stands: slower it would only creep up to a stranger
 _INSTANT_S = 0.05
 _NEARER_M = 0.01  # the robot comes nearer by itself
 
