@@ -29,7 +29,7 @@ def earlier_run(folder: Path) -> EarlierRun:
     try:
         run = json.loads((folder / "run.json").read_text())
         simulator = run.get("config", {}).get("pybullet_sim_node", {})
-        realism, movers = simulator.get("realism"), simulator.get("movers")
+        realism, movers = simulator.get("realism"), str(simulator.get("movers") or "")
         sensor, mapping = run.get("sensor"), run.get("mapping")
         return EarlierRun(str(run["world"]), int(run["seed"]), sensor, realism, mapping, movers, robot if robot.is_file() else None)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):

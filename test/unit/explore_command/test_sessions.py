@@ -33,6 +33,13 @@ def test_run_goes_on_in_its_folder_world_and_seed(session: Path) -> None:
     assert parse(["--world", "rooms"]).sensor is None
 
 
+def test_run_goes_on_among_the_movers_that_it_had(session: Path) -> None:
+    assert parse(["--resume", str(session)]).movers == ""
+    config = {"pybullet_sim_node": {"movers": 3}}
+    (session / "run.json").write_text(json.dumps({"world": "rooms", "seed": 7, "config": config}))
+    assert parse(["--resume", str(session)]).movers == "3" and parse(["--resume", str(session), "--movers", ""]).movers == ""
+
+
 def test_map_is_explored_in_another_folder(session: Path) -> None:
     a = parse(["--map", str(session), "--seed", "3"])
     assert (a.resume, a.map, a.world, a.seed) == (False, session, "rooms", 3)
