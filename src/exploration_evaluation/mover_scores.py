@@ -16,7 +16,7 @@ from rigid_geometry import transform_points
 Floats = NDArray[np.float64]
 
 MOVERS_FILE = "movers.csv"
-NO_MOVER_SCORES: dict[str, float | None] = {"movers": None, "ghosts_m2": None}
+MOVER_SCORES = ("movers", "ghosts_m2")
 
 
 def mover_scores(folder: Path, mesh: tuple[ArrayLike, ArrayLike], T_world_map: Floats, config: EvaluationConfig) -> dict[str, float | None]:
@@ -26,7 +26,7 @@ def mover_scores(folder: Path, mesh: tuple[ArrayLike, ArrayLike], T_world_map: F
     """
     path = folder / MOVERS_FILE
     if not path.is_file():
-        return NO_MOVER_SCORES
+        return dict.fromkeys(MOVER_SCORES)
     names, places = read_mover_places(path)
     voxels = divided_voxels(*read_occupied(folder / "occupied.npz"), config.map_resolution_m)
     return {"movers": len(set(names)), "ghosts_m2": ghosts_m2(transform_points(T_world_map, voxels), mesh, places, config)}

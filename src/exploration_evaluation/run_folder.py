@@ -19,7 +19,7 @@ from exploration_evaluation.curves import coverage_curve, driven_distances, plac
 from exploration_evaluation.graph_edges import read_edges, wrong_edges
 from exploration_evaluation.ground_ahead import ground_ahead
 from exploration_evaluation.mesh import read_cloud
-from exploration_evaluation.mover_scores import NO_MOVER_SCORES, mover_scores
+from exploration_evaluation.mover_scores import MOVER_SCORES, mover_scores
 from exploration_evaluation.relative_error import MatchedPoses, matched_poses, relative_pose_error
 from exploration_evaluation.run_files import (
     JsonObject,
@@ -35,7 +35,6 @@ from exploration_evaluation.run_files import (
     write_json,
 )
 from exploration_evaluation.scores import (
-    Motion,
     TrajectoryErrors,
     coverage,
     covered_cells,
@@ -128,9 +127,8 @@ class _Judgement:
             **self._coverage(ground, errors),
             **self._map_error(errors),
             **self._activity(truth, reported.get("sim_time_s")),
-            **dict.fromkeys(_OVER_THE_RUN),
+            **dict.fromkeys((*_OVER_THE_RUN, *MOVER_SCORES)),
             **NO_SURFACE_SCORES,
-            **NO_MOVER_SCORES,
         }
         if estimate is not None and truth is not None and errors is not None:
             poses = matched_poses(*estimate, *truth)
@@ -230,9 +228,7 @@ class _Judgement:
         }
 
     def _motion(self, truth: Trajectory | None) -> dict[str, Any]:
-        found: Motion | None = None
-        if truth is not None:
-            found = motion(*truth, self._config.fall_tilt_rad, self._config.fall_speed_mps)
+        found = None if truth is None else motion(*truth, self._config.fall_tilt_rad, self._config.fall_speed_mps)
         return {
             "distance_m": found.distance_m if found else None,
             "max_tilt_rad": found.max_tilt_rad if found else None,
@@ -279,9 +275,7 @@ class _Judgement:
         }
 
     def _map_error(self, errors: TrajectoryErrors | None) -> dict[str, Any]:
-        error = None
-        if errors is not None:
-            error = self._try("map error", lambda: self._cloud_error(errors.T_world_map))
+        error = None if errors is None else self._try("map error", lambda: self._cloud_error(errors.T_world_map))
         return {"map_rmse_m": error.rms_m if error else None, "map_p95_m": error.p95_m if error else None}
 
     def _cloud_error(self, T_world_map: Floats) -> Any:

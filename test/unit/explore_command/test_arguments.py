@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from explore_command.arguments import REALISMS, ArgumentProblem, parse, prepare_out
+from explore_command.arguments import REALISMS, ArgumentProblem, parse
+from explore_command.results_folder import prepare_out
 from pybullet_simulation import HARDWARE_OR_IDEAL
 
 

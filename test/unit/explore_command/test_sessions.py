@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from explore_command.__main__ import main
-from explore_command.arguments import ArgumentProblem, parse, prepare_out
+from explore_command.arguments import ArgumentProblem, parse
+from explore_command.results_folder import prepare_out
 from explore_command.sessions import clock_after, earlier_run
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session.session_record import Measured
