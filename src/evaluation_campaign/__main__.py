@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from evaluation_campaign.plan import Campaign, CampaignProblem, Limits, RunSpec, open_campaign, parse_seeds
-from explore_command.arguments import MAPPINGS, NAMED_WORLDS, REALISMS, SENSORS, ArgumentProblem
+from explore_command.arguments import MAPPINGS, NAMED_WORLDS, REALISMS, SENSORS, ArgumentProblem, check_movers
 from explore_command.launching import sensor_and_mapping
 from explore_command.parameters import override_problems, read_profile, robot_of
 from robot_body import robot_file
@@ -49,6 +49,7 @@ def parser() -> argparse.ArgumentParser:
         choices=MAPPINGS,
         help="whether the robot stands for each sweep or maps while driving; default stop_and_go, where the lidar is fixed driving",
     )
+    p.add_argument("--movers", default="", metavar="N|FILE", help="so many movers in every run, drawn by its seed, or those of a FILE")
     p.add_argument(
         "--jobs", type=int, default=max(1, (os.cpu_count() or 2) // 2), metavar="N", help="runs at a time; default: half the cores"
     )
@@ -73,12 +74,17 @@ def parse(arguments: list[str] | None = None) -> tuple[Campaign, argparse.Namesp
     if len({Path(profile).stem for profile in profiles}) < len(profiles):
         raise CampaignProblem(f"--profile {a.profile}: two of these have the same name, after which the folders of their runs are called")
     worlds = tuple(w if w in NAMED_WORLDS else str(Path(w).absolute()) for w in worlds)
+    try:
+        check_movers(a.movers)
+    except ArgumentProblem as error:
+        raise CampaignProblem(str(error)) from error
+    movers = a.movers if a.movers.isdecimal() or not a.movers else str(Path(a.movers).absolute())
     limits, robot = Limits(a.max_sim_time, a.max_wall_time), str(a.robot.absolute()) if a.robot else ""
     try:
         sensor, mapping = sensor_and_mapping(robot_of(a.robot, {}), a.sensor, a.mapping)
     except ArgumentProblem as error:
         raise CampaignProblem(str(error)) from error
-    return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, sensor, limits, robot, a.realism, mapping), a
+    return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, sensor, limits, robot, a.realism, mapping, movers), a
 
 
 def _check_world(world: str) -> None:

@@ -43,7 +43,17 @@ def cluster_client(scheduler: str | None, jobs: int) -> Iterator[Client]:
 def run_all(campaign: Campaign, client: Client, project: Path, on_end: Progress) -> None:
     """Makes every run that is left, and tells `on_end` of each that ends. OSError when the campaign's folder cannot be written."""
     requests = [
-        RunRequest(spec, campaign.sensor, campaign.limits, campaign.out, project, campaign.robot, campaign.realism, campaign.mapping)
+        RunRequest(
+            spec,
+            campaign.sensor,
+            campaign.limits,
+            campaign.out,
+            project,
+            campaign.robot,
+            campaign.realism,
+            campaign.mapping,
+            campaign.movers,
+        )
         for spec in campaign.left()
     ]
     # Every worker holds one run at a time, and the first of the list come first.

@@ -14,9 +14,15 @@ from exploration_evaluation import read_json, write_json
 
 FORMAT = 1
 CAMPAIGN_FILE, OUTCOME_FILE = "campaign.json", "outcome.json"
-_IDENTITY = ("format", "worlds", "seeds", "profiles", "sensor", "realism", "mapping", "limits", "robot")
+_IDENTITY = ("format", "worlds", "seeds", "profiles", "sensor", "realism", "mapping", "movers", "limits", "robot")
 _EXTENSIBLE = ("worlds", "seeds", "profiles")
-_SINCE_FORMAT_1 = {"sensor": "tilting", "realism": "ideal", "mapping": "stop_and_go", "robot": ""}  # what campaigns had that do not say it
+_SINCE_FORMAT_1 = {
+    "sensor": "tilting",
+    "realism": "ideal",
+    "mapping": "stop_and_go",
+    "movers": "",
+    "robot": "",
+}  # what campaigns had that do not say it
 
 
 class CampaignProblem(ValueError):
@@ -58,6 +64,7 @@ class Campaign:
     robot: str = ""
     realism: str = "hardware"
     mapping: str = "stop_and_go"
+    movers: str = ""
 
     @property
     def specs(self) -> tuple[RunSpec, ...]:

@@ -38,6 +38,7 @@ class RunRequest:
     robot: str = ""
     realism: str = "hardware"
     mapping: str = "stop_and_go"
+    movers: str = ""
 
 
 def make_run(request: RunRequest) -> dict[str, object]:
@@ -85,6 +86,7 @@ def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
     command += ["--sensor", request.sensor, "--realism", request.realism, "--mapping", request.mapping]
     command += ["--max-sim-time", str(request.limits.sim_s)]
     command += ["--robot", request.robot] if request.robot else []
+    command += ["--movers", request.movers] if request.movers else []
     with (folder.parent / f".{folder.name}.log").open("w") as log:
         process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=end_with_parent

@@ -95,6 +95,13 @@ class EvaluationConfig:
     stayed_m: float = parameter(1.0, "m", "the robot's length: one that came no farther has never left its start", low=0.0)
     stayed_coverage: float = parameter(0.995, "-", "coverage from which one that stayed has seen all that there is", low=0.0, high=1.0)
     contact_gap_s: float = parameter(1.0, "s", "pause after which a contact counts as another collision", low=0.0)
+    own_touch_mps: float = parameter(
+        0.05, "m/s", "speed of the robot above which a touch with a mover is its own; slower, the mover has touched it", low=0.0, high=1.0
+    )
+    ghost_off_m: float = parameter(
+        0.2, "m", "distance to the true surfaces beyond which a mapped voxel is none of them", low=0.05, high=1.0
+    )
+    ghost_reach_m: float = parameter(0.7, "m", "how near to a mover's place such a voxel is taken for its ghost", low=0.1, high=3.0)
     still_speed_mps: float = parameter(0.02, "m/s", "speed up to which the robot stands", low=0.0, high=1.0)
     full_speed_share: float = parameter(
         0.9, "-", "of the speed that it seldom exceeds: faster is full speed, at which the ground ahead is asked for", low=0.1, high=1.0

@@ -53,15 +53,18 @@ def read_robot(folder: Path) -> RobotShape:
     return replace(RobotShape.of(robot), laser_height_m=round(height_m, 2))
 
 
-def read_contacts(path: Path, gap_s: float = 1.0) -> tuple[ContactEpisode, ...]:
-    """Collisions from contacts.csv (stamp,link,speed_mps,force_n); a file with a header only means none."""
+def read_contacts(path: Path, gap_s: float = 1.0, own_touch_mps: float = 0.05) -> tuple[ContactEpisode, ...]:
+    """Collisions from contacts.csv (stamp,link,speed_mps,force_n,other); a file with a header only means none.
+
+    A mover, `other`, that touches a robot which stands, or is slower than `own_touch_mps`, is no collision of the robot.
+    """
     if not path.is_file():
         raise ValueError(f"{path.name} is not there")
     with path.open(newline="") as file:
         reader = csv.DictReader(file)
-        if list(reader.fieldnames or []) != ["stamp", "link", "speed_mps", "force_n"]:
+        if list(reader.fieldnames or [])[:4] != ["stamp", "link", "speed_mps", "force_n"]:
             raise ValueError(f"{path.name} has the columns {reader.fieldnames}, not stamp,link,speed_mps,force_n")
-        rows = list(reader)
+        rows = [row for row in reader if not row.get("other") or _number(row["speed_mps"], path) > own_touch_mps]
     numbers = {key: [_number(row[key], path) for row in rows] for key in ("stamp", "speed_mps", "force_n")}
     return contact_episodes(numbers["stamp"], tuple(row["link"] for row in rows), numbers["speed_mps"], numbers["force_n"], gap_s)
 

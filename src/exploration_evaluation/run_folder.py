@@ -19,6 +19,7 @@ from exploration_evaluation.curves import coverage_curve, driven_distances, plac
 from exploration_evaluation.graph_edges import read_edges, wrong_edges
 from exploration_evaluation.ground_ahead import ground_ahead
 from exploration_evaluation.mesh import read_cloud
+from exploration_evaluation.mover_scores import MOVER_SCORES, mover_scores
 from exploration_evaluation.relative_error import MatchedPoses, matched_poses, relative_pose_error
 from exploration_evaluation.run_files import (
     JsonObject,
@@ -34,7 +35,6 @@ from exploration_evaluation.run_files import (
     write_json,
 )
 from exploration_evaluation.scores import (
-    Motion,
     TrajectoryErrors,
     coverage,
     covered_cells,
@@ -96,8 +96,8 @@ def evaluate_run(
     trajectory_origin_error_m, map_tilt_rad, collisions, collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m,
     coverage_curve (a CurvePoint a sweep), ground_ahead, rpe_translation_m, rpe_rotation_rad, wrong_edges, shortest_length_m, path_ratio,
     activity_s, time_spent, compute_s, runtime_s, visible_surface_m2, seen_surface_share, map_completeness_rms_m, map_completeness_p95_m,
-    classification (confusion, false-safe and false-unsafe ground), and "missing": what is None and why. ValueError when the folder does
-    not exist, or its robot.yaml is none.
+    classification (confusion, false-safe and false-unsafe ground), movers, ghosts_m2, and "missing": what is
+    None and why. ValueError when the folder does not exist, or its robot.yaml is none.
     """
     folder = Path(directory)
     if not folder.is_dir():
@@ -127,11 +127,12 @@ class _Judgement:
             **self._coverage(ground, errors),
             **self._map_error(errors),
             **self._activity(truth, reported.get("sim_time_s")),
-            **dict.fromkeys(_OVER_THE_RUN),
+            **dict.fromkeys((*_OVER_THE_RUN, *MOVER_SCORES)),
             **NO_SURFACE_SCORES,
         }
         if estimate is not None and truth is not None and errors is not None:
             poses = matched_poses(*estimate, *truth)
+            scores |= self._try("movers", lambda: mover_scores(self._folder, self._mesh, errors.T_world_map, self._config)) or {}
             scores |= self._relative_error(poses)
             scores["wrong_edges"] = self._try("wrong edges", lambda: self._wrong_edges(estimate[0], poses))
             if ground is not None:
@@ -227,9 +228,7 @@ class _Judgement:
         }
 
     def _motion(self, truth: Trajectory | None) -> dict[str, Any]:
-        found: Motion | None = None
-        if truth is not None:
-            found = motion(*truth, self._config.fall_tilt_rad, self._config.fall_speed_mps)
+        found = None if truth is None else motion(*truth, self._config.fall_tilt_rad, self._config.fall_speed_mps)
         return {
             "distance_m": found.distance_m if found else None,
             "max_tilt_rad": found.max_tilt_rad if found else None,
@@ -237,7 +236,9 @@ class _Judgement:
         }
 
     def _collisions(self) -> dict[str, Any]:
-        episodes = self._try("collisions", lambda: read_contacts(self._folder / "contacts.csv", self._config.contact_gap_s))
+        episodes = self._try(
+            "collisions", lambda: read_contacts(self._folder / "contacts.csv", self._config.contact_gap_s, self._config.own_touch_mps)
+        )
         return {
             "collisions": None if episodes is None else len(episodes),
             "collision_top_speed_mps": max((e.top_speed_mps for e in episodes), default=None) if episodes else None,
@@ -274,9 +275,7 @@ class _Judgement:
         }
 
     def _map_error(self, errors: TrajectoryErrors | None) -> dict[str, Any]:
-        error = None
-        if errors is not None:
-            error = self._try("map error", lambda: self._cloud_error(errors.T_world_map))
+        error = None if errors is None else self._try("map error", lambda: self._cloud_error(errors.T_world_map))
         return {"map_rmse_m": error.rms_m if error else None, "map_p95_m": error.p95_m if error else None}
 
     def _cloud_error(self, T_world_map: Floats) -> Any:

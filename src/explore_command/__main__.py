@@ -2,8 +2,9 @@
 
 import sys
 
-from explore_command.arguments import ArgumentProblem, ExploreArguments, parse, prepare_out
+from explore_command.arguments import ArgumentProblem, ExploreArguments, parse
 from explore_command.launching import as_robot_is_built, effective_robot, parameter_problem, run_launch, world_problem
+from explore_command.results_folder import prepare_out
 from explore_command.sessions import clock_after
 
 

@@ -3,55 +3,19 @@
 import argparse
 import math
 import os
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
+from explore_command.results_folder import ArgumentProblem as ArgumentProblem
 from explore_command.sessions import NO_RUN, earlier_run
+from simulated_movers import asked_movers
 
 NAMED_WORLDS = ("rooms", "doors", "ramp", "moon")
 SENSORS = ("tilting", "spinning")
 UPS = ("x", "y", "z")
 REALISMS = ("hardware", "ideal")
 MAPPINGS = ("stop_and_go", "driving")
-_RUN_FILES: tuple[str, ...] = (
-    "run.json",
-    "summary.json",
-    "counters.json",
-    "trajectory.txt",
-    "trajectory_truth.txt",
-    "contacts.csv",
-    "events.csv",
-    "map_missed.png",
-    "outcome.json",
-    "map.bt",
-    "map.ot",
-)
-_RUN_FILES += (
-    "cloud.ply",
-    "cloud.pcd",
-    "graph.g2o",
-    "occupied.npz",
-    "terrain.npz",
-    "path.npz",
-    "map_top.png",
-    "map_angle.png",
-    "world.ply",
-    "world_origin.json",
-    "config.yaml",
-    "robot.yaml",
-    "robot.urdf",
-    "mount_calibration.yaml",
-    "run.bag",
-    "overrides.yaml",
-    "roslaunch.log",
-)
-_RUN_FOLDERS = ("sweeps", "log")
-
-
-class ArgumentProblem(ValueError):
-    """One line that says what is wrong and what to do."""
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -69,6 +33,7 @@ class ExploreArguments:
     sensor: str | None
     realism: str
     mapping: str | None
+    movers: str
     seed: int
     start: tuple[float, ...] | None
     scale: float | None
@@ -145,6 +110,9 @@ def parser() -> argparse.ArgumentParser:
         choices=MAPPINGS,
         help="stop_and_go: the robot stands for each sweep; driving: it does not; default stop_and_go, where the lidar is fixed driving",
     )
+    p.add_argument(
+        "--movers", metavar="N|FILE", help="so many people, carts and robots that go about, or those of a YAML FILE; default none"
+    )
     p.add_argument("--seed", type=int, help="sets start, noise, slip and clutter; default 1")
     p.add_argument("--out", type=Path, metavar="DIR", help="folder for the results; default runs/WORLD-SEED")
     go_on = p.add_mutually_exclusive_group()
@@ -197,11 +165,13 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
     a.sensor = a.sensor or (earlier.sensor if earlier.sensor in SENSORS else None)
     a.realism = a.realism or (earlier.realism if earlier.realism in REALISMS else REALISMS[0])
     a.mapping = a.mapping or (earlier.mapping if earlier.mapping in MAPPINGS else None)
+    a.movers = a.movers if a.movers is not None else earlier.movers or ""
     a.rate = float(a.free) if a.rate is None else a.rate
     if a.resume and a.out:
         raise ArgumentProblem("--resume goes on in the folder of the earlier run: --out cannot be another")
     _check_world(a.world, a.size)
     _check_numbers(a)
+    check_movers(a.movers, a.seed)
     out = (a.resume or a.out or Path("runs") / f"{Path(a.world).stem}-{a.seed}").absolute()
     if a.map and a.map.resolve() == out.resolve():
         raise ArgumentProblem(
@@ -212,6 +182,7 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         sensor=a.sensor,
         realism=a.realism,
         mapping=a.mapping,
+        movers=a.movers if a.movers.isdecimal() or not a.movers else str(Path(a.movers).absolute()),
         seed=a.seed,
         start=tuple(a.start) if a.start else None,
         scale=a.scale,
@@ -255,6 +226,14 @@ def _check_world(world: str, size: list[float] | None) -> None:
         raise ArgumentProblem(f"--world {world}: a height map needs --size X Y Z, the metres that it covers")
 
 
+def check_movers(movers: str, seed: int = 0) -> None:
+    """ArgumentProblem for what is neither a number of movers nor a file of them."""
+    try:
+        asked_movers(movers, seed)
+    except ValueError as error:
+        raise ArgumentProblem(f"--movers {error}") from error
+
+
 def _check_numbers(a: argparse.Namespace) -> None:
     if a.port is not None and not 1024 <= a.port <= 65535:
         raise ArgumentProblem(f"--port {a.port}: expected 1024 to 65535")
@@ -272,28 +251,3 @@ def _check_numbers(a: argparse.Namespace) -> None:
     for text in a.set:
         if "/" not in text.partition("=")[0] or "=" not in text:
             raise ArgumentProblem(f"--set {text}: expected NODE/PARAMETER=VALUE, for example octomap_server_3dnav_node/local_radius_m=8")
-
-
-def prepare_out(out: Path, force: bool, keep_sweeps: bool = False) -> None:
-    """Makes an empty results folder; ArgumentProblem when it cannot be written, or holds something and `force` is not set.
-
-    With `force` only the files of an earlier run are removed: whatever else lies there stays, with `keep_sweeps` also its sweeps.
-    """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        if any(out.iterdir()):
-            if not force:
-                raise ArgumentProblem(f"--out {out}: not empty; --force overwrites the run in it")
-            _remove_run(out, keep_sweeps)
-        probe = out / ".writable"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise ArgumentProblem(f"--out {out}: cannot be written: {error.strerror}") from error
-
-
-def _remove_run(out: Path, keep_sweeps: bool) -> None:
-    for name in _RUN_FILES:
-        (out / name).unlink(missing_ok=True)
-    for name in set(_RUN_FOLDERS) - ({"sweeps"} if keep_sweeps else set()):
-        shutil.rmtree(out / name, ignore_errors=True)

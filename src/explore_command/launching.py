@@ -13,6 +13,7 @@ from explore_command.parameters import ROBOT, all_overrides, override_problems, 
 from rigid_geometry import origin_text
 from robot_body import RobotBody, fixed_laser_problem, is_fixed, missing_visuals, robot_mapping, urdf_file
 from roslaunch_process import free_port, hand_on_signals, shown_lines, start_launch
+from simulated_movers import asked_movers
 from stage_config import ConfigError
 
 _SHUTDOWN_S = 60
@@ -20,10 +21,13 @@ _MONITOR_MARK = "[explore]"
 
 
 def world_problem(arguments: ExploreArguments, robot: RobotBody) -> str | None:
-    """Why the world or the start cannot be used, or None; it says where a far one lies. Named ones with their own start need no look."""
-    if arguments.world in NAMED_WORLDS and arguments.start is None:
+    """Why the world, the start or the movers cannot be used, or None; it says where a far one lies.
+
+    Named ones with their own start, and without movers, need no look.
+    """
+    if arguments.world in NAMED_WORLDS and arguments.start is None and not arguments.movers:
         return None
-    from pybullet_simulation import load_world
+    from pybullet_simulation import crowd_in, load_world
     from world_files import WorldDescription
 
     a = arguments
@@ -36,6 +40,10 @@ def world_problem(arguments: ExploreArguments, robot: RobotBody) -> str | None:
         print(note, flush=True)
     if arguments.world not in NAMED_WORLDS:
         print(f"{world.name}: {world.about()}", flush=True)
+    try:
+        crowd_in(replace(world, movers=world.movers + asked_movers(arguments.movers, arguments.seed)), robot, arguments.seed)
+    except ValueError as error:
+        return f"--movers: {error}"
     if any(world.origin):
         print(f"{arguments.world}: {origin_text(world.origin)}, which world_origin.json keeps", flush=True)
     return None
@@ -90,6 +98,7 @@ def launch_arguments(arguments: ExploreArguments, robot: RobotBody, overrides: P
         "sensor": arguments.sensor,
         "realism": arguments.realism,
         "mapping": arguments.mapping,
+        "movers": arguments.movers,
         "seed": arguments.seed,
         "start": _joined(arguments.start),
         "scale": _joined((arguments.scale,)) if arguments.scale else "",

@@ -50,7 +50,11 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
     "octomap_server_3dnav_local_node": {
         "": "octomap_server_3dnav.navigation.local_grid.LocalGridConfig",
     },
-    "move_base_node": {"costmap": "local_terrain_costmap.CostmapConfig", "follower": "path_following.FollowerConfig"},
+    "move_base_node": {
+        "costmap": "local_terrain_costmap.CostmapConfig",
+        "follower": "path_following.FollowerConfig",
+        "monitor": "collision_monitor.CollisionMonitorConfig",
+    },
     "stop_scan_and_go_node": {"": "stop_scan_and_go.StopScanAndGoConfig"},
     "exploration_monitor_node": {"": "ros_adapters.monitor_config.MonitorConfig"},
 }

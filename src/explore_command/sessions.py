@@ -9,17 +9,18 @@ _PAUSE_S = 10.0
 
 @dataclass(frozen=True)
 class EarlierRun:
-    """The world (name or file), seed, sensor, realism, mapping and robot's file of a run, None where it did not write them down."""
+    """The world (name or file), seed, sensor, realism, mapping, movers and robot's file of a run, None where it did not write them down."""
 
     world: str | None
     seed: int | None
     sensor: str | None
     realism: str | None
     mapping: str | None
+    movers: str | None
     robot: Path | None
 
 
-NO_RUN = EarlierRun(None, None, None, None, None, None)
+NO_RUN = EarlierRun(None, None, None, None, None, None, None)
 
 
 def earlier_run(folder: Path) -> EarlierRun:
@@ -27,9 +28,10 @@ def earlier_run(folder: Path) -> EarlierRun:
     robot = folder / "robot.yaml"
     try:
         run = json.loads((folder / "run.json").read_text())
-        realism = run.get("config", {}).get("pybullet_sim_node", {}).get("realism")
+        simulator = run.get("config", {}).get("pybullet_sim_node", {})
+        realism, movers = simulator.get("realism"), str(simulator.get("movers") or "")
         sensor, mapping = run.get("sensor"), run.get("mapping")
-        return EarlierRun(str(run["world"]), int(run["seed"]), sensor, realism, mapping, robot if robot.is_file() else None)
+        return EarlierRun(str(run["world"]), int(run["seed"]), sensor, realism, mapping, movers, robot if robot.is_file() else None)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return NO_RUN
 

@@ -27,7 +27,7 @@ class LineLayer:
     """Evidence in the voxels of a window, (layers, n, n), and which of its columns it marks.
 
     Layers repeat upwards: one holds all heights that are a whole number of stacks apart. A stack is twice as high as what stops the
-    robot, and every voxel knows the exact height of its evidence.
+    robot, and every voxel knows the exact height of its evidence. `is_known` are the columns on or beside what the terrain knows.
     """
 
     def __init__(self, config: CostmapConfig, robot: RobotBody, window: Window) -> None:
@@ -95,17 +95,22 @@ class LineLayer:
         What the terrain knows to be lethal it knows more exactly than a line, which errs by a cell: nothing is marked beside it.
         """
         ground = terrain.height
-        self._is_known = ndimage.binary_dilation(terrain.cost == LETHAL, np.ones((3, 3)))
+        self.is_known = ndimage.binary_dilation(terrain.cost == LETHAL, np.ones((3, 3)))
         distance, (row, column) = ndimage.distance_transform_edt(np.isnan(ground), self._window.resolution, return_indices=True)
         near = distance <= self._config.ground_reach_m
         self._ground = np.where(near, ground[row, column] - self._half_cell_m, np.nan).astype(np.float32)
         self._allowed_m = (self._tolerance_m + distance * self._steepest).astype(np.float32)
 
-    def _judged(self) -> NDArray[np.bool_]:
-        above = np.where(self._met_s >= self._newest_s - self._config.keep_s, self._z, np.nan) - self._ground
+    def met_within(self, seconds: float) -> NDArray[np.bool_]:
+        """(n, n) the columns that are marked by what lines met in the last `seconds` before the newest."""
+        return self._judged(seconds) if self.marked.any() else self.marked
+
+    def _judged(self, within_s: float = math.inf) -> NDArray[np.bool_]:
+        oldest_s = self._newest_s - min(within_s, self._config.keep_s)
+        above = np.where(self._met_s >= oldest_s, self._z, np.nan) - self._ground
         # Comparisons with NaN are False: evidence over ground that is not known marks nothing.
         in_the_way = (above > self._allowed_m) & (above < self._overhead_m + self._half_cell_m)
-        return np.asarray((in_the_way | (above < -self._allowed_m)).any(axis=0) & ~self._is_known)
+        return np.asarray((in_the_way | (above < -self._allowed_m)).any(axis=0) & ~self.is_known)
 
 
 @njit(cache=True)

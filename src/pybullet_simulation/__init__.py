@@ -5,6 +5,7 @@
 
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.lidar_config import SpinningLidarConfig
+from pybullet_simulation.open_ground import crowd_in
 from pybullet_simulation.realism import HARDWARE_OR_IDEAL, IDEAL, IDEAL_TIMING, realistic
 from pybullet_simulation.records import (
     Contact,
@@ -49,6 +50,7 @@ __all__ = [
     "World",
     "WorldDescription",
     "MeshFrame",
+    "crowd_in",
     "load_world",
     "realistic",
 ]

@@ -13,6 +13,7 @@ from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.robot_model import RobotModel
 from pybullet_simulation.world import World, hits_and_incidence, raycasting_scene
 from rigid_geometry import transform_from_rpy
+from simulated_movers import MovingParts
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
@@ -20,16 +21,20 @@ Floats = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Motion:
-    """How the robot moved over a tick: rotations (S, 3, 3) and positions (S, 3) of base_link and tilts (S,), at S even steps."""
+    """How the robot moved over a tick: rotations (S, 3, 3) and positions (S, 3) of base_link and tilts (S,), at S even steps.
+
+    `movers`: the parts of what moved beside it; None where nothing does.
+    """
 
     rotations: Array
     positions: Array
     tilts: Array
     step_s: float
+    movers: MovingParts | None = None
 
 
 class BeamCaster:
-    """Casts beams at a world and at the robot's own body."""
+    """Casts beams at a world, at what moves in it, and at the robot's own body."""
 
     def __init__(self, config: SimulationConfig, robot: RobotModel, world: World) -> None:
         self._world = raycasting_scene(world.vertices, world.triangles)
@@ -48,10 +53,17 @@ class BeamCaster:
             pointing, times_s, motion.step_s, motion.rotations, motion.positions, tilts, self._T_base_mount, self._offset
         )
         hits, cosines = hits_and_incidence(self._world, in_world)
+        if motion.movers is not None:
+            hits, cosines = _nearer((hits, cosines), motion.movers.hits(in_world, times_s))
         if np.abs(tilts).max() <= self._clear_rad and not pointing[:, 2].any():  # all beams pass above all of the body
             return hits, cosines
         own, own_cosines = hits_and_incidence(self._body, in_base)
-        return np.minimum(hits, own), np.where(own < hits, own_cosines, cosines)
+        return _nearer((hits, cosines), (own, own_cosines))
+
+
+def _nearer(a: tuple[Floats, Floats], b: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+    """Of two sets of hits and cosines the nearer ones."""
+    return np.minimum(a[0], b[0]), np.where(b[0] < a[0], b[1], a[1])
 
 
 def _clearance(robot: RobotModel) -> float:

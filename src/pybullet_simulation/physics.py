@@ -7,7 +7,7 @@ less friction sideways, no cone friction (with it the turn rate depends on the h
 import contextlib
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from pybullet_simulation.simulated_urdf import write_simulated_urdf
 from pybullet_simulation.world import World, nearest_normal, raycasting_scene
 from rigid_geometry import quat_xyzw_from_transform
 from robot_body import RobotBody
+from simulated_movers import Part
 from world_files import Surface
 
 Array = NDArray[np.float64]
@@ -71,7 +72,7 @@ class Physics:
         self._add_world(world)
         self._surface = raycasting_scene(world.vertices, world.triangles)
         self._robot = self._add_robot(robot, world, body.base_height_m)
-        self._names = self._link_names()
+        self._names, self._movers = self._link_names(), dict[int, str]()
         self._joints = {self._joint(i): i for i in range(pybullet.getNumJoints(self._robot, physicsClientId=self._client))}
         self._wheels = [self._joints[wheel.joint] for wheel in robot.wheels]
         self._tilt = None if robot.tilt_joint is None else self._joints[robot.tilt_joint]
@@ -132,11 +133,12 @@ class Physics:
             mesh = {"vertices": surface.vertices[used].tolist(), "indices": local.ravel().tolist()}
             self._add_static({"shapeType": pybullet.GEOM_MESH, "flags": MESH_FLAGS, **mesh}, np.eye(4))
 
-    def _add_static(self, shape: dict[str, object], T_world_shape: Array) -> None:
+    def _add_static(self, shape: dict[str, object], T_world_shape: Array) -> int:
         collision = pybullet.createCollisionShape(physicsClientId=self._client, **shape)
         position, quat = T_world_shape[:3, 3].tolist(), quat_xyzw_from_transform(T_world_shape).tolist()
         body = pybullet.createMultiBody(0, collision, basePosition=position, baseOrientation=quat, physicsClientId=self._client)
         pybullet.changeDynamics(body, -1, lateralFriction=self._config.friction, rollingFriction=0.0, physicsClientId=self._client)
+        return int(body)
 
     def _add_robot(self, robot: RobotModel, world: World, base_height_m: float) -> int:
         x, y, yaw = world.start_xyyaw
@@ -201,15 +203,35 @@ class Physics:
         states = pybullet.getJointStates(self._robot, self._wheels, physicsClientId=self._client)
         return np.array([state[0] for state in states]) * self._model.forward_of_wheel
 
-    def contacts(self, speed_mps: float) -> list[Contact]:
-        """What of the body touches anything, and what of wheels and casters touches something too steep to be ground."""
+    def add_movers(self, parts: Sequence[tuple[str, Part]]) -> None:
+        """Bodies for all parts of movers, each with its mover's name; they push and are not pushed."""
+        self._movers = {self._add_part(part): name for name, part in parts}
+
+    def _add_part(self, part: Part) -> int:
+        if part.is_box:
+            return self._add_static({"shapeType": pybullet.GEOM_BOX, "halfExtents": part.half}, np.eye(4))
+        post = {"shapeType": pybullet.GEOM_CYLINDER, "radius": part.half[0], "height": 2.0 * part.half[2]}
+        return self._add_static(post, np.eye(4))
+
+    def place_movers(self, poses: Array) -> None:
+        """Put all parts at (P, 5) x, y, z, yaw and pitch of their middles."""
+        for body, (x, y, z, yaw, pitch) in zip(self._movers, poses.tolist(), strict=True):
+            turned = pybullet.getQuaternionFromEuler([0.0, pitch, yaw])
+            pybullet.resetBasePositionAndOrientation(body, [x, y, z], turned, physicsClientId=self._client)
+
+    def contacts(self, before: BodyState) -> list[Contact]:
+        """What of the body touches anything, and what of wheels and casters touches something too steep to be ground.
+
+        Its speed is the one that the robot had there `before`.
+        """
         found = []
         for point in pybullet.getContactPoints(bodyA=self._robot, physicsClientId=self._client):
             other, link, normal, force = point[2], point[3], point[7], point[9]
-            steep_z = self._steep_z.get(link)
+            steep_z = None if other in self._movers else self._steep_z.get(link)
             is_ground = steep_z is not None and (normal[2] > steep_z or self._is_level(point[6], steep_z))
             if other != self._robot and not is_ground and force >= self._config.contact_force_min_n:
-                found.append(Contact(self._names[link], speed_mps, float(force)))
+                speed = float(np.linalg.norm(before.linear + np.cross(before.angular, np.array(point[5]) - before.centre_of_mass)))
+                found.append(Contact(self._names[link], speed, float(force), self._movers.get(other, "")))
         return found
 
     def _is_level(self, position: tuple[float, float, float], steep_z: float) -> bool:

@@ -121,11 +121,15 @@ class Truth:
 
 @dataclass(frozen=True)
 class Contact:
-    """A link that touches what is not ground: speed of the link in m/s when it did, and normal force in N (strongest of the tick)."""
+    """A link that touches what is not ground: the robot's speed there in m/s before it did, and normal force in N (strongest of the tick).
+
+    `other` is the mover that it touches, empty for the world.
+    """
 
     link: str
     speed_mps: float
     force_n: float
+    other: str = ""
 
 
 Sample = Scan | Revolution | JointSample | ImuSample | WheelOdometry

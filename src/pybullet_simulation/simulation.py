@@ -4,6 +4,7 @@ It stands in for the robot: commands and requests for a sweep go in, laser scans
 out, and the truth, which only the evaluation may see. The same world, seed and commands give the same data, bit for bit.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from pybullet_simulation.drive import Drive, SlipModel
 from pybullet_simulation.ground import Ground
 from pybullet_simulation.lidar_config import SpinningLidarConfig
 from pybullet_simulation.mount_drive import MountDrive
+from pybullet_simulation.open_ground import crowd_in
 from pybullet_simulation.physics import BodyState, Physics
 from pybullet_simulation.records import Contact, ScanGeometry, TickData, Truth
 from pybullet_simulation.robot_model import read_robot_model
@@ -24,6 +26,7 @@ from pybullet_simulation.timing_config import TimingConfig
 from pybullet_simulation.trace import PhysicsTick, Tilts, Trace
 from pybullet_simulation.world import World
 from robot_body import RobotBody
+from simulated_movers import Crowd, MovingParts, RobotSeen
 
 Array = NDArray[np.float64]
 
@@ -69,6 +72,7 @@ class Simulation:
         self._tick = FIRST_TICK - 1 + round(config.clock_start_s * TICKS_PER_S)
         self._steps, self._dt_s = config.physics_rate_hz // TICKS_PER_S, 1.0 / config.physics_rate_hz
         self._command, self._command_age = (0.0, 0.0), 0
+        self._crowd = self._crowd_of(world, seed)
         self._settle()
         self._encoders, self._angles = np.zeros(len(self._robot.wheels)), self._physics.wheel_angles()
         self._trace = Trace(TICK_NS, config.physics_rate_hz)
@@ -77,6 +81,26 @@ class Simulation:
             Sensors(config, timing, SensorParts(self._robot, self._drive, world, lidar), seed, self._now_ns),
             bool(lidar),
         )
+
+    def _crowd_of(self, world: World, seed: int) -> Crowd | None:
+        """The world's movers, at their starts; ValueError for one that cannot be there."""
+        crowd = crowd_in(world, self._body, seed)
+        if crowd is None:
+            return None
+        self._physics.add_movers(crowd.parts)
+        self._physics.place_movers(crowd.part_poses())
+        return crowd
+
+    def _seen(self) -> RobotSeen:
+        x, y = self._state.position[:2].tolist()
+        forward = self._state.R_world_base[:, 0]
+        speed = float(self._state.linear @ forward)
+        return RobotSeen(x, y, math.atan2(forward[1], forward[0]), speed, self._body.half_length_m, self._body.half_width_m)
+
+    @property
+    def crowd(self) -> Crowd | None:
+        """What moves beside the robot, for the judge; None where nothing does."""
+        return self._crowd
 
     def _settle(self) -> None:
         self._physics.set_tilt(0.0)
@@ -178,15 +202,26 @@ class Simulation:
         self._physics.set_tilt(float(tilts.measured[-1]))
         look = self._steps // IMU_PER_TICK
         states, contacts, turns = [self._state], [], []
+        movers = self._moved_parts()
         for step in range(1, self._steps + 1):
+            if movers is not None:
+                self._physics.place_movers(movers.at(step / self._steps))
             states.append(self._physics.step())
             if step % look == 0:
-                contacts += self._physics.contacts(float(np.linalg.norm(states[-1 - look].linear)))
+                contacts += self._physics.contacts(states[-1 - look])
             if step % (self._steps // ENCODERS_PER_TICK) == 0:
                 before, self._angles = self._angles, self._physics.wheel_angles()
                 turns.append((self._angles - before) * slip)
         self._state = states[-1]
-        return self._physics_tick(states, tilts, np.array(turns), contacts)
+        return replace(self._physics_tick(states, tilts, np.array(turns), contacts), movers=movers)
+
+    def _moved_parts(self) -> MovingParts | None:
+        """Movers go on by a tick, as they saw the robot at its begin."""
+        if self._crowd is None:
+            return None
+        before = self._crowd.part_poses()
+        self._crowd.step(TICK_S, self._seen())
+        return MovingParts.of(self._crowd.parts, np.stack([before, self._crowd.part_poses()]), TICK_S)
 
     def _slip_of_ground(self, speeds: Array) -> Array:
         """(2,) added slip of both sides on this ground, whose sideways friction is set, too."""
@@ -217,7 +252,9 @@ class Simulation:
         """A tick before the first one: the robot stands."""
         still = self._tilts(np.zeros(self._steps + 1))
         before = self._physics_tick([self._state] * (self._steps + 1), still, np.zeros((ENCODERS_PER_TICK, len(self._robot.wheels))), [])
-        return replace(before, begin_ns=self._now_ns - TICK_NS)
+        crowd = self._crowd
+        parts = None if crowd is None else MovingParts.of(crowd.parts, np.stack([crowd.part_poses()] * 2), TICK_S)
+        return replace(before, begin_ns=self._now_ns - TICK_NS, movers=parts)
 
 
 def _pose(state: BodyState) -> Array:
@@ -239,9 +276,10 @@ def _truth(stamp_s: float, state: BodyState) -> Truth:
 
 
 def _strongest(contacts: list[Contact]) -> tuple[Contact, ...]:
-    """One contact of each link, in the order of first touch: the fastest touch and the strongest force of the tick."""
-    best: dict[str, Contact] = {}
+    """One contact of each link with the world and each mover, in the order of first touch: the fastest and the strongest of the tick."""
+    best: dict[tuple[str, str], Contact] = {}
     for one in contacts:
-        known = best.get(one.link, one)
-        best[one.link] = Contact(one.link, max(known.speed_mps, one.speed_mps), max(known.force_n, one.force_n))
+        known = best.get((one.link, one.other), one)
+        speed, force = max(known.speed_mps, one.speed_mps), max(known.force_n, one.force_n)
+        best[one.link, one.other] = replace(one, speed_mps=speed, force_n=force)
     return tuple(best.values())

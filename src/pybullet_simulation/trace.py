@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pybullet_simulation.beam_casting import Motion
 from pybullet_simulation.records import Contact
+from simulated_movers import MovingParts, joined_parts
 
 Array = NDArray[np.float64]
 
@@ -28,7 +29,7 @@ class PhysicsTick:
     """A tick of physics at its S steps, the first and last included.
 
     `rotations` (S, 3, 3), `positions` (S, 3), `angular` (S, 3) and `imu_velocities` (S, 3) in world axes. Of the wheels' encoders:
-    angles (W,) at the beginning, and how far they turned (H, W) in each of H equal parts of the tick.
+    angles (W,) at the beginning, and how far they turned (H, W) in each of H equal parts of the tick. `movers` from its begin to its end.
     """
 
     begin_ns: int
@@ -40,6 +41,7 @@ class PhysicsTick:
     encoders: Array
     turns: Array
     contacts: tuple[Contact, ...] = ()
+    movers: MovingParts | None = None
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ class Trace:
             _joined([t.positions for t in ticks]),
             _joined([t.tilts.true for t in ticks]),
             1.0 / self.rate_hz,
+            joined_parts([t.movers for t in ticks if t.movers is not None]),
         )
         return motion, (stamp_ns - ticks[0].begin_ns) / 1e9
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pybullet_simulation.solids import Solid
 from rigid_geometry import origin_bytes
+from simulated_movers import MoverSpec
 from world_files import HeightField, Surface
 
 Array = NDArray[np.float64]
@@ -23,8 +24,8 @@ class World:
 
     `vertices` (V, 3) float64 and `triangles` (T, 3) int32 hold everything; the physics takes `solids` and `surfaces`.
     `extent` (2, 3) is the lowest and highest corner, walls included; `start_z` the height of the ground at the start; `origin` where the
-    world's own lies in the coordinates of its file, 0 0 0 unless that is far away; `notes` what there is to say of its file; `movers` what
-    a description says of them, as it stands there.
+    world's own lies in the coordinates of its file, 0 0 0 unless that is far away; `notes` what there is to say of its file. `movers` go
+    about in it; they are in no mesh.
     """
 
     name: str
@@ -37,7 +38,7 @@ class World:
     start_z: float
     heightfield: HeightField | None = None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    movers: object = None
+    movers: tuple[MoverSpec, ...] = ()
     notes: tuple[str, ...] = ()
 
     def about(self) -> str:

@@ -13,6 +13,7 @@ from pybullet_simulation.start_pose import AskedStart, NoStartError, StandingTes
 from pybullet_simulation.world import World, joined
 from pybullet_simulation.world_parts import Parts, Request
 from robot_body import RobotBody
+from simulated_movers import specs_of
 from world_files import MeshFrame, WorldDescription, described
 
 Array = NDArray[np.float64]
@@ -104,6 +105,6 @@ def _with_start(about: WorldDescription, parts: Parts, by: Request) -> World:
         start_z,
         parts.heightfield,
         (x, y, z),
-        movers=about.movers,
+        movers=() if about.movers is None else specs_of(about.movers),
         notes=parts.notes,
     )

@@ -57,7 +57,7 @@ class RunLog:
         if out and judged:
             self._truth_file = (out / "trajectory_truth.txt").open("w")
             self._contacts_file = (out / "contacts.csv").open("w")
-            self._contacts_file.write("stamp,link,speed_mps,force_n\n")
+            self._contacts_file.write("stamp,link,speed_mps,force_n,other\n")
         if out:
             self._events_file = (out / "events.csv").open("w", newline="", buffering=1)
             self._events_file.write("stamp_s,wall_s,state,reason,sweeps\n")
@@ -101,7 +101,8 @@ class RunLog:
 
     def contact(self, message: Contact) -> None:
         if self._contacts_file and not self._is_over(stamp_of(message)):
-            self._contacts_file.write(f"{stamp_of(message):.3f},{message.link},{message.speed_mps:.4f},{message.force_n:.2f}\n")
+            numbers = f"{message.speed_mps:.4f},{message.force_n:.2f}"
+            self._contacts_file.write(f"{stamp_of(message):.3f},{message.link},{numbers},{message.other}\n")
 
     def event(self, message: RunEvent) -> None:
         if self.finished or self._has_ended:

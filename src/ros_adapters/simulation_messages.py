@@ -62,7 +62,7 @@ class TickPublisher:
             self._clock.publish(Clock(_time(data.stamp_s)))
         self._truth.publish(_truth_message(data.truth))
         for contact in data.contacts:
-            self._contacts.publish(Contact(_header(data.stamp_s, "world"), contact.link, contact.speed_mps, contact.force_n))
+            self._contacts.publish(Contact(_header(data.stamp_s, "world"), contact.link, contact.speed_mps, contact.force_n, contact.other))
         self._tick.publish(SimulationTick(_header(data.stamp_s, ""), list(self._counts), list(self._counts.values())))
 
     def _publish(self, delivery: "Delivery") -> None:

@@ -161,6 +161,14 @@ class MoveBaseTest(unittest.TestCase):
         self.tick()
         return self.diagnostics.message()
 
+    def test_guard_stops_the_robot_before_whoever_the_map_does_not_know_where_the_follower_would_still_drive(self) -> None:
+        self.store_straight_ahead()
+        ahead = np.full(1081, np.inf)
+        ahead[500:581] = 1.05  # 0.78 m before the front; the follower looks 0.6 m ahead
+        answers = [self.tick(ranges=ahead) for _ in range(10)]
+        self.assertEqual((answers[-1].state, answers[-1].twist.linear.x), ("following", 0.0), answers[-1].reason)
+        self.assertIn("what the map does not know", answers[-1].reason)
+
     def test_costmap_comes_in_the_map_frame(self) -> None:
         for _ in range(5):
             self.tick(odometry(self.clock_s + TICK_S, x=0.5))  # it moves with the robot

@@ -24,7 +24,8 @@ ORDER: dict[str, set[str]] = {
     "visiting_order": set(),
     "world_files": {"rigid_geometry"},
     # stages
-    "pybullet_simulation": BASE | {"world_files"},
+    "simulated_movers": {"stage_config"},
+    "pybullet_simulation": BASE | {"simulated_movers", "world_files"},
     "odometry_fusion": BASE | {"sensor_checks"},
     "mount_calibration": BASE,
     "sweep_assembly": BASE | {"mount_calibration", "point_cloud2"},
@@ -40,6 +41,7 @@ ORDER: dict[str, set[str]] = {
     "octomap_server_3dnav.exploration": BASE | TERRAIN - {"octomap_server_3dnav.exploration"},
     "local_terrain_costmap": BASE,
     "path_following": BASE,
+    "collision_monitor": BASE,
     "stop_scan_and_go": BASE,
     "exploration_evaluation": BASE | {"visiting_order"},  # the judge knows no stage that it judges
     # between the stages and ROS
@@ -59,7 +61,14 @@ ORDER: dict[str, set[str]] = {
     # programs: they use stages, and no stage uses them
     "roslaunch_process": set(),
     "explore_command": BASE
-    | {"world_files", "exploration_evaluation", "pose_graph_mapping.session", "pybullet_simulation", "roslaunch_process"},
+    | {
+        "world_files",
+        "exploration_evaluation",
+        "pose_graph_mapping.session",
+        "pybullet_simulation",
+        "roslaunch_process",
+        "simulated_movers",
+    },
     "mapping_tools": BASE
     | MAPPING
     | {"explore_command", "mount_calibration", "odometry_fusion", "point_cloud2", "sensor_checks", "sweep_assembly"},

@@ -16,6 +16,7 @@ def test_campaign_is_what_the_arguments_say(tmp_path):
     arguments = ["--worlds", "rooms,ramp", "--seeds", "2-3", "--profile", "ours,thesis", "--out", str(tmp_path), "--max-sim-time", "50"]
     campaign, _ = parse(arguments)
     assert (campaign.worlds, campaign.seeds, campaign.profiles) == (("rooms", "ramp"), (2, 3), ("ours", "thesis"))
+    assert campaign.movers == "" and parse([*arguments, "--movers", "3"])[0].movers == "3"
     assert campaign.limits == Limits(50.0, 1800.0) and campaign.out == tmp_path
 
 
@@ -28,6 +29,7 @@ def test_campaign_is_what_the_arguments_say(tmp_path):
         (["--seeds", "5-1"], "runs backwards"),
         (["--worlds", "docs/ramp.png"], "a height map has no size of its own"),
         (["--jobs", "0"], "must be positive"),
+        (["--movers", "many"], "--movers many is neither a number nor a file of movers"),
         (["--max-wall-time", "-1"], "must be positive"),
     ],
 )

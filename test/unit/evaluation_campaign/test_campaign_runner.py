@@ -67,6 +67,15 @@ def test_run_is_made_with_the_campaign_s_robot_where_it_has_one(tmp_path):
     assert "--robot /robots/small.yaml" in (tmp_path / "asked").read_text()
 
 
+def test_run_is_made_with_the_campaign_s_movers_where_it_has_some(tmp_path):
+    request = request_with(tmp_path, "")
+    (request.project / "explore").write_text(f'#!/bin/bash\necho "$@" > {tmp_path}/asked\n')
+    make_run(request)
+    assert "--movers" not in (tmp_path / "asked").read_text()
+    make_run(replace(request, movers="3"))
+    assert "--movers 3" in (tmp_path / "asked").read_text()
+
+
 @pytest.mark.parametrize(
     ("reason", "status"),
     [("time limit: 60 s simulated", "sim limit"), ("node died: icp_matcher_node", "crashed"), ("trapped: no ground", "finished")],

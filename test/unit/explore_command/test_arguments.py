@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from explore_command.arguments import REALISMS, ArgumentProblem, parse, prepare_out
+from explore_command.arguments import REALISMS, ArgumentProblem, parse
+from explore_command.results_folder import prepare_out
 from pybullet_simulation import HARDWARE_OR_IDEAL
 
 
@@ -125,3 +126,13 @@ def test_clairvoyant_is_asked_only_where_one_says_so() -> None:
 
 def test_realisms_are_the_simulator_s() -> None:
     assert REALISMS == HARDWARE_OR_IDEAL
+
+
+def test_movers_are_a_number_or_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text("- kind: person\n")
+    assert [parse(["--movers", text]).movers for text in ("3", str(path))] == ["3", str(path)] and parse([]).movers == ""
+    path.write_text("- kind: horse\n")
+    for text, said in (("many", "neither a number nor a file"), ("99", "expected 0 to 50"), (str(path), "mover 1: kind = 'horse'")):
+        with pytest.raises(ArgumentProblem, match=f"--movers .*{said}"):
+            parse(["--movers", text])

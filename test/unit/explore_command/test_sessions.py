@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from explore_command.__main__ import main
-from explore_command.arguments import ArgumentProblem, parse, prepare_out
+from explore_command.arguments import ArgumentProblem, parse
+from explore_command.results_folder import prepare_out
 from explore_command.sessions import clock_after, earlier_run
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session.session_record import Measured
@@ -31,6 +32,13 @@ def test_run_goes_on_in_its_folder_world_and_seed(session: Path) -> None:
     a = parse(["--resume", str(session)])
     assert (a.out, a.resume, a.map, a.world, a.seed, a.sensor) == (session, True, None, "rooms", 7, "spinning")
     assert parse(["--world", "rooms"]).sensor is None
+
+
+def test_run_goes_on_among_the_movers_that_it_had(session: Path) -> None:
+    assert parse(["--resume", str(session)]).movers == ""
+    config = {"pybullet_sim_node": {"movers": 3}}
+    (session / "run.json").write_text(json.dumps({"world": "rooms", "seed": 7, "config": config}))
+    assert parse(["--resume", str(session)]).movers == "3" and parse(["--resume", str(session), "--movers", ""]).movers == ""
 
 
 def test_map_is_explored_in_another_folder(session: Path) -> None:

@@ -13,6 +13,7 @@ from sdf_files import GROUND, box, collision, model, pose, world_file
 
 from pybullet_simulation import WorldDescription, load_world
 from pybullet_simulation.world import World, nearest_hits, raycasting_scene
+from simulated_movers import MoverSpec
 
 PILLAR = model("pillar", collision(box("1 1 2")), pose=pose("2 3 1 0 0 0"))
 
@@ -88,7 +89,10 @@ def test_mesh_without_a_floor_says_how_to_add_one(tmp_path: Path) -> None:
     assert world.start_z == pytest.approx(1.0, abs=1e-5)
     (tmp_path / "hall.yaml").write_text("world: walls.stl\nground: 1.0\nstart: [1, 0, 0.5]\nmovers: [{kind: person}]\n")
     told = load_world(str(tmp_path / "hall.yaml"), 1)
-    assert told.start_xyyaw == (1.0, 0.0, 0.5) and told.name == path and told.movers == [{"kind": "person"}]
+    assert told.start_xyyaw == (1.0, 0.0, 0.5) and told.name == path and told.movers == (MoverSpec(name="person_1"),)
+    (tmp_path / "hall.yaml").write_text("world: walls.stl\nground: 1.0\nstart: [1, 0, 0.5]\nmovers: [{kind: horse}]\n")
+    with pytest.raises(ValueError, match="^mover 1: kind = 'horse' is none of"):
+        load_world(str(tmp_path / "hall.yaml"), 1)
 
 
 def test_sdf_file_without_a_floor_says_how_to_add_one(tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def finished_at_2(out: Path, *, judged: bool) -> str:
         if tick == 50:
             log.event(RunEvent(header(stamp_s, "odom"), "driving", "to a goal after exploration", 4, False, ""))
         log.truth(stamp_s, transform_from_rpy((stamp_s, 0.0, 0.0)))
-        log.contact(Contact(header(stamp_s, "world"), "deck", 0.1, 5.0))
+        log.contact(Contact(header(stamp_s, "world"), "deck", 0.1, 5.0, ""))
         log.odometry(odometry(stamp_s, stamp_s))
     log.finished = True
     return log.finish("explored: all")

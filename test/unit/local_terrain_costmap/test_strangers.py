@@ -1,0 +1,57 @@
+"""What the costmap hands to the collision monitor: the newest marks that the terrain does not explain."""
+
+import numpy as np
+import pytest
+
+from local_terrain_costmap import CostmapConfig, LocalCostmap
+from robot_body import RobotBody
+
+CELL = 0.08
+NOTHING = np.empty((0, 3))
+
+
+def costmap(lethal=()):
+    """Level ground 8 m wide around the origin, the top of its voxels at 4 cm, with lethal cells at some places."""
+    found = LocalCostmap(CostmapConfig(), RobotBody())
+    cost, height = np.zeros((100, 100), np.int8), np.full((100, 100), 0.04)
+    for x, y in lethal:
+        cost[int((y + 4.0) / CELL), int((x + 4.0) / CELL)] = 100
+    found.set_terrain(cost, (-4.0, -4.0), CELL, height)
+    return found
+
+
+def post(x, y, z=0.8):
+    """Three hits beside each other."""
+    return np.array([[x, y, z], [x + 0.01, y, z], [x + 0.02, y, z]])
+
+
+def add(found, stamp_s, hits):
+    found.add_line(stamp_s, hits, NOTHING, np.array([0.0, 0.0, 0.9]))
+
+
+def test_what_a_line_meets_over_known_ground_is_a_stranger_at_once():
+    found = costmap()
+    add(found, 1.0, post(1.02, 0.5))
+    assert found.strangers(0.3) == pytest.approx(np.array([[1.0, 0.52]]), abs=0.05)
+
+
+def test_what_the_map_knows_is_no_stranger():
+    found = costmap(lethal=[(1.02, 0.5)])
+    add(found, 1.0, post(1.02, 0.5))
+    assert not len(found.strangers(0.3))
+
+
+def test_stranger_is_forgotten_after_its_time_though_the_costmap_still_keeps_it():
+    found = costmap()
+    add(found, 1.0, post(1.02, 0.5))
+    add(found, 1.25, post(-1.0, -1.0))
+    assert len(found.strangers(0.3)) == 2
+    add(found, 1.35, post(-1.0, -1.0))
+    assert len(found.strangers(0.3)) == 1 and found.master().cost_at(np.array([[1.02, 0.52]]))[0] == 254
+
+
+def test_person_whom_the_level_scan_meets_is_a_stranger_and_a_known_wall_is_none():
+    found = costmap(lethal=[(1.5, 0.0)])
+    hits = np.concatenate([post(1.5, 0.0), post(0.99, 0.5)])
+    found.add_scan(hits[:, :2], np.empty((0, 2)), (0.0, 0.0), hits[:, 2])
+    assert found.strangers(0.3) == pytest.approx(np.array([[1.0, 0.52]]), abs=0.05)
