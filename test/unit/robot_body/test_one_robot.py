@@ -17,11 +17,11 @@ MODULES = sorted([p for p in (ROOT / "src").rglob("*.py") if p.parent.name != "r
 FILES = sorted([p for p in (ROOT / "config").rglob("*.yaml") if p.name != "robot.yaml" and p.parent.name != "robots"])
 OF_THE_BODY = {f.name for f in dataclasses.fields(RobotBody)} - {"name", "urdf", "mounts"}
 OLD = {path.rpartition("/")[2] for path, home in OLD_NAMES.items() if home.startswith("robot.yaml")}
-# A name that also means something else: how fast the follower wants to go, and how far the costmap's costs reach.
+# A name that also means something else: how fast the follower wants to go, how far the costmap's costs reach, how wide a door is.
 OTHER_KEYS = {"max_speed_mps", "max_turn_rate_radps", "inflation_radius_m"}
 OF_THE_FOLLOWER = {"max_speed_mps", "max_turn_rate_radps", "max_acceleration_mps2", "max_turn_acceleration_radps2"}
 OTHERS = {("path_following/config.py", name) for name in OF_THE_FOLLOWER}
-OTHERS |= {("local_terrain_costmap/config.py", "inflation_radius_m")}
+OTHERS |= {("local_terrain_costmap/config.py", "inflation_radius_m"), ("simulated_movers/specification.py", "width_m")}  # a door's
 
 
 def significant_digits(value: float) -> int:
