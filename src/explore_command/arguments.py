@@ -9,7 +9,6 @@ from typing import NoReturn
 
 from explore_command.results_folder import ArgumentProblem as ArgumentProblem
 from explore_command.sessions import NO_RUN, earlier_run
-from simulated_movers import asked_movers
 
 NAMED_WORLDS = ("rooms", "doors", "ramp", "moon")
 SENSORS = ("tilting", "spinning")
@@ -228,6 +227,8 @@ def _check_world(world: str, size: list[float] | None) -> None:
 
 def check_movers(movers: str, seed: int = 0) -> None:
     """ArgumentProblem for what is neither a number of movers nor a file of them."""
+    from simulated_movers import asked_movers  # loads numpy: not for who only asks for help
+
     try:
         asked_movers(movers, seed)
     except ValueError as error:
