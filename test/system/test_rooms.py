@@ -89,7 +89,7 @@ def test_truth_has_a_pose_every_tick(rooms_run: Run) -> None:
 
 def test_contacts_file_has_its_header(rooms_run: Run) -> None:
     with (rooms_run[0] / "contacts.csv").open() as file:
-        assert next(csv.reader(file)) == ["stamp", "link", "speed_mps", "force_n"]
+        assert next(csv.reader(file)) == ["stamp", "link", "speed_mps", "force_n", "other"]
 
 
 @pytest.mark.parametrize("name", ["map_top.png", "map_angle.png"])
