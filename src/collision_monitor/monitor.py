@@ -30,6 +30,12 @@ class Limited:
     reason: str
 
 
+def seen_from(points: ArrayLike, x: float, y: float, yaw: float) -> Array:
+    """(N, 2) points in map, m, as they lie in base_link of a robot at `x`, `y` with `yaw` rad."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    return np.asarray((np.asarray(points, dtype=np.float64).reshape(-1, 2) - (x, y)) @ np.array([[c, -s], [s, c]]))
+
+
 class CollisionMonitor:
     """Limits commands one after the other; the share grows back slowly, so that the robot does not jerk."""
 

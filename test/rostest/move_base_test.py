@@ -12,6 +12,7 @@ from actionlib_msgs.msg import GoalID
 from explore_3dnav.msg import FollowerCommand
 from explore_3dnav.msg import TerrainGrid as TerrainGridMessage
 from explore_3dnav.srv import PlanPath, PlanPathRequest, PlanPathResponse, StorePlan
+from fed_move_base import CELLS, HALF_M, NODE, RESOLUTION_M, TICK_S, grid_of
 from geometry_msgs.msg import Point, PointStamped, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
 from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, odometry, one_line_of, run_misconfigured, scan, wait_for_node, wait_until
@@ -21,21 +22,10 @@ from std_srvs.srv import Empty, SetBool
 from tf2_msgs.msg import TFMessage
 
 import rostest
-from octomap_server_3dnav.navigation.local_grid import TerrainGrid
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import header, message_of_grid, path_message, pose_message, transform_stamped
 
-NODE = "move_base_node"
-TICK_S = 0.05
 STOREY_M = 2.4  # of the only ground that make_plan knows here
-CELLS, RESOLUTION_M = 100, 0.08
-HALF_M = CELLS * RESOLUTION_M / 2
-
-
-def grid_of(cost: np.ndarray) -> TerrainGrid:
-    """Level terrain whose lower left corner lies where that of the map does; of distances nothing is known."""
-    height, unknown = np.zeros(cost.shape, np.float32), np.full(cost.shape, np.nan, np.float32)
-    return TerrainGrid(cost, height, unknown, (-HALF_M, -HALF_M), RESOLUTION_M)
 
 
 class MoveBaseTest(unittest.TestCase):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from collision_monitor import CollisionMonitor, CollisionMonitorConfig
+from collision_monitor import CollisionMonitor, CollisionMonitorConfig, seen_from
 from robot_body import RobotBody
 
 ROBOT, CONFIG = RobotBody(), CollisionMonitorConfig()
@@ -68,3 +68,8 @@ def test_it_says_why():
     )
     with pytest.raises(ValueError, match="margin_m"):
         CollisionMonitor(CollisionMonitorConfig(margin_m=-1.0), ROBOT)
+
+
+def test_points_of_the_map_are_seen_ahead_and_to_the_left_of_a_robot_that_looks_along_y():
+    ahead, left = seen_from([(1.0, 4.0), (0.0, 2.0)], 1.0, 2.0, math.pi / 2)
+    assert ahead == pytest.approx((2.0, 0.0)) and left == pytest.approx((0.0, 1.0))
