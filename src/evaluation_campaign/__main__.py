@@ -10,7 +10,7 @@ import time
 from importlib.metadata import version
 from pathlib import Path
 
-from evaluation_campaign.plan import Campaign, CampaignProblem, Limits, RunSpec, open_campaign, parse_seeds
+from evaluation_campaign.plan import BY_PROFILE, Campaign, CampaignProblem, Limits, RunSpec, open_campaign, parse_seeds
 from explore_command.arguments import MAPPINGS, NAMED_WORLDS, REALISMS, SENSORS, ArgumentProblem, check_movers
 from explore_command.launching import sensor_and_mapping
 from explore_command.parameters import override_problems, read_profile, robot_of
@@ -47,7 +47,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--mapping",
         choices=MAPPINGS,
-        help="whether the robot stands for each sweep or maps while driving; default stop_and_go, where the lidar is fixed driving",
+        help="whether the robot maps while driving or stands for each sweep; default: as its profile says, driving but for thesis",
     )
     p.add_argument("--movers", default="", metavar="N|FILE", help="so many movers in every run, drawn by its seed, or those of a FILE")
     p.add_argument(
@@ -81,10 +81,11 @@ def parse(arguments: list[str] | None = None) -> tuple[Campaign, argparse.Namesp
     movers = a.movers if a.movers.isdecimal() or not a.movers else str(Path(a.movers).absolute())
     limits, robot = Limits(a.max_sim_time, a.max_wall_time), str(a.robot.absolute()) if a.robot else ""
     try:
-        sensor, mapping = sensor_and_mapping(robot_of(a.robot, {}), a.sensor, a.mapping)
+        sensor, _ = sensor_and_mapping(robot_of(a.robot, {}), a.sensor, a.mapping)
     except ArgumentProblem as error:
         raise CampaignProblem(str(error)) from error
-    return Campaign(a.out.absolute(), worlds, parse_seeds(a.seeds), profiles, sensor, limits, robot, a.realism, mapping, movers), a
+    mapping, seeds = a.mapping or BY_PROFILE, parse_seeds(a.seeds)
+    return Campaign(a.out.absolute(), worlds, seeds, profiles, sensor, limits, robot, a.realism, mapping, movers), a
 
 
 def _check_world(world: str) -> None:

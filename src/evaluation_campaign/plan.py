@@ -13,6 +13,7 @@ from pathlib import Path
 from exploration_evaluation import read_json, write_json
 
 FORMAT = 1
+BY_PROFILE = "by_profile"  # every run maps as its profile and robot say
 CAMPAIGN_FILE, OUTCOME_FILE = "campaign.json", "outcome.json"
 _IDENTITY = ("format", "worlds", "seeds", "profiles", "sensor", "realism", "mapping", "movers", "limits", "robot")
 _EXTENSIBLE = ("worlds", "seeds", "profiles")
@@ -53,7 +54,7 @@ class RunSpec:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign in its folder; `robot` is the file of its robot, empty for the project's."""
+    """A campaign in its folder; `robot` is the file of its robot, empty for the project's; `mapping` one of MAPPINGS, or BY_PROFILE."""
 
     out: Path
     worlds: tuple[str, ...]
@@ -63,7 +64,7 @@ class Campaign:
     limits: Limits
     robot: str = ""
     realism: str = "hardware"
-    mapping: str = "stop_and_go"
+    mapping: str = BY_PROFILE
     movers: str = ""
 
     @property

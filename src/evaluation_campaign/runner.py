@@ -13,7 +13,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from evaluation_campaign.plan import OUTCOME_FILE, Limits, RunSpec
+from evaluation_campaign.plan import BY_PROFILE, OUTCOME_FILE, Limits, RunSpec
 from exploration_evaluation import add_clairvoyant, read_json, write_json
 from roslaunch_process import end_with_parent, free_port
 
@@ -37,7 +37,7 @@ class RunRequest:
     project: Path
     robot: str = ""
     realism: str = "hardware"
-    mapping: str = "stop_and_go"
+    mapping: str = BY_PROFILE
     movers: str = ""
 
 
@@ -83,7 +83,8 @@ def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
     spec = request.spec
     command = [str(request.project / "explore"), "--headless", "--force", "--world", spec.world, "--seed", str(spec.seed)]
     command += ["--profile", spec.profile, "--out", str(folder), "--port", str(free_port(random.sample(_PORTS, 100)))]
-    command += ["--sensor", request.sensor, "--realism", request.realism, "--mapping", request.mapping]
+    command += ["--sensor", request.sensor, "--realism", request.realism]
+    command += ["--mapping", request.mapping] if request.mapping != BY_PROFILE else []
     command += ["--max-sim-time", str(request.limits.sim_s)]
     command += ["--robot", request.robot] if request.robot else []
     command += ["--movers", request.movers] if request.movers else []

@@ -146,10 +146,19 @@ def _facts(campaign: Campaign) -> tuple[tuple[str, str], ...]:
         ("Python", str(machine.get("python") or "unknown")),
         ("sensor", campaign.sensor),
         ("realism", campaign.realism),
-        ("mapping", campaign.mapping.replace("_", " ")),
+        ("mapping", _mappings(campaign)),
         ("runs at a time", UNKNOWN if campaign.jobs is None else str(campaign.jobs)),
         ("limits of a run", ", ".join(given) or "unknown"),
     )
+
+
+def _mappings(campaign: Campaign) -> str:
+    """What was asked; where every run maps as its profile says, what the runs say, by profile."""
+    if campaign.mapping != "by_profile":
+        return campaign.mapping.replace("_", " ")
+    of = {p: sorted({mapping for run in campaign.runs if run.profile == p and (mapping := run.text("mapping"))}) for p in campaign.profiles}
+    told = {p: " and ".join(mappings).replace("_", " ") or UNKNOWN for p, mappings in of.items()}
+    return told[campaign.profiles[0]] if len(set(told.values())) == 1 else ", ".join(f"{p}: {mapping}" for p, mapping in told.items())
 
 
 def _real(value: object) -> bool:

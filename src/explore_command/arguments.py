@@ -14,7 +14,7 @@ NAMED_WORLDS = ("rooms", "doors", "ramp", "moon")
 SENSORS = ("tilting", "spinning")
 UPS = ("x", "y", "z")
 REALISMS = ("hardware", "ideal")
-MAPPINGS = ("stop_and_go", "driving")
+MAPPINGS = ("driving", "stop_and_go")
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -26,7 +26,7 @@ class OneLineParser(argparse.ArgumentParser):
 
 @dataclass(frozen=True)
 class ExploreArguments:
-    """What a run was asked to do; lengths in metres, angles in radians. `sensor`, `mapping`: None is as the robot is built."""
+    """What a run was asked to do; lengths in metres, angles in radians. `sensor`, `mapping`: None is as robot and profile say."""
 
     world: str
     sensor: str | None
@@ -107,7 +107,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument(
         "--mapping",
         choices=MAPPINGS,
-        help="stop_and_go: the robot stands for each sweep; driving: it does not; default stop_and_go, where the lidar is fixed driving",
+        help="driving: the mount nods, and the robot stops only where it must; stop_and_go: it stands for each sweep; "
+        "default driving, with --profile thesis stop_and_go",
     )
     p.add_argument(
         "--movers", metavar="N|FILE", help="so many people, carts and robots that go about, or those of a YAML FILE; default none"

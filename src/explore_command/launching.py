@@ -9,7 +9,7 @@ from pathlib import Path
 import yaml
 
 from explore_command.arguments import MAPPINGS, NAMED_WORLDS, SENSORS, ArgumentProblem, ExploreArguments
-from explore_command.parameters import ROBOT, all_overrides, override_problems, robot_of
+from explore_command.parameters import COMMAND, ROBOT, all_overrides, chosen_mapping, override_problems, robot_of
 from rigid_geometry import origin_text
 from robot_body import RobotBody, fixed_laser_problem, is_fixed, missing_visuals, robot_mapping, urdf_file
 from roslaunch_process import free_port, hand_on_signals, shown_lines, start_launch
@@ -72,14 +72,16 @@ def effective_robot(arguments: ExploreArguments) -> RobotBody:
 
 def as_robot_is_built(arguments: ExploreArguments, robot: RobotBody) -> ExploreArguments:
     """The arguments with sensor and mapping where they were not said. ArgumentProblem when what was said does not go with a fixed lidar."""
-    sensor, mapping = sensor_and_mapping(robot, arguments.sensor, arguments.mapping)
+    profile = chosen_mapping(all_overrides(arguments.profile, arguments.set_parameters))
+    sensor, mapping = sensor_and_mapping(robot, arguments.sensor, arguments.mapping, profile)
     return replace(arguments, sensor=sensor, mapping=mapping)
 
 
-def sensor_and_mapping(robot: RobotBody, sensor: str | None, mapping: str | None) -> tuple[str, str]:
-    """Both, as the robot is built where they are None. ArgumentProblem when they do not go with a lidar that is fixed."""
+def sensor_and_mapping(robot: RobotBody, sensor: str | None, mapping: str | None, profile: str | None = None) -> tuple[str, str]:
+    """Both, as the robot is built where they are None, and then as its profile chooses. ArgumentProblem when they do not go with a lidar
+    that is fixed."""
     fixed = is_fixed(urdf_file(robot).read_text(encoding="utf-8"), robot.mount("laser"))
-    sensor, mapping = sensor or SENSORS[fixed], mapping or MAPPINGS[fixed]
+    sensor, mapping = sensor or SENSORS[fixed], mapping or (profile if profile and not fixed else MAPPINGS[0])
     if fixed and (problem := fixed_laser_problem(robot, sensor, mapping)):
         raise ArgumentProblem(problem)
     return sensor, mapping
@@ -124,7 +126,8 @@ def _write_parameters(arguments: ExploreArguments, robot: RobotBody) -> Path:
     """robot.yaml, and the file with the parameters of --profile and --set, for the launch file."""
     (arguments.out / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(robot), sort_keys=False))
     overrides = all_overrides(arguments.profile, arguments.set_parameters)
-    overrides.pop(ROBOT, None)  # they are in robot.yaml
+    for elsewhere in (ROBOT, COMMAND):  # in robot.yaml, and among the launch file's arguments
+        overrides.pop(elsewhere, None)
     overrides.setdefault("exploration_monitor_node", {})["profile"] = arguments.profile
     path = arguments.out / "overrides.yaml"
     path.write_text(yaml.safe_dump(overrides))

@@ -1,6 +1,7 @@
 """Which node reads which configuration under which section: --profile and --set are checked against it before anything is started.
 
-What all of them share is the robot: its file, and over it the parameters of "robot" among the others.
+What all of them share is the robot: its file, and over it the parameters of "robot" among the others. A profile's "explore" has what it
+chooses of the command's arguments.
 """
 
 import difflib
@@ -10,12 +11,13 @@ from pathlib import Path
 
 import yaml
 
+from explore_command.arguments import MAPPINGS
 from robot_body import DEFAULT_ROBOT_FILE, RobotBody, overlaid, robot_from_mapping, robot_values, simulation_problems, urdf_file
 from stage_config import ConfigError, load_config
 
 PROFILES = Path(__file__).resolve().parents[2] / "config" / "profiles"
 
-ROBOT = "robot"
+ROBOT, COMMAND = "robot", "explore"
 Overrides = dict[str, dict[str, object]]
 
 NODE_CONFIGS: dict[str, dict[str, str]] = {
@@ -126,8 +128,11 @@ def override_problems(overrides: Mapping[str, Mapping[str, object]]) -> list[str
     for node, values in overrides.items():
         if node == ROBOT:  # as a whole, with its file: `robot_of`
             continue
+        if node == COMMAND:
+            found += _command_problems(values)
+            continue
         if node not in NODE_CONFIGS:
-            found.append(f"unknown node {node}{_nearest(node, {**NODE_CONFIGS, ROBOT: {}})}")
+            found.append(f"unknown node {node}{_nearest(node, {**NODE_CONFIGS, ROBOT: {}, COMMAND: {}})}")
             continue
         for path, value in values.items():
             section, _, name = path.rpartition("/")
@@ -149,6 +154,20 @@ def robot_of(file: Path | None, overrides: Overrides) -> RobotBody:
     if problems := simulation_problems(robot, text, urdf_file(robot).parent):
         raise ConfigError("\n".join(f"{path}: {text} ({Path(robot.urdf).name})" for text in problems))
     return robot
+
+
+def chosen_mapping(overrides: Overrides) -> str | None:
+    """The mapping, one of MAPPINGS, that a profile chooses, or None."""
+    mapping = overrides.get(COMMAND, {}).get("mapping")
+    return None if mapping is None else str(mapping)
+
+
+def _command_problems(values: Mapping[str, object]) -> list[str]:
+    return [
+        f"{COMMAND} has {name} = {value!r}: a profile chooses mapping, one of {', '.join(MAPPINGS)}"
+        for name, value in values.items()
+        if name != "mapping" or value not in MAPPINGS
+    ]
 
 
 def _parameter_problems(node: str, section: str, name: str, value: object) -> list[str]:

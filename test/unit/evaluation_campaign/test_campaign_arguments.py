@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from evaluation_campaign.__main__ import main, parse
-from evaluation_campaign.plan import Limits
+from evaluation_campaign.plan import BY_PROFILE, Limits
 from robot_body import RobotBody, robot_mapping
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -71,8 +71,8 @@ def test_robot_of_all_runs_is_checked_with_every_profile(tmp_path, capsys):
 def test_fixed_lidar_decides_for_sensor_and_mapping_of_all_runs(tmp_path, capsys):
     robot = ["--robot", str(ROOT / "config" / "robots" / "husky_vlp16.yaml"), "--out", str(tmp_path / "c")]
     campaign, _ = parse(robot)
-    assert (campaign.sensor, campaign.mapping) == ("spinning", "driving")
+    assert (campaign.sensor, campaign.mapping) == ("spinning", BY_PROFILE)
     campaign, _ = parse(["--out", str(tmp_path / "c")])
-    assert (campaign.sensor, campaign.mapping) == ("tilting", "stop_and_go")
+    assert (campaign.sensor, campaign.mapping) == ("tilting", BY_PROFILE)
     assert main([*robot, "--mapping", "stop_and_go"]) == 2
     assert "set it to driving" in capsys.readouterr().err and not (tmp_path / "c").exists()

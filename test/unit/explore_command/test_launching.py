@@ -40,6 +40,20 @@ def test_launch_file_is_told_the_sensor() -> None:
     assert launched("--sensor", "spinning")["sensor"] == "spinning"
 
 
+@pytest.mark.parametrize(
+    ("words", "mapping"),
+    [
+        ([], "driving"),
+        (["--profile", "thesis"], "stop_and_go"),
+        (["--profile", "thesis", "--mapping", "driving"], "driving"),
+        (["--profile", "thesis", "--robot", str(FIXED)], "driving"),
+    ],
+)
+def test_robot_maps_while_driving_unless_words_or_profile_say_otherwise(words: list[str], mapping: str) -> None:
+    arguments = parse([*words])
+    assert as_robot_is_built(arguments, effective_robot(arguments)).mapping == mapping
+
+
 def test_fixed_lidar_decides_for_sensor_and_mapping_where_they_are_not_said() -> None:
     arguments = parse(["--robot", str(FIXED)])
     built = as_robot_is_built(arguments, effective_robot(arguments))
@@ -225,3 +239,10 @@ def test_new_homes_are_values_of_the_robot() -> None:
     robot = robot_mapping(RobotBody())
     named = [re.findall(r"\w+", home.partition("robot.yaml: ")[2])[0] for home in OLD_NAMES.values() if "robot.yaml: " in home]
     assert named and set(named) <= set(robot)
+
+
+def test_profile_may_choose_the_mapping_and_nothing_else_of_the_command(tmp_path: Path) -> None:
+    profile = tmp_path / "own.yaml"
+    profile.write_text("explore: {mapping: sometimes, seed: 3}")
+    problem = parameter_problem(parse(["--profile", str(profile)]))
+    assert problem and "mapping = 'sometimes'" in problem and "seed = 3" in problem
