@@ -1,4 +1,4 @@
-"""Whether the robot maps while it drives, and when the results of a sweep take effect then."""
+"""Whether the robot maps while it drives and is tracked on the map, and when the results of a sweep take effect then."""
 
 import math
 import sys
@@ -9,7 +9,7 @@ import rospy
 
 from stage_config import ConfigError, check_ranges, load_config, parameter
 
-MODES = ("stop_and_go", "driving")
+STOP_AND_GO, DRIVING = MODES = ("stop_and_go", "driving")
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,28 @@ def result_times(node: str) -> ResultTimes:
         sys.exit(2)
 
 
-def maps_while_driving(node: str) -> bool:
-    """What /mapping says; a wrong value ends the node with exit code 2."""
-    mode = rospy.get_param("/mapping", MODES[0])
+def mapping_mode(node: str) -> str:
+    """What /mapping says, or stop_and_go; a wrong value ends the node with exit code 2."""
+    mode = str(rospy.get_param("/mapping", STOP_AND_GO))
     if mode not in MODES:
         sys.stderr.write(f"{node}: wrong parameter: /mapping is {mode!r}, not one of {', '.join(MODES)}\n")
         sys.exit(2)
-    return bool(mode == "driving")
+    return mode
+
+
+def maps_while_driving(node: str) -> bool:
+    """Whether `mapping_mode` is driving."""
+    return mapping_mode(node) == DRIVING
+
+
+def is_tracking() -> bool:
+    """Whether scan_tracking_node stands between the odometry and who uses it, as /tracking says."""
+    return bool(rospy.get_param("/tracking", False))
+
+
+def odometry_topic() -> str:
+    """Where the robot's odometry is: as tracked on the map, or as fused."""
+    return "/odom_tracked" if is_tracking() else "/odom"
 
 
 class Results:

@@ -11,7 +11,7 @@ from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2
 from robot_body import RobotBody, contradictions, fixed_laser_problem, laser_mount
 from ros_adapters.conversions import joint_position, odometry_twist
 from ros_adapters.heard_topic import HeardTopic
-from ros_adapters.mapping_mode import maps_while_driving
+from ros_adapters.mapping_mode import DRIVING
 from ros_adapters.revolution_messages import revolution_of
 from ros_adapters.robot_graph import RobotGraph, TransformWatch
 from ros_adapters.sensor_frames import SensorFrames
@@ -27,8 +27,8 @@ _CLOUDS = 10  # as many tell of layout and units
 class RobotCheck:
     """Subscribes when it is made; then `wait`, `look`, `rows`."""
 
-    def __init__(self, robot: RobotBody, urdf: str, spinning: bool, limits: tuple[CheckLimits, ImuLimits]) -> None:
-        """`urdf`: the text of the robot's description. ValueError when it cannot be read."""
+    def __init__(self, robot: RobotBody, urdf: str, sensor: str, mapping: str, limits: tuple[CheckLimits, ImuLimits]) -> None:
+        """`urdf`: the text of the robot's description, `sensor` and `mapping` as in the launch file. ValueError when it cannot be read."""
         self._robot, self._urdf, (self._limits, self._imu_limits) = robot, urdf, limits
         self._frames = SensorFrames(robot, urdf)
         self._laser_frame = robot.mount("laser").frame
@@ -36,7 +36,7 @@ class RobotCheck:
             joint, self._joint_fault = laser_mount(urdf, robot.mount("laser"))[0], ""
         except ValueError as error:
             joint, self._joint_fault = "", str(error)
-        self._spinning = spinning
+        self._sensor, self._mapping, spinning = sensor, mapping, sensor == "spinning"
         self._scan = HeardTopic("/scan", LaserScan, _scan_content) if not spinning else None
         self._points = HeardTopic("/points", PointCloud2, self._revolution, _CLOUDS) if spinning else None
         self._joint = joint or ""
@@ -91,8 +91,9 @@ class RobotCheck:
         rows += clock_rows({watch.topic: watch.heard for watch in self._watches if self._stamped(watch)}, self._limits)
         if self._tilt is not None:
             rows += [graph.service_row("start_sweep", "std_srvs/Trigger", "one sweep, ending level")]
-        if self._tilt is not None and maps_while_driving("check_robot_node"):
-            rows += [graph.service_row("nod", "std_srvs/SetBool", "nod in front of the robot, or come to rest level")]
+        if self._tilt is not None and self._mapping == DRIVING:
+            what = "nod in front of the robot, or come to rest level; without it, map with mapping:=stop_and_go"
+            rows += [graph.service_row("nod", "std_srvs/SetBool", what)]
         rows += [*graph.command_rows("/cmd_vel"), *self._tf.rows()]
         return rows + self._description()
 
@@ -117,7 +118,7 @@ class RobotCheck:
     def _laser(self, graph: RobotGraph) -> list[Row]:
         watch = self._scan or self._points
         assert watch is not None
-        rows = self._timing(watch, "/points" if self._spinning else "/scan", graph)
+        rows = self._timing(watch, "/points" if self._points else "/scan", graph)
         if watch.heard:
             rows.append(frame_row(watch.topic, watch.frames, self._laser_frame))
         if self._scan and self._scan.contents:
@@ -142,9 +143,7 @@ class RobotCheck:
         return rows
 
     def _of_fixed(self) -> Row:
-        sensor = "spinning" if self._spinning else "tilting"
-        mapping = "driving" if maps_while_driving("check_robot_node") else "stop_and_go"
-        if problem := fixed_laser_problem(self._robot, sensor, mapping):
+        if problem := fixed_laser_problem(self._robot, self._sensor, self._mapping):
             return Row(Level.ERROR, "robot_description", "tilt", problem, "or give the laser one joint that tilts about y")
         return Row(Level.OK, "robot_description", "tilt", "the lidar is fixed")
 

@@ -9,13 +9,15 @@ import rosservice
 from tf2_msgs.msg import TFMessage
 
 from ros_adapters.frames import frames
+from ros_adapters.mapping_mode import is_tracking
 from ros_adapters.sensor_frames import SensorFrames
 from sensor_checks import Level, Row, judged
 
 
 def our_senders() -> dict[tuple[str, str], str]:
     """Who of these nodes sends which transform, by parent and child."""
-    return {(frames().odom, frames().base): "/odometry_fusion_node", (frames().map, frames().odom): "/pose_graph_mapping_node"}
+    odometry = "/scan_tracking_node" if is_tracking() else "/odometry_fusion_node"
+    return {(frames().odom, frames().base): odometry, (frames().map, frames().odom): "/pose_graph_mapping_node"}
 
 
 class RobotGraph:

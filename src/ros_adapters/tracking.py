@@ -14,16 +14,6 @@ _ROTATION_LAST = [3, 4, 5, 0, 1, 2]  # a match's covariance has it first, in the
 _LEAST_SIGMAS = np.repeat([0.005, 0.002], 3)  # m and rad: no match is better
 
 
-def is_tracking() -> bool:
-    """Whether scan_tracking_node stands between the odometry and who uses it, as /tracking says."""
-    return bool(rospy.get_param("/tracking", False))
-
-
-def odometry_topic() -> str:
-    """Where the robot's odometry is: as tracked on the map, or as fused."""
-    return "/odom_tracked" if is_tracking() else "/odom"
-
-
 def pose_covariance(update: MappingUpdate) -> NDArray[np.float64]:
     """(6, 6) of the newest vertex: translation, then rotation, about the axes of map; the least of the first one, which defines the map."""
     least = np.diag(_LEAST_SIGMAS**2)

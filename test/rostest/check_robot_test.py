@@ -109,9 +109,12 @@ class CheckRobotTest(unittest.TestCase):
         self.assertEqual(text.count("nobody\n"), 6, text)
 
     def test_robot_that_is_to_map_while_it_drives_needs_a_mount_that_nods(self) -> None:
-        rospy.set_param("/mapping", "driving")
-        self.addCleanup(rospy.delete_param, "/mapping")
-        self.expect(1, ["must serve it (std_srvs/SetBool): nod in front of the robot"])
+        said = ["must serve it (std_srvs/SetBool): nod in front of the robot", "without it, map with mapping:=stop_and_go"]
+        self.expect(1, said, "--mapping", "driving")
+        mapping = rospy.get_param("/mapping")
+        self.addCleanup(rospy.set_param, "/mapping", mapping)
+        rospy.delete_param("/mapping")
+        self.expect(1, said)
 
     def test_silent_sensor_is_told_of_with_its_driver(self) -> None:
         self.expect(1, ["/scan", "its driver runs and sends nothing"], "--wait=0", scan=nothing)
