@@ -1,7 +1,7 @@
 """wheels_watcher.py PID NODE INPUT: stops a process while the robot drives, and sees that the wheels stand and go on.
 
-Exit code 0 when they stood within 0.33 s of stopped time and what braking takes, NODE named INPUT on /diagnostics within a second more, and the robot drove
-again after the process went on; a line says how long what took.
+Exit code 0 when they stood within 0.33 s of stopped time and what braking takes, NODE named INPUT on /diagnostics within a second more,
+and the robot drove again after the process went on; a line says how long what took.
 """
 
 import math
