@@ -106,6 +106,13 @@ class EvaluationConfig:
     full_speed_share: float = parameter(
         0.9, "-", "of the speed that it seldom exceeds: faster is full speed, at which the ground ahead is asked for", low=0.1, high=1.0
     )
+    start_blind_m: float = parameter(
+        1.2,
+        "m",
+        "so near its start the laser sees no ground, and the robot assumes it: how early it was shown is not asked",
+        low=0.0,
+        high=5.0,
+    )
     still_turn_rate_radps: float = parameter(0.02, "rad/s", "turn up to which it stands", low=0.0, high=1.0)
     fall_tilt_rad: float = parameter(0.87, "rad", "tilt of the body beyond which it has fallen", low=0.3, high=3.1)
     fall_speed_mps: float = parameter(1.5, "m/s", "downward speed beyond which the body falls (0.11 m of free fall)", low=0.3)

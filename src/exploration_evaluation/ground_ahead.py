@@ -26,13 +26,11 @@ class GroundAhead:
     moments: int
 
 
-def ground_ahead(
-    cells: ArrayLike, shown_s: ArrayLike, truth: tuple[Floats, Floats], body_radius_m: float, config: EvaluationConfig
-) -> GroundAhead | None:
+def ground_ahead(cells: ArrayLike, shown_s: ArrayLike, truth: tuple[Floats, Floats], config: EvaluationConfig) -> GroundAhead | None:
     """What was known ahead; None where the robot never came to an unknown place at full speed without having stood.
 
     cells (N, 3), shown_s (N,): ground and when it was shown, infinite for never. truth: (M,) stamps and (M, 4, 4) true poses. Ground that
-    was never shown does not count, nor what the robot stood on at its start, `body_radius_m` around. ValueError without ground.
+    was never shown does not count, nor what the robot assumes around its start, up to `start_blind_m`. ValueError without ground.
     """
     ground, at = np.asarray(cells, dtype=np.float64), np.asarray(shown_s, dtype=np.float64)
     if ground.ndim != 2 or not len(ground) or at.shape != (len(ground),):
@@ -42,7 +40,7 @@ def ground_ahead(
     speed, gone = np.append(steps / _STEP_S, 0.0), np.append(0.0, np.cumsum(steps))
     _, under = cKDTree(ground).query(places)
     needed_s = np.where(np.isfinite(at[under]), at[under], -np.inf)
-    needed_s[np.linalg.norm(places - places[0], axis=1) < body_radius_m] = -np.inf
+    needed_s[np.linalg.norm(places - places[0], axis=1) < config.start_blind_m] = -np.inf
     found = [_first_unknown_m(k, times, gone, speed, needed_s, config.still_speed_mps) for k in _at_full_speed(speed, config)]
     ahead = np.array([metres for metres in found if np.isfinite(metres)])
     return GroundAhead(float(ahead.min()), float(np.percentile(ahead, 5.0)), len(found)) if len(ahead) else None

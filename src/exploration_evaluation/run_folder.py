@@ -194,7 +194,7 @@ class _Judgement:
         sweeps = placed_sweeps(read_sweeps(self._folder, stamps), poses, crop_half_m(reported))
         cells = ground.covered_points
         swept = swept_ground(cells, sweeps, errors.T_world_map, self._config)
-        ahead = ground_ahead(cells, swept.shown_s(stamps), truth, self._robot.circumscribed_radius_m, self._config)
+        ahead = ground_ahead(cells, swept.shown_s(stamps), truth, self._config)
         return {
             "coverage_curve": [asdict(point) for point in coverage_curve(swept.shares, stamps, *truth)],
             "ground_ahead": asdict(ahead) if ahead else None,
