@@ -1,10 +1,11 @@
 """./explore: from arguments to exit code."""
 
 import sys
+from dataclasses import replace
 
 from explore_command.arguments import ArgumentProblem, ExploreArguments, parse
 from explore_command.launching import as_robot_is_built, effective_robot, parameter_problem, run_launch, world_problem
-from explore_command.results_folder import prepare_out
+from explore_command.results_folder import claimed_out, prepare_out
 from explore_command.sessions import clock_after
 
 
@@ -20,6 +21,10 @@ def main(argv: list[str] | None = None) -> int:
         arguments = as_robot_is_built(arguments, robot)
         if problem := world_problem(arguments, robot):
             raise ArgumentProblem(problem)
+        out = claimed_out(arguments.out, arguments.may_be_elsewhere)
+        if out != arguments.out:
+            print(f"./explore: another run writes into {arguments.out}; this one writes into {out}", flush=True)
+            arguments = replace(arguments, out=out)
         clock_start_s = _prepare(arguments)
     except ArgumentProblem as error:
         for line in str(error).splitlines():

@@ -26,7 +26,10 @@ class OneLineParser(argparse.ArgumentParser):
 
 @dataclass(frozen=True)
 class ExploreArguments:
-    """What a run was asked to do; lengths in metres, angles in radians. `sensor`, `mapping`: None is as robot and profile say."""
+    """What a run was asked to do; lengths in metres, angles in radians.
+
+    `sensor`, `mapping`: None is as robot and profile say. `may_be_elsewhere`: nobody named `out`, and its name may be changed.
+    """
 
     world: str
     sensor: str | None
@@ -42,6 +45,7 @@ class ExploreArguments:
     size: tuple[float, float, float] | None
     area: tuple[float, float] | None
     out: Path
+    may_be_elsewhere: bool
     resume: bool
     map: Path | None
     force: bool
@@ -114,7 +118,12 @@ def parser() -> argparse.ArgumentParser:
         "--movers", metavar="N|FILE", help="so many people, carts and robots that go about, or those of a YAML FILE; default none"
     )
     p.add_argument("--seed", type=int, help="sets start, noise, slip and clutter; default 1")
-    p.add_argument("--out", type=Path, metavar="DIR", help="folder for the results; default runs/WORLD-SEED")
+    p.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="folder for the results; default runs/WORLD-SEED, and where a run writes into that WORLD-SEED-2",
+    )
     go_on = p.add_mutually_exclusive_group()
     go_on.add_argument(
         "--resume", type=Path, metavar="DIR", help="go on with the run in DIR, however it ended; the robot may have been moved"
@@ -192,6 +201,7 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         size=tuple(a.size) if a.size else None,
         area=tuple(a.area) if a.area else None,
         out=out,
+        may_be_elsewhere=not (a.out or a.resume),
         resume=a.resume is not None,
         map=a.map.absolute() if a.map else None,
         force=a.force or a.out is None,

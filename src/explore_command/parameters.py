@@ -134,9 +134,12 @@ def override_problems(overrides: Mapping[str, Mapping[str, object]]) -> list[str
         if node not in NODE_CONFIGS:
             found.append(f"unknown node {node}{_nearest(node, {**NODE_CONFIGS, ROBOT: {}, COMMAND: {}})}")
             continue
+        sections: dict[str, dict[str, object]] = {}
         for path, value in values.items():
             section, _, name = path.rpartition("/")
-            found += _parameter_problems(node, section, name, value)
+            sections.setdefault(section, {})[name] = value
+        for section, together in sections.items():
+            found += _section_problems(node, section, together)
     return found
 
 
@@ -170,12 +173,13 @@ def _command_problems(values: Mapping[str, object]) -> list[str]:
     ]
 
 
-def _parameter_problems(node: str, section: str, name: str, value: object) -> list[str]:
+def _section_problems(node: str, section: str, values: Mapping[str, object]) -> list[str]:
+    """Judges all values of a section together: one may be right only beside another."""
     sections = NODE_CONFIGS[node]
     if section not in sections:
         return [f"{node} has no section {section!r}{_nearest(section, sections)}"]
     try:
-        load_config(config_class(sections[section]), {name: value}, section)
+        load_config(config_class(sections[section]), values, section)
     except ConfigError as error:
         return [f"{node}: {line.partition(': ')[2]}" for line in str(error).splitlines()]
     return []

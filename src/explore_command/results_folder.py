@@ -1,6 +1,9 @@
-"""The folder that a run writes its results into: made, or emptied of an earlier run."""
+"""The folder that a run writes its results into: made, kept for this run alone, and emptied of an earlier one."""
 
+import fcntl
+import os
 import shutil
+from itertools import count
 from pathlib import Path
 
 _RUN_FILES: tuple[str, ...] = (
@@ -41,6 +44,29 @@ _RUN_FOLDERS = ("sweeps", "log")
 
 class ArgumentProblem(ValueError):
     """One line that says what is wrong and what to do."""
+
+
+def claimed_out(out: Path, may_be_another: bool) -> Path:
+    """The folder, made, and this process's alone until it ends; where another run writes into it, the next free of out-2, out-3 and so on.
+
+    ArgumentProblem when it cannot be written, or is another run's and `may_be_another` is false.
+    """
+    for number in count(1):
+        folder = out if number == 1 else out.with_name(f"{out.name}-{number}")
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)  # never closed: the lock lasts as long as this process
+        except OSError as error:
+            raise ArgumentProblem(f"--out {folder}: cannot be written: {error.strerror}") from error
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(descriptor)
+            if not may_be_another:
+                raise ArgumentProblem(f"--out {folder}: another run writes into it; name another folder, or wait for its end") from None
+        else:
+            return folder
+    raise AssertionError
 
 
 def prepare_out(out: Path, force: bool, keep_sweeps: bool = False) -> None:

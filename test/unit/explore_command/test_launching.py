@@ -110,6 +110,18 @@ def test_overrides_that_fit_are_no_problem() -> None:
     assert override_problems({"stop_scan_and_go_node": {"max_distance_m": 3}, "move_base_node": {"follower/max_speed_mps": 0.4}}) == []
 
 
+def test_values_that_are_right_only_together_are_judged_together() -> None:
+    few = ["--set", "octomap_server_3dnav_node/exploration/max_goals=1"]
+    assert "max_goals" in (parameter_problem(parse(few)) or "")
+    together = [
+        "--set",
+        "octomap_server_3dnav_node/exploration/max_looks=1",
+        "--set",
+        "octomap_server_3dnav_node/exploration/max_failures=1",
+    ]
+    assert parameter_problem(parse(few + together)) is None
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
