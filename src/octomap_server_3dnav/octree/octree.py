@@ -181,7 +181,14 @@ class OctreeMap:
 
     def occupied_voxels(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Centres (N, 3) and edges (N,) in metres of the fewest octree cubes that hold all occupied voxels, in the octree's order."""
-        leaves = self._tree.occupied_leaves().reshape(-1, 4)
+        return self._voxels(occupied=True)
+
+    def free_voxels(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The same of the free ones."""
+        return self._voxels(occupied=False)
+
+    def _voxels(self, *, occupied: bool) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        leaves = self._tree.leaves(occupied).reshape(-1, 4)
         centers = (leaves[:, :3] + leaves[:, 3:] / 2) * self._resolution
         return centers.astype(np.float32), (leaves[:, 3] * self._resolution).astype(np.float32)
 
