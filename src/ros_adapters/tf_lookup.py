@@ -86,6 +86,13 @@ class TransformsWhenAsked:
         except tf2_ros.TransformException as error:
             raise NoTransformError(f"tf does not tell {frame!r} in {frames().map!r} at {stamp.to_sec():.3f} s: {error}") from error
 
+    def newest(self, frame: str) -> NDArray[np.float64] | None:
+        """The same by the newest transforms; None where they do not tell."""
+        try:
+            return self.at(frame, rospy.Time())
+        except NoTransformError:
+            return None
+
     def _listening(self) -> tf2_ros.BufferCore:
         if self._buffer is None:
             self._buffer = tf2_ros.BufferCore(rospy.Duration(30))

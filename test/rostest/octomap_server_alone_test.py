@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import rospy
+from explore_3dnav.srv import LoadMap
 from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetPlan
@@ -55,6 +56,7 @@ class OctomapServerAloneTest(unittest.TestCase):
         cls.tf, cls.static = feed("/tf", TFMessage), feed("/tf_static", TFMessage)
         cls.clouds = feed("/camera/points", PointCloud2)
         cls.reset = rospy.ServiceProxy(f"/{NODE}/reset", Empty)
+        cls.load = rospy.ServiceProxy(f"/{NODE}/load", LoadMap)
         cls.make_plan = rospy.ServiceProxy(f"/{NODE}/make_plan", GetPlan)
         cls.static.publish(TFMessage([transform_stamped(0.0, "chassis", "camera", T_BASE_CAMERA)]))
         points, _ = floor_and_walls()
@@ -194,6 +196,61 @@ class OctomapServerAloneTest(unittest.TestCase):
         self.assertIn(str(folder), answer.message)
         self.assertEqual(OctreeMap.read(folder / "map.ot").to_full(), tree.to_full())
         self.assertTrue((folder / "terrain.npz").is_file())
+
+    def test_map_of_a_file_is_loaded_and_gone_on_with(self) -> None:
+        tree = self.mapped()
+        with tempfile.TemporaryDirectory() as folder:
+            path = str(Path(folder) / "map.ot")
+            tree.write_ot(path)
+            refused = self.load(path)
+            self.assertFalse(refused.success)
+            self.assertIn("the map is of clouds: call ~reset", refused.message)
+            self.reset()
+            answer = self.load(path)
+        self.assertTrue(answer.success, answer.message)
+        served = rospy.ServiceProxy("/octomap_full", GetOctomap)().map
+        self.assertEqual(octomap_bytes(served), tree.to_full())
+        goal = PoseStamped(header(0.0, "world"), pose_message(T_WORLD_BASE @ transform_from_rpy((1.5, 0.5, -0.132))))
+        self.assertGreater(len(self.make_plan(PoseStamped(), goal, 0.5).plan.poses), 5)  # tf knows the robot
+        OctomapServerAloneTest.clock_s += 1.0
+        self.mapped()
+
+    def test_map_that_cannot_be_is_refused_and_nothing_is_changed(self) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            damaged, coarse = Path(folder) / "damaged.bt", Path(folder) / "coarse.bt"
+            damaged.write_bytes(b"# Octomap OcTree binary file\nid OcTree\nsize 5\nres 0.1\ndata\n\x00")
+            other = OctreeMap(0.2)
+            other.insert_plane((0.0, 0.0, 0.0), 1.0)
+            other.write_bt(coarse)
+            for path, reason in (
+                (damaged, "damaged.bt"),
+                (coarse, "0.2 m"),
+                (Path(folder), "no map there"),
+                (Path("/nowhere.bt"), "No such file"),
+            ):
+                answer = self.load(str(path))
+                self.assertFalse(answer.success)
+                self.assertIn(reason, answer.message)
+                self.assertNotIn("\n", answer.message)
+        self.mapped()  # it is still empty: clouds are taken
+
+    def test_robot_that_moves_in_a_loaded_map_has_the_terrain_around_it(self) -> None:
+        tree = self.mapped()
+        self.reset()
+        with tempfile.TemporaryDirectory() as folder:
+            path = str(Path(folder) / "map.bt")
+            tree.write_bt(path)
+            self.assertTrue(self.load(path).success)
+        late = self.clock_s + 5.0
+        T_there = T_WORLD_BASE @ transform_from_rpy((1.0, 1.0, 0.0))
+        self.tf.publish(TFMessage([transform_stamped(late, "world", "chassis", T_there)]))
+        goal = PoseStamped(header(0.0, "world"), pose_message(T_WORLD_BASE @ transform_from_rpy((-1.5, 0.5, -0.132))))
+
+        def begins_there() -> bool:
+            first = self.make_plan(PoseStamped(), goal, 0.5).plan.poses[0].pose.position
+            return math.hypot(first.x - T_there[0, 3], first.y - T_there[1, 3]) < 0.2
+
+        wait_until(begins_there, "a plan from where tf has the robot now")
 
     def test_what_octomap_saver_writes_is_read_by_octomap_s_own_tools(self) -> None:
         """It calls one of two services, and writes the data behind a header by octomap's library."""

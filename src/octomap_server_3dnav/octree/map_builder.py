@@ -112,6 +112,11 @@ class MapBuilder:
     def __len__(self) -> int:
         return len(self._sweeps)
 
+    @property
+    def content(self) -> str:
+        """What the map is of, in words; empty while it is of nothing."""
+        return f"{len(self)} sweeps of a pose graph" if self._sweeps else self._stays
+
     def add_sweep(self, beams: Beams, vertex_id: int, vertex_poses: ArrayLike) -> bool:
         """Adds the newest vertex's sweep, given the (V, 4, 4) poses of all; True when older ones have to be drawn anew.
 
@@ -119,7 +124,7 @@ class MapBuilder:
         a pose is not rigid, or the map is of clouds or a file; nothing is changed then.
         """
         if self._stays:
-            raise ValueError(f"the map is of {self._stays}, and no sweep of a pose graph can be added: call ~reset before")
+            raise ValueError(f"the map is of {self.content}, and no sweep of a pose graph can be added: call ~reset before")
         poses = as_transforms(vertex_poses)  # a copy: they are kept
         if vertex_id != len(poses) - 1 or any(s.vertex_id >= vertex_id for s in self._sweeps):
             raise ValueError(
@@ -138,7 +143,7 @@ class MapBuilder:
         points, or where the map is of a pose graph's sweeps; nothing is changed then.
         """
         if self._sweeps:
-            raise ValueError(f"the map is of {len(self._sweeps)} sweeps of a pose graph, and no cloud can be added: call ~reset before")
+            raise ValueError(f"the map is of {self.content}, and no cloud can be added: call ~reset before")
         if not len(points_map):
             raise ValueError("a cloud without points")
         stands = None if self._knows_ground or T_map_base is None else T_map_base
