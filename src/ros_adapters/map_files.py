@@ -68,7 +68,8 @@ class MapFiles:
             with self._changed:
                 self._changed.wait_for(lambda: self._request is not None)
                 self._changed.wait_for(lambda: self._waiting, max(0.0, written_s + _REST_S - time.monotonic()))
-                assert self._request is not None
+                if self._request is None:  # the map has begun anew meanwhile
+                    continue
                 tree, terrain, path = self._request
                 self._request, self._busy = None, True
             error, self._written = "", []

@@ -10,6 +10,7 @@ import unittest
 from pathlib import Path
 
 import numpy as np
+import rosbag
 import rospy
 from explore_3dnav.srv import LoadMap
 from geometry_msgs.msg import Point, PoseStamped
@@ -251,6 +252,29 @@ class OctomapServerAloneTest(unittest.TestCase):
             return math.hypot(first.x - T_there[0, 3], first.y - T_there[1, 3]) < 0.2
 
         wait_until(begins_there, "a plan from where tf has the robot now")
+
+    def test_bag_of_another_robot_is_played(self) -> None:
+        """tf at 20 Hz and a camera at 4 Hz, on a way of 2 m: map and plan of what was seen along it, and no cloud is lost."""
+        stamps = self.clock_s + np.arange(0.0, 2.01, 0.05)
+        poses = [T_WORLD_BASE @ transform_from_rpy((s - self.clock_s, 0.0, 0.0)) for s in stamps]
+        room = transform_points(T_WORLD_BASE @ T_BASE_CAMERA, self.room)
+        dropped = self.diagnostics.counts().get("dropped: cloud without tf")
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "robot.bag"
+            with rosbag.Bag(str(path), "w") as bag:
+                for k, (stamp_s, T) in enumerate(zip(stamps.tolist(), poses, strict=True)):
+                    bag.write("/tf", TFMessage([transform_stamped(stamp_s, "world", "chassis", T)]), rospy.Time.from_sec(stamp_s))
+                    if k % 5 == 0:
+                        seen = transform_points(inverse(T @ T_BASE_CAMERA), room)
+                        bag.write("/camera/points", plain_cloud(stamp_s, seen), rospy.Time.from_sec(stamp_s))
+            subprocess.run(["rosbag", "play", "--quiet", "--wait-for-subscribers", str(path)], check=True, timeout=60.0)
+        tree = OctreeMap.from_full(octomap_bytes(self.full.wait_for_stamp(float(stamps[-1]))), RESOLUTION_M)
+        hits = room[(room[:, 2] < 1.4) & (np.linalg.norm(room[:, :2] - poses[-1][:2, 3], axis=1) < 4.0)]
+        self.assertGreater((tree.states_at(hits) == VoxelState.OCCUPIED).mean(), 0.95)
+        self.assertEqual(self.diagnostics.counts().get("dropped: cloud without tf"), dropped)
+        goal = PoseStamped(header(0.0, "world"), pose_message(T_WORLD_BASE))
+        plan = self.make_plan(PoseStamped(), goal, 0.5).plan
+        self.assertLess(math.dist((plan.poses[0].pose.position.x, plan.poses[0].pose.position.y), poses[-1][:2, 3]), 0.3)
 
     def test_what_octomap_saver_writes_is_read_by_octomap_s_own_tools(self) -> None:
         """It calls one of two services, and writes the data behind a header by octomap's library."""
