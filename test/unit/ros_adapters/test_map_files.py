@@ -4,8 +4,10 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from octomap_server_3dnav.octree.octree import OctreeMap
+from ros_adapters import map_files
 from ros_adapters.map_files import MapFiles
 
 
@@ -29,14 +31,15 @@ def test_map_without_a_terrain_is_its_octree_and_is_named(tmp_path: Path) -> Non
     assert OctreeMap.read(tmp_path / "map.ot").to_full() == tree(1.0).to_full()
 
 
-def test_map_that_begins_anew_while_files_rest_is_written_again(tmp_path: Path) -> None:
+def test_map_that_begins_anew_while_files_rest_is_written_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(map_files, "_REST_S", 0.2)
     files = MapFiles(tmp_path)
     files.save(tree(1.0), None, None)
     assert files.wait()[0]
-    files.save(tree(2.0), None, None)  # not begun yet: files rest for some seconds
-    time.sleep(0.1)  # the writing thread rests now, and knows of it
+    files.save(tree(2.0), None, None)
     files.forget()
     assert not files.wait()[0]
+    time.sleep(0.5)  # the rest is over, and nothing is to be written
     files.save(tree(0.5), None, None)
     assert files.wait(5.0)[0]
     assert len(np.load(tmp_path / "occupied.npz")["sizes"]) == len(tree(0.5).occupied_voxels()[1])
