@@ -87,13 +87,13 @@ py::tuple column_runs(Tree& self, const Corner& lo, const Corner& hi) {
                         to_numpy(std::move(runs.z_lo)), to_numpy(std::move(runs.z_hi)), to_numpy(std::move(runs.occupied)));
 }
 
-// Flat: lowest voxel x, y, z and edge length, in voxels, of every occupied cube.
-py::array_t<int> occupied_leaves(Tree& self) {
+// Flat: lowest voxel x, y, z and edge length, in voxels, of every occupied cube, or of every free one.
+py::array_t<int> leaves(Tree& self, bool occupied) {
   std::vector<int> flat;
   locked(self, [&](const OccupancyTree& tree) {
     for (const Leaf& leaf : tree.leaves(VoxelBox{})) {
       const Voxel corner = leaf.corner();
-      if (leaf.occupied()) flat.insert(flat.end(), {corner.x, corner.y, corner.z, leaf.size()});
+      if (leaf.occupied() == occupied) flat.insert(flat.end(), {corner.x, corner.y, corner.z, leaf.size()});
     }
   });
   return to_numpy(std::move(flat));
@@ -125,7 +125,7 @@ PYBIND11_MODULE(_octree_binding, m) {
       .def("apply", [](Tree& self, const SweepVoxels& sweep) { locked(self, [&](OccupancyTree& tree) { tree.apply(sweep.blocks); }); })
       .def("redraw", &redraw)
       .def("column_runs", &column_runs)
-      .def("occupied_leaves", &occupied_leaves)
+      .def("leaves", &leaves)
       .def("states", &states)
       .def("known_free", &known_free)
       .def("free_known",

@@ -41,8 +41,8 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
         "localisation": "pose_graph_mapping.graph.localisation.LocalisationConfig",
     },
     "octomap_server_3dnav_node": {
-        "": "octomap_server_3dnav.octree.map_builder.MapConfig",
-        "sensor_model": "octomap_server_3dnav.octree.octree.SensorModel",
+        "": "ros_adapters.octomap_server_config.OctomapServerConfig",
+        "sensor_model": "ros_adapters.octomap_server_config.OctomapServerSensorModel",
         "terrain": "octomap_server_3dnav.terrain.classify.TerrainConfig",
         "passages": "octomap_server_3dnav.navigation.straight_lines.PassageConfig",
         "frontier": "octomap_server_3dnav.exploration.frontiers.FrontierConfig",

@@ -1,7 +1,10 @@
-"""The names of the frames that all nodes share: the parameters /frames/map, /frames/odom and /frames/base."""
+"""The names of the frames that all nodes share: the parameters /frames/map, /frames/odom and /frames/base.
+
+A node's own ~frame_id and ~base_frame_id, octomap_server's names for them, stand in place of the first and the last.
+"""
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import rospy
 
@@ -31,7 +34,8 @@ def frames() -> Frames:
         raise ValueError(f"/frames is {values!r}: expected names for map, odom and base") from error
     if "" in (found.map, found.odom, found.base) or len({found.map, found.odom, found.base}) < 3:
         raise ValueError(f"/frames is {values!r}: three names that differ are expected for map, odom and base")
-    return found
+    own = {name: str(rospy.get_param(f"~{of}", "")).lstrip("/") for name, of in (("map", "frame_id"), ("base", "base_frame_id"))}
+    return replace(found, **{name: frame for name, frame in own.items() if frame})
 
 
 def named_as_ours(frame: str) -> str:

@@ -24,28 +24,40 @@ class MapFiles:
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
         self._changed = threading.Condition()
-        self._request: tuple[OctreeMap, Terrain, NDArray[np.float64] | None] | None = None
+        self._request: tuple[OctreeMap, Terrain | None, NDArray[np.float64] | None] | None = None
+        self._is_empty = True
+        self._written: list[str] = []
         self._busy = False
         self._waiting = 0
         self._error = ""
         if folder:
             threading.Thread(target=self._write_forever, daemon=True).start()
 
-    def save(self, tree: OctreeMap, terrain: Terrain, path: NDArray[np.float64] | None) -> None:
-        """Asks for the files to be written; `tree` excludes its readers and writers itself."""
+    def save(self, tree: OctreeMap, terrain: Terrain | None, path: NDArray[np.float64] | None) -> None:
+        """Asks for the files to be written, without a terrain those of the octree; `tree` excludes its readers and writers itself."""
         if self._folder:
             with self._changed:
-                self._request = (tree, terrain, path)
+                self._request, self._is_empty = (tree, terrain, path), False
                 self._changed.notify_all()
 
-    def wait(self, timeout_s: float = 20.0) -> tuple[bool, str]:
-        """Until everything asked for is on disk: whether it is, and the last error."""
+    def forget(self) -> None:
+        """The map begins anew; what is on disk stays there until it is written again."""
         with self._changed:
+            self._request, self._is_empty = None, True
+
+    def wait(self, timeout_s: float = 20.0) -> tuple[bool, str]:
+        """Until everything asked for is on disk: whether there is a map on disk that is the newest, and where, or why not."""
+        if not self._folder:
+            return False, "nothing is saved: ~out names no folder"
+        with self._changed:
+            if self._is_empty:
+                return False, "nothing is saved: no sweep is in the map yet"
             self._waiting += 1
             self._changed.notify_all()
             done = self._changed.wait_for(lambda: self._request is None and not self._busy, timeout_s)
             self._waiting -= 1
-            return done and not self._error, self._error or ("" if done else "still writing")
+            problem = self._error or ("" if done else "still writing")
+            return not problem, problem or f"{', '.join(self._written)} saved in {self._folder}"
 
     def close(self) -> None:
         self.wait()
@@ -56,12 +68,13 @@ class MapFiles:
             with self._changed:
                 self._changed.wait_for(lambda: self._request is not None)
                 self._changed.wait_for(lambda: self._waiting, max(0.0, written_s + _REST_S - time.monotonic()))
-                assert self._request is not None
+                if self._request is None:  # the map has begun anew meanwhile
+                    continue
                 tree, terrain, path = self._request
                 self._request, self._busy = None, True
+            error, self._written = "", []
             try:
                 self._write(tree, terrain, path)
-                error = ""
             except OSError as problem:
                 error = f"map not saved: {problem}"
                 rospy.logerr(error)
@@ -69,12 +82,15 @@ class MapFiles:
                 self._busy, self._error, written_s = False, error, time.monotonic()
                 self._changed.notify_all()
 
-    def _write(self, tree: OctreeMap, terrain: Terrain, path: NDArray[np.float64] | None) -> None:
+    def _write(self, tree: OctreeMap, terrain: Terrain | None, path: NDArray[np.float64] | None) -> None:
         assert self._folder is not None
         tree.write_bt(self._folder / "map.bt")
         tree.write_ot(self._folder / "map.ot")
+        self._written += ["map.bt", "map.ot"]
         centers, sizes = tree.occupied_voxels()
         self._save_arrays("occupied.npz", centers=centers, sizes=sizes)
+        if terrain is None:
+            return
         x, y, z = terrain.centers().T
         self._save_arrays("terrain.npz", x=x, y=y, z=z, label=terrain.label)
         self._save_arrays("path.npz", points=np.zeros((0, 3)) if path is None else path)
@@ -85,3 +101,4 @@ class MapFiles:
         with beside.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)  # type: ignore[arg-type]
         beside.replace(self._folder / name)
+        self._written.append(name)

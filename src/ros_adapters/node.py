@@ -79,7 +79,7 @@ class Node:
         try:
             values = rospy.get_param("~" + section, {})
             values = {k: v for k, v in values.items() if k not in own}
-            return load_config(cls, values, section)
+            return load_config(cls, values, section, own)
         except ConfigError as error:
             sys.stderr.write(f"{self.name}: wrong parameter: {'; '.join(str(error).splitlines())}\n")
             sys.exit(2)
@@ -258,13 +258,17 @@ class Node:
         """The node is not ready before `condition` holds."""
         self._required.append(condition)
 
-    def publisher(self, topic: str, message_type: type, *, large: bool = False, latch: bool = False) -> rospy.Publisher:
-        """A publisher whose messages the barrier counts.
+    def publisher(
+        self, topic: str, message_type: type, *, large: bool = False, latch: bool = False, listener: rospy.SubscribeListener | None = None
+    ) -> rospy.Publisher:
+        """A publisher whose messages the barrier counts; `listener` is told who subscribes.
 
         In lock-step without a queue, whose thread costs half of the machine; running free with one, or a subscriber that hangs stops all.
         """
         small = None if self.lockstep else _QUEUE
-        publisher = CountingPublisher(topic, message_type, queue_size=5 if large else small, tcp_nodelay=True, latch=latch)
+        publisher = CountingPublisher(
+            topic, message_type, queue_size=5 if large else small, tcp_nodelay=True, latch=latch, subscriber_listener=listener
+        )
         self._sent[rospy.remap_name(topic)] = publisher
         return publisher
 

@@ -15,6 +15,11 @@ from ros_adapters.frames import frames
 from ros_adapters.inputs import TimedInput
 from ros_adapters.node import Node, heard_publishers
 
+
+class NoTransformError(ValueError):
+    """tf does not tell where a frame was, or not yet."""
+
+
 _PATIENCE_S = 0.5
 MAP_ODOM = "/tf map->odom"  # as the barrier and the diagnostics call it
 
@@ -68,6 +73,25 @@ class TransformsWhenAsked:
                 if time.monotonic() > deadline or not pose.header.frame_id:
                     raise
             time.sleep(0.02)
+
+    def at(self, frame: str, stamp: rospy.Time) -> NDArray[np.float64]:
+        """(4, 4) where a frame was in map; NoTransformError when that is not known by now, also for an empty name."""
+        frame = frame.lstrip("/")
+        if frame == frames().map:
+            return np.eye(4)
+        if not frame:
+            raise NoTransformError("a message without a frame: set frame_id in its driver")
+        try:
+            return transform_from_message(self._listening().lookup_transform_core(frames().map, frame, stamp).transform)
+        except tf2_ros.TransformException as error:
+            raise NoTransformError(f"tf does not tell {frame!r} in {frames().map!r} at {stamp.to_sec():.3f} s: {error}") from error
+
+    def newest(self, frame: str) -> NDArray[np.float64] | None:
+        """The same by the newest transforms; None where they do not tell."""
+        try:
+            return self.at(frame, rospy.Time())
+        except NoTransformError:
+            return None
 
     def _listening(self) -> tf2_ros.BufferCore:
         if self._buffer is None:

@@ -81,13 +81,18 @@ def _criteria(robot: RobotBody, content: dict[str, Any]) -> Criteria:
         raise ConfigError("\n".join(problems + _known_names(flat)))
     return Criteria(
         robot,
-        load_config(MapConfig, {key: v for key, v in values.items() if not isinstance(v, dict)}),
-        load_config(SensorModel, values.get("sensor_model", {})),
+        load_config(MapConfig, _of(MapConfig, values)),
+        load_config(SensorModel, _of(SensorModel, values.get("sensor_model", {}))),
         load_config(TerrainConfig, values.get("terrain", {})),
         load_config(PassageConfig, values.get("passages", {})),
         load_config(FrontierConfig, values.get("frontier", {})),
         load_config(PlannerConfig, values.get("planner", {})),
     )
+
+
+def _of(cls: type, values: dict[str, Any]) -> dict[str, Any]:
+    """The values of a class; the node knows more names, for what comes by topics."""
+    return {f.name: values[f.name] for f in fields(cls) if f.name in values}
 
 
 def _content(path: Path) -> dict[str, Any]:

@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
+from octomap_server_3dnav.terrain.classify import TerrainClass
 
 _ROOM_M = 1.0  # ground this far above other ground is another storey's
 _HIDDEN_SHARE = 0.01  # of the columns, that may have ground twice within a storey
 
 
-def storeys(terrain: Terrain) -> list[tuple[int, int]]:
+class Classified(Protocol):
+    """A Terrain, or what a file keeps of one: columns, layers and classes of its voxels."""
+
+    @property
+    def ix(self) -> NDArray[np.int32]: ...
+    @property
+    def iy(self) -> NDArray[np.int32]: ...
+    @property
+    def z(self) -> NDArray[np.int16] | NDArray[np.int32]: ...
+    @property
+    def label(self) -> NDArray[np.uint8]: ...
+    @property
+    def resolution(self) -> float: ...
+
+
+def storeys(terrain: Classified) -> list[tuple[int, int]]:
     """(first, last) voxel layers of every storey, from below, that together hold all layers of the terrain; one if there is no ground.
 
     A border lies where there is least ground in the metre below ground that hides what lies under it.

@@ -238,11 +238,39 @@ class OctomapServer3dnavTest(unittest.TestCase):
         self.assertLess(answer.plan.poses[-1].pose.position.x, 1.2)
         reset()
 
-    def test_save_without_a_folder_is_no_failure(self) -> None:
-        self.assertTrue(rospy.ServiceProxy(f"/{NODE}/save", Trigger)().success)
+    def test_save_without_a_folder_says_so(self) -> None:
+        answer = rospy.ServiceProxy(f"/{NODE}/save", Trigger)()
+        self.assertEqual((answer.success, "~out" in answer.message), (False, True))
+
+    def test_map_comes_also_when_nobody_stores_the_plan(self) -> None:
+        self.decision()
+        before = self.diagnostics.dropped("bad StorePlanRequest")
+        type(self).refuses_plans = True
+        try:
+            self.sweeps.publish(self.sweep())
+            self.full.wait_for_stamp(self.clock_s)
+            self.local.wait_for_stamp(self.clock_s)
+            self.diagnostics.wait_for_dropped("bad StorePlanRequest", before + 1)
+        finally:
+            type(self).refuses_plans = False
+        OctomapServer3dnavTest.mapped += 1
+        without_plan = self.clock_s
+        self.decision()
+        self.assertNotIn(round(without_plan, 6), self.decisions.stamps())
+
+    def test_sweep_of_another_map_frame_is_counted_and_dropped(self) -> None:
+        message = self.sweep()
+        message.header.frame_id = "world"
+        self.assert_dropped(message)
 
     def test_wrong_parameter_ends_the_node_with_the_nearest_name(self) -> None:
-        for parameter, expected in (("resolutoin:=0.1", "resolution"), ("terrain/clearanc_m:=1.0", "did you mean")):
+        for parameter, expected in (
+            ("resolutoin:=0.1", "did you mean resolution"),
+            ("terrain/clearanc_m:=1.0", "did you mean"),
+            ("compres_map:=true", "did you mean compress_map"),
+            ("sensor_model/max_rang:=5.0", "did you mean max_range"),
+            ("pointcloud_min_z:=2000000.0", "is above"),
+        ):
             code, stderr = run_misconfigured(NODE, parameter)
             self.assertEqual(code, 2, stderr)
             self.assertIn(expected, one_line_of(stderr))

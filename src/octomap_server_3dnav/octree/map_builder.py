@@ -1,7 +1,7 @@
-"""From placed sweeps to an octree that follows the pose graph (thesis 5.5, 6.2.2).
+"""From placed sweeps to an octree that follows the pose graph (thesis 5.5, 6.2.2); or from clouds that stay where they are.
 
 Between pose_graph_mapping and the terrain analysis: each sweep is cropped to the dense cuboid around the robot and inserted; what the
-graph moves by more than an eighth of a voxel is drawn anew.
+graph moves by more than an eighth of a voxel is drawn anew. Clouds whose place somebody else knows are inserted and forgotten.
 """
 
 from collections.abc import Iterable
@@ -29,10 +29,9 @@ RUNS_MARGIN_M = 2.25  # columns beyond a classified radius that inflation and th
 
 @dataclass(frozen=True)
 class MapConfig:
-    """Octree and cropping; `resolution` and `frame_id` are octomap_server's parameters."""
+    """Octree and cropping; `resolution` is octomap_server's parameter."""
 
     resolution: float = parameter(0.08, "m", "edge of a voxel", low=0.01, high=1.0)
-    frame_id: str = parameter("map", "-", "frame of the octree")
     max_range_m: float = parameter(12.0, "m", "rays free voxels up to this range", low=0.5, high=100.0)
     crop_half_m: float = parameter(
         7.0, "m", "half side of the cuboid around the robot in which a sweep is dense enough to be inserted", low=1.0, high=100.0
@@ -98,16 +97,34 @@ class MapBuilder:
         self._tree = OctreeMap(config.resolution, sensor_model)
         self._sweeps: list[_PlacedSweep] = []
         self._moved: dict[int, tuple[_PlacedSweep, Transform]] = {}  # by vertex: what the tree has elsewhere than it is now
+        self._stays = ""  # what is in the tree and can not be drawn anew: clouds, or a file
+        self._knows_ground = False  # that under the robot
+
+    @classmethod
+    def of_tree(cls, config: MapConfig, tree: OctreeMap, robot: RobotBody) -> "MapBuilder":
+        """A map that begins with a tree, as of a file. ValueError where its voxels are of another size than `config` says."""
+        if tree.resolution != config.resolution:
+            raise ValueError(f"its voxels are {tree.resolution:g} m, those of the map {config.resolution:g} m: set resolution to the same")
+        new = cls(config, tree.sensor_model, robot)
+        new._tree, new._stays, new._knows_ground = tree, "a file", True
+        return new
 
     def __len__(self) -> int:
         return len(self._sweeps)
+
+    @property
+    def content(self) -> str:
+        """What the map is of, in words; empty while it is of nothing."""
+        return f"{len(self)} sweeps of a pose graph" if self._sweeps else self._stays
 
     def add_sweep(self, beams: Beams, vertex_id: int, vertex_poses: ArrayLike) -> bool:
         """Adds the newest vertex's sweep, given the (V, 4, 4) poses of all; True when older ones have to be drawn anew.
 
         Vertices whose sweep was lost on the way are no trouble. ValueError when `vertex_id` is not V - 1, its sweep is there already,
-        or a pose is not rigid; nothing is changed then.
+        a pose is not rigid, or the map is of clouds or a file; nothing is changed then.
         """
+        if self._stays:
+            raise ValueError(f"the map is of {self.content}, and no sweep of a pose graph can be added: call ~reset before")
         poses = as_transforms(vertex_poses)  # a copy: they are kept
         if vertex_id != len(poses) - 1 or any(s.vertex_id >= vertex_id for s in self._sweeps):
             raise ValueError(
@@ -116,10 +133,33 @@ class MapBuilder:
         self._moved = self._moved_by(poses)
         seen = self._trace(beams, poses[vertex_id], first=not self._sweeps)
         self._sweeps.append(_PlacedSweep(vertex_id, beams, poses[vertex_id], seen))
+        self._insert(seen)
+        return bool(self._moved)
+
+    def add_cloud(self, points_map: NDArray[np.float32], origins_map: NDArray[np.float32], T_map_base: Transform | None) -> None:
+        """Adds (N, 3) hits and where their beams started, which stay where they are, and the robot's pose where that is known.
+
+        What is far is cropped as of a sweep, around the robot or, where nobody knows it, around the sensor. ValueError for a cloud without
+        points, or where the map is of a pose graph's sweeps; nothing is changed then.
+        """
+        if self._sweeps:
+            raise ValueError(f"the map is of {self.content}, and no cloud can be added: call ~reset before")
+        if not len(points_map):
+            raise ValueError("a cloud without points")
+        stands = None if self._knows_ground or T_map_base is None else T_map_base
+        centre = origins_map.mean(axis=0) if T_map_base is None else T_map_base[:3, 3]
+        self._insert(self._seen(points_map, origins_map, len(points_map), centre, stands))
+        self._stays, self._knows_ground = self._stays or "clouds", self._knows_ground or stands is not None
+
+    def fix(self, what: str) -> None:
+        """Takes the sweeps as they lie for good: clouds may be added from now on, and sweeps no more. `what` the map is of is told."""
+        self._redraw(list(self._moved))
+        self._sweeps, self._stays, self._knows_ground = [], what, True
+
+    def _insert(self, seen: _Seen) -> None:
         for voxels in seen.voxels:
             self._tree.insert(voxels)
         self.heights.add(seen.hits)
-        return bool(self._moved)
 
     def clear_box(self, lo: ArrayLike, hi: ArrayLike) -> None:
         """Make all that is known in a box (corners (3,) in map) free; what sweeps see there later counts, what they saw before does not.
@@ -127,11 +167,10 @@ class MapBuilder:
         ValueError for corners that are none. Redrawing keeps it as it stands in the map, whatever sweeps move.
         """
         cleared = self.tree.trace_clearing(lo, hi)
-        if not self._sweeps:
-            return
         for voxels in cleared:
             self._tree.insert(voxels)
-        self._sweeps[-1].cleared += cleared
+        if self._sweeps:
+            self._sweeps[-1].cleared += cleared
 
     @property
     def sweep_bytes(self) -> int:
@@ -193,21 +232,32 @@ class MapBuilder:
         self.heights.add(HitHeights.together([seen.hits for seen in after]))
 
     def _trace(self, b: Beams, T: Transform, *, first: bool) -> _Seen:
-        """What a sweep at T_map_base saw; of the first one also the ground under the robot, where it saw nothing.
+        """What a sweep at T_map_base saw; of the first one also the ground under the robot, where it saw nothing."""
+        ends = transform_points(T, np.concatenate([b.points, _beyond(b.free_ends, b.free_origins, self.config.max_range_m)]))
+        origins = transform_points(T, np.concatenate([b.origins, b.free_origins]))
+        return self._seen(ends, origins, len(b.points), T[:3, 3], T if first else None)
+
+    def _seen(
+        self,
+        ends: NDArray[np.float32],
+        origins: NDArray[np.float32],
+        hit_count: int,
+        centre: NDArray[np.floating],
+        stands: Transform | None,
+    ) -> _Seen:
+        """What beams in map saw around `centre`; the first `hit_count` met something. And the ground under a robot that `stands` there.
 
         That lies as the robot lies, whose roll and pitch gravity tells: on a slope a level plane would stand in its way.
         """
         c = self.config
-        x, y, z = T[:3, 3]
+        x, y, z = centre
         bounds = ((x - c.crop_half_m, y - c.crop_half_m, z - c.crop_below_m), (x + c.crop_half_m, y + c.crop_half_m, z + c.crop_above_m))
-        ends = transform_points(T, np.concatenate([b.points, _beyond(b.free_ends, b.free_origins, c.max_range_m)]))
-        origins = transform_points(T, np.concatenate([b.origins, b.free_origins]))
         voxels = [self._tree.trace_sweep(ends, origins, c.max_range_m, bounds)]
-        hits = ends[: len(b.points)]
+        hits = ends[:hit_count]
         inside = ((hits >= bounds[0]) & (hits <= bounds[1])).all(axis=1)
         hits = hits[inside]
-        if first and c.start_plane_half_m > 0 and T[2, 2] > _UPRIGHT:
-            middles, stood_on = self._ground_under(T, voxels[0], self._blind_m(T, hits))
+        if stands is not None and c.start_plane_half_m > 0 and stands[2, 2] > _UPRIGHT:
+            middles, stood_on = self._ground_under(stands, voxels[0], self._blind_m(stands, hits))
             voxels.append(self._tree.trace_sweep(middles, middles))  # beams that end where they begin
             hits = np.concatenate([hits, stood_on])
         return _Seen(voxels, HitHeights.of(hits, c.resolution))

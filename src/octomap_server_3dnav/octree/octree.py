@@ -181,7 +181,14 @@ class OctreeMap:
 
     def occupied_voxels(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Centres (N, 3) and edges (N,) in metres of the fewest octree cubes that hold all occupied voxels, in the octree's order."""
-        leaves = self._tree.occupied_leaves().reshape(-1, 4)
+        return self._voxels(occupied=True)
+
+    def free_voxels(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The same of the free ones."""
+        return self._voxels(occupied=False)
+
+    def _voxels(self, *, occupied: bool) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        leaves = self._tree.leaves(occupied).reshape(-1, 4)
         centers = (leaves[:, :3] + leaves[:, 3:] / 2) * self._resolution
         return centers.astype(np.float32), (leaves[:, 3] * self._resolution).astype(np.float32)
 
@@ -212,15 +219,23 @@ class OctreeMap:
         new._tree.read_full(data)
         return new
 
-    def write_bt(self, path: str | os.PathLike[str]) -> None:
-        """Write octomap's .bt file: free and occupied only, small. An older file is replaced when the new one is complete."""
+    def bt_bytes(self) -> bytes:
+        """octomap's .bt file: free and occupied only, small."""
         data = self.to_binary()
-        replace_file(Path(path), file_header(".bt", _octree_binding.binary_nodes(data), self._resolution) + data)
+        return file_header(".bt", _octree_binding.binary_nodes(data), self._resolution) + data
+
+    def ot_bytes(self) -> bytes:
+        """octomap's .ot file, with every log-odds."""
+        data = self.to_full()
+        return file_header(".ot", _octree_binding.full_nodes(data), self._resolution) + data
+
+    def write_bt(self, path: str | os.PathLike[str]) -> None:
+        """Write a .bt file. An older file is replaced when the new one is complete."""
+        replace_file(Path(path), self.bt_bytes())
 
     def write_ot(self, path: str | os.PathLike[str]) -> None:
-        """Write octomap's .ot file, with every log-odds. An older file is replaced when the new one is complete."""
-        data = self.to_full()
-        replace_file(Path(path), file_header(".ot", _octree_binding.full_nodes(data), self._resolution) + data)
+        """Write an .ot file. An older file is replaced when the new one is complete."""
+        replace_file(Path(path), self.ot_bytes())
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], sensor_model: SensorModel | None = None) -> "OctreeMap":

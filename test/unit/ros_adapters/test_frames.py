@@ -44,3 +44,8 @@ def test_description_of_another_base_is_read_as_ours(monkeypatch: pytest.MonkeyP
     theirs = mount_from_urdf(robot_description(), robot.mount("laser"))
     expected = mount_from_urdf(ours, robot.mount("laser"))
     assert theirs[0] == expected[0] and all((a == b).all() for a, b in zip(theirs[1:], expected[1:], strict=True))
+
+
+def test_node_s_own_frames_stand_in_place_of_the_shared_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    set_parameters(monkeypatch, frames={"map": "map2"}, **{"~frame_id": "/odom", "~base_frame_id": "chassis"})
+    assert frames() == Frames("odom", "odom", "chassis")  # as octomap_server's own launch file has it

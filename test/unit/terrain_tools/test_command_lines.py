@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mapping_tools import map_bag, optimize_graph, register_clouds
-from terrain_tools import classify_map
+from terrain_tools import classify_map, export_map
 
 POINT = ("1", "2", "0")
 TOOLS: dict[str, tuple[Callable[[Sequence[str]], int], Callable[[Path, Path], list[str]], str]] = {
@@ -15,6 +15,7 @@ TOOLS: dict[str, tuple[Callable[[Sequence[str]], int], Callable[[Path, Path], li
     "register_clouds": (register_clouds.main, lambda file, out: [str(file), str(file), "--out", str(out)], ".pcd"),
     "optimize_graph": (optimize_graph.main, lambda file, out: [str(file), "--out", str(out)], ".g2o"),
     "classify_map": (classify_map.main, lambda file, out: [str(file), "--start", *POINT, "--out", str(out)], ".pcd"),
+    "export_map": (export_map.main, lambda file, out: [str(file), "--out", str(out.with_suffix(".pcd"))], ".bt"),
 }
 
 

@@ -41,6 +41,11 @@ def test_parameters_of_all_sections_are_taken(tmp_path: Path) -> None:
     assert found.sensor_model.hit == 0.8
 
 
+def test_names_of_what_comes_by_topics_are_no_trouble(tmp_path: Path) -> None:
+    found = criteria(tmp_path, "frame_id: odom\nresolution: 0.05\nsensor_model: {max_range: 5.0}\n")
+    assert found.octree.resolution == 0.05
+
+
 def test_profile_s_robot_lies_over_that_of_the_file(tmp_path: Path) -> None:
     (tmp_path / "robot.yaml").write_text(yaml.safe_dump({**robot_mapping(RobotBody()), "max_step_m": 0.05, "max_slope_rad": 0.3}))
     (tmp_path / "p.yaml").write_text("robot: {max_step_m: 0.06}\n")

@@ -1,0 +1,57 @@
+"""Sweeps of a finished session, to be mapped again: onto another map, whose clock is another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from mapping_tools.sweep_sources import SourceSweep, Unreadable
+from pose_graph_mapping.registration.cloud import PointCloud
+from pose_graph_mapping.session.session_store import DamagedSweepError, SessionStore
+
+
+class SessionSweeps:
+    """See `SweepSource`. Sweeps of a session in the order that is asked for, which may be backwards; each is called by its file's name."""
+
+    problem: str | None = None
+    notes: tuple[str, ...] = ()
+
+    def __init__(self, store: SessionStore, order: Sequence[int], begin_s: float) -> None:
+        """`order`: vertices, at least one; `begin_s`: the first gets this stamp, and the others lie as far apart as they were."""
+        self._store, self._order, self._begin_s = store, list(order), begin_s
+        self._read = 0
+
+    @property
+    def progress(self) -> float:
+        return self._read / len(self._order)
+
+    def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
+        """In that order."""
+        stored = self._store.sweeps
+        first_s = stored[self._order[0]].stamp_s
+        for vertex_id in self._order:
+            self._read += 1
+            stamp_s = self._begin_s + abs(stored[vertex_id].stamp_s - first_s)
+            try:
+                yield self._sweep(vertex_id, stamp_s)
+            except DamagedSweepError as error:
+                yield Unreadable(stored[vertex_id].file, stamp_s, str(error))
+
+    def _sweep(self, vertex_id: int, stamp_s: float) -> SourceSweep:
+        stored, cloud, free = self._store.sweeps[vertex_id], self._store.load_sweep(vertex_id), self._store.load_free(vertex_id)
+        m = stored.measured
+        return SourceSweep(
+            stored.file,
+            stamp_s,
+            *_singles(cloud),
+            T_odom_base=None if m is None else m.T_odom_base,
+            gravity_base=None if m is None else m.gravity_base,
+            gravity_sigma_rad=None if m is None else m.gravity_sigma_rad,
+            free=None if free is None or not len(free) else _singles(free),
+        )
+
+
+def _singles(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:
+    assert cloud.origins is not None
+    return cloud.points.astype(np.float32), cloud.origins.astype(np.float32)

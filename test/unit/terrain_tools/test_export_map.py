@@ -1,0 +1,143 @@
+"""./export_map: what it writes is what others read of it: octomap's tree, clouds, map_server's images and a GeoTIFF's heights."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+from terrain_maps import RESOLUTION, floor, octree_of, two_storeys
+
+from mapping_tools.cloud_files import read_cloud
+from octomap_server_3dnav.octree.octree import OctreeMap
+from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
+from pose_graph_mapping.session.session_files import pcd_bytes
+from rigid_geometry import origin_bytes
+from robot_body import RobotBody
+from terrain_tools.export_map import main
+from terrain_tools.ground import pose_on
+from terrain_tools.storey_maps import FREE, OCCUPIED, UNKNOWN, ClassifiedVoxels, storey_maps
+
+CLOUD = np.array([[0.5, 1.0, 0.25], [2.0, -1.0, 0.5]])
+
+
+def run_folder(path: Path, states: np.ndarray, start: tuple[float, float, float]) -> Terrain:
+    """What a run leaves of a map: octree, classes and merged cloud."""
+    path.mkdir()
+    tree = octree_of(states)
+    tree.write_ot(path / "map.ot")
+    terrain = classify(tree.column_runs(), pose_on(start, RobotBody()), TerrainConfig(), RobotBody(), None)
+    x, y, z = terrain.centers().T
+    np.savez(path / "terrain.npz", x=x, y=y, z=z, label=terrain.label)
+    (path / "cloud.pcd").write_bytes(pcd_bytes(CLOUD))
+    return terrain
+
+
+def image(path: Path) -> np.ndarray:
+    """(ny, nx) as map_server takes it: the first row is that of the least y."""
+    return np.asarray(Image.open(path))[::-1]
+
+
+def value_at(folder: Path, name: str, x: float, y: float) -> int:
+    """What map_server would serve there."""
+    said = yaml.safe_load((folder / f"{name}.yaml").read_text())
+    grid, (x0, y0, _), size = image(folder / said["image"]), said["origin"], said["resolution"]
+    return int(grid[int((y - y0) / size), int((x - x0) / size)])
+
+
+def test_one_floor_is_one_map_with_ground_where_the_robot_can_drive(tmp_path: Path) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    assert main([str(tmp_path / "run"), "--out", str(tmp_path / "lab.pgm")]) == 0
+    assert value_at(tmp_path, "lab", 2.0, 2.0) == FREE
+    said = yaml.safe_load((tmp_path / "lab.yaml").read_text())
+    assert (said["negate"], said["mode"], said["resolution"]) == (0, "trinary", RESOLUTION)
+    occupied = {grey: (255 - grey) / 255 > said["occupied_thresh"] for grey in (OCCUPIED, FREE, UNKNOWN)}
+    free = {grey: (255 - grey) / 255 < said["free_thresh"] for grey in (OCCUPIED, FREE, UNKNOWN)}
+    assert occupied == {OCCUPIED: True, FREE: False, UNKNOWN: False} and free == {OCCUPIED: False, FREE: True, UNKNOWN: False}
+
+
+def test_two_floors_are_two_maps_of_the_same_cells_with_heights(tmp_path: Path) -> None:
+    terrain = run_folder(tmp_path / "run", two_storeys(), (4, 5, 0))
+    assert main([str(tmp_path / "run"), "--out", str(tmp_path / "h.pgm"), str(tmp_path / "h.tif")]) == 0
+    assert not (tmp_path / "h.pgm").exists()
+    assert image(tmp_path / "h-1.pgm").shape == image(tmp_path / "h-2.pgm").shape
+    low, high = (np.asarray(Image.open(tmp_path / f"h-{n}.tif"))[::-1] for n in (1, 2))
+    both = np.isfinite(low) & np.isfinite(high)
+    assert both.sum() > 100 and (high[both] - low[both]).min() > RobotBody().height_m
+    tops = (terrain.z[np.isin(terrain.label, (TerrainClass.TRAVERSABLE, TerrainClass.INFLATION))] + 1) * RESOLUTION
+    assert np.nanmin(low) == pytest.approx(tops.min()) and np.nanmax(high) == pytest.approx(tops.max())
+
+
+def test_what_is_lethal_wins_over_ground_of_its_height_and_not_of_another() -> None:
+    labels = [TerrainClass.TRAVERSABLE] * 3 + [TerrainClass.OBSTACLE, TerrainClass.CLIFF, TerrainClass.OBSTACLE]
+    ix, z = np.array([0, 1, 2, 1, 2, 3], np.int32), np.array([0, 0, 0, 2, 9, 1], np.int32)
+    voxels = ClassifiedVoxels(ix, np.zeros(6, np.int32), z, np.array(labels, np.uint8), 0.1)
+    (storey,) = storey_maps(voxels)
+    assert storey.grey[0].tolist() == [FREE, OCCUPIED, FREE, OCCUPIED]
+
+
+def test_height_map_lies_in_the_world(tmp_path: Path) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    (tmp_path / "run" / "world_origin.json").write_bytes(origin_bytes((500000.0, 5400000.0, 300.0)))
+    assert main([str(tmp_path / "run"), "--out", str(tmp_path / "a.tif")]) == 0
+    picture = Image.open(tmp_path / "a.tif")
+    heights = np.asarray(picture)
+    _, _, _, left, top, _ = picture.tag_v2[33922]
+    assert picture.tag_v2[33550][:2] == (RESOLUTION, RESOLUTION) and picture.tag_v2[42113] == "nan"
+    row, column = int((top - 5400002.0) / RESOLUTION), int((500002.0 - left) / RESOLUTION)
+    assert heights[row, column] == pytest.approx(300.0 + RESOLUTION, abs=1e-3)
+
+
+def test_octrees_and_clouds_are_those_of_the_run(tmp_path: Path) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    names = ["a.ot", "a.bt", "a.pcd", "a.ply"]
+    assert main([str(tmp_path / "run"), "--out", *(str(tmp_path / name) for name in names)]) == 0
+    tree = OctreeMap.read(tmp_path / "run" / "map.ot")
+    assert OctreeMap.read(tmp_path / "a.ot").to_full() == tree.to_full()
+    assert OctreeMap.read(tmp_path / "a.bt").to_binary() == tree.to_binary()
+    assert all(read_cloud(tmp_path / name).points == pytest.approx(CLOUD) for name in names[2:])
+
+
+def test_octree_s_file_and_voxels_give_the_centres(tmp_path: Path) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    file = tmp_path / "run" / "map.ot"
+    assert main([str(file), "--out", str(tmp_path / "a.pcd")]) == 0
+    assert main([str(tmp_path / "run"), "--voxels", "--out", str(tmp_path / "b.pcd")]) == 0
+    centers = OctreeMap.read(file).occupied_voxels()[0]
+    assert all(len(read_cloud(tmp_path / name).points) == len(centers) for name in ("a.pcd", "b.pcd"))
+
+
+@pytest.mark.parametrize(
+    ("lacking", "out", "reason"),
+    [
+        ("terrain.npz", ["a.bt", "a.pgm"], "terrain.npz is missing"),
+        ("map.ot", ["a.pcd", "a.bt"], "map.ot or map.bt is missing"),
+        ("cloud.pcd", ["a.bt", "a.ply"], "cloud.pcd is missing"),
+        ("", ["a.bt", "a.dxf"], "ends in .ot, .bt, .pcd"),
+        ("", ["a.bt", "nowhere/a.bt"], "no such folder"),
+    ],
+)
+def test_what_is_not_there_is_named_and_nothing_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], lacking: str, out: list[str], reason: str
+) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    if lacking:
+        (tmp_path / "run" / lacking).unlink()
+    assert main([str(tmp_path / "run"), "--out", *(str(tmp_path / name) for name in out)]) == 2
+    said = capsys.readouterr()
+    assert reason in said.err and len(said.err.splitlines()) == 1 and said.out == ""
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04noise", np.random.default_rng(1).bytes(3000)])
+def test_damaged_classes_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str], content: bytes) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    (tmp_path / "run" / "terrain.npz").write_bytes(content)
+    assert main([str(tmp_path / "run"), "--out", str(tmp_path / "a.pgm")]) == 2
+    assert "terrain.npz" in capsys.readouterr().err
+
+
+def test_octree_alone_is_not_classified(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    assert main([str(tmp_path / "run" / "map.ot"), "--out", str(tmp_path / "a.pgm")]) == 2
+    assert "give a run's folder" in capsys.readouterr().err
