@@ -54,8 +54,9 @@ class CloudInput:
         """Hands on those whose place is known by now. What cannot be used is dropped and counted."""
         while self._waiting:
             arrived_s, message = self._waiting[0]
+            frame, stamp = message.header.frame_id, message.header.stamp
             try:
-                T_map_cloud = self._transforms.at(message.header.frame_id, message.header.stamp)
+                T_map_cloud, T_map_sensor = (self._transforms.at(of, stamp) for of in (frame, self._config.sensor_frame_id or frame))
             except NoTransformError as error:
                 if time.monotonic() - arrived_s < PATIENCE_S:
                     return
@@ -63,32 +64,29 @@ class CloudInput:
                 self._waiting.popleft()
                 continue
             self._waiting.popleft()
-            self._node.dropping(partial(self._hand_on, hand_on, T_map_cloud))(message)
+            self._node.dropping(partial(self._hand_on, hand_on, T_map_cloud, T_map_sensor[:3, 3]))(message)
 
-    def _hand_on(self, hand_on: Callable[[PlacedCloud], None], T_map_cloud: Transform, message: PointCloud2) -> None:
-        hand_on(self._placed(message, T_map_cloud))
+    def _hand_on(
+        self, hand_on: Callable[[PlacedCloud], None], T_map_cloud: Transform, sensor_map: NDArray[np.floating], message: PointCloud2
+    ) -> None:
+        hand_on(self._placed(message, T_map_cloud, sensor_map))
 
-    def _placed(self, message: PointCloud2, T_map_cloud: Transform) -> PlacedCloud:
+    def _placed(self, message: PointCloud2, T_map_cloud: Transform, sensor_map: NDArray[np.floating]) -> PlacedCloud:
         table = read_points(message)
         if table.origins is not None:
             origins = transform_points(T_map_cloud, table.origins)
         else:
-            origins = np.broadcast_to(self._sensor(message, T_map_cloud), table.points.shape)
+            origins = np.broadcast_to(sensor_map, table.points.shape)
         points = transform_points(T_map_cloud, table.points)
         kept = self._counts(points, origins)
         return PlacedCloud(stamp_of(message), _singles(points[kept]), _singles(origins[kept]), self._robot(message))
 
-    def _sensor(self, message: PointCloud2, T_map_cloud: Transform) -> NDArray[np.floating]:
-        """(3,) where the sensor was, in map."""
-        frame = self._config.sensor_frame_id
-        T_map_sensor = self._transforms.at(frame, message.header.stamp) if frame else T_map_cloud
-        return np.asarray(T_map_sensor[:3, 3])
-
     def _robot(self, message: PointCloud2) -> Transform | None:
+        """At the cloud's stamp, else the newest, half a second older at most: a cloud in the map's own frame waits for nobody."""
         try:
             return self._transforms.at(frames().base, message.header.stamp)
         except NoTransformError:
-            return None
+            return self._transforms.newest(frames().base, stamp_of(message) - PATIENCE_S)
 
     def _counts(self, points: NDArray[np.floating], origins: NDArray[np.floating]) -> NDArray[np.bool_]:
         """(N,) whether a point lies where the parameters want it."""

@@ -86,12 +86,13 @@ class TransformsWhenAsked:
         except tf2_ros.TransformException as error:
             raise NoTransformError(f"tf does not tell {frame!r} in {frames().map!r} at {stamp.to_sec():.3f} s: {error}") from error
 
-    def newest(self, frame: str) -> NDArray[np.float64] | None:
-        """The same by the newest transforms; None where they do not tell."""
+    def newest(self, frame: str, not_before_s: float = 0.0) -> NDArray[np.float64] | None:
+        """The same by the newest transforms; None where they do not tell, or are older."""
         try:
-            return self.at(frame, rospy.Time())
-        except NoTransformError:
+            found = self._listening().lookup_transform_core(frames().map, frame, rospy.Time())
+        except tf2_ros.TransformException:
             return None
+        return transform_from_message(found.transform) if found.header.stamp.to_sec() >= not_before_s else None
 
     def _listening(self) -> tf2_ros.BufferCore:
         if self._buffer is None:

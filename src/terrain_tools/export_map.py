@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -13,14 +13,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
+from finished_maps import SWEEPS, LoadedMap, load_map
 from mapping_tools.cloud_files import read_cloud
+from mapping_tools.map_origin import ORIGIN as MAP_ORIGIN
+from octomap_server_3dnav.navigation.passages import navigable_terrain
+from octomap_server_3dnav.octree.map_builder import MapBuilder
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.octree.octree_files import replace_file
 from pose_graph_mapping.session.session_files import pcd_bytes, ply_bytes
 from rigid_geometry import read_origin
+from robot_body import robot_file
+from terrain_tools.criteria import Criteria, read_criteria
 from terrain_tools.storey_maps import StoreyMap, pgm_bytes, read_classified, storey_maps, tif_bytes, yaml_bytes
 
 OCTREES, CLASSES, CLOUD, ORIGIN = ("map.ot", "map.bt"), "terrain.npz", "cloud.pcd", "world_origin.json"
+_ROBOT = "robot.yaml"
 FORMATS = {
     ".ot": "the octree with its log-odds",
     ".bt": "the octree, free and occupied",
@@ -29,8 +36,9 @@ FORMATS = {
     ".pgm": "a 2-D map for map_server, with its .yaml",
     ".tif": "the ground's height as a GeoTIFF of float32, in the world's coordinates",
 }
-_DESCRIPTION = """Writes a finished map as other programs read it. MAP is a run's folder, or an octomap octree (.bt .ot) for .bt, .ot, .pcd
-and .ply. 2-D maps and heights are of classified ground, one a storey: where there are several they are FILE-1, FILE-2, .. from below."""
+_DESCRIPTION = """Writes a finished map as other programs read it. MAP is the folder of a run, or of a session, whose octree and ground are
+made anew of its sweeps; or an octomap octree (.bt .ot) for .bt, .ot, .pcd and .ply. 2-D maps and heights are of classified ground, one a
+storey: where there are several they are FILE-1, FILE-2, .. from below."""
 _EPILOG = f"""Formats: {"; ".join(f"{suffix} {what}" for suffix, what in FORMATS.items())}.
 Example: ./export_map runs/ramp-1 --out ramp.pgm ramp.tif. Exit code: 0 all is written, 2 a file or argument is wrong, and nothing is."""
 
@@ -39,14 +47,20 @@ Files = list[tuple[Path, bytes, str]]
 
 @dataclass(frozen=True)
 class FinishedMap:
-    """A run's folder, or an octree's file; what is not there is a ValueError that names it."""
+    """A run's or session's folder, or an octree's file; what is not there is a ValueError that names it.
+
+    `by`: what an octree is made by of a session's sweeps, and its ground classified by, where the folder does not have them already.
+    """
 
     path: Path
+    by: Criteria = field(default_factory=Criteria)
 
     @cached_property
     def octree(self) -> OctreeMap:
-        """Of the file, or of the folder's map.ot, else its map.bt."""
+        """Of the file, or of the folder's map.ot, else its map.bt, else its sweeps."""
         path = self._first(OCTREES) if self.path.is_dir() else self.path
+        if path is None:
+            return self._session.builder.tree
         try:
             return OctreeMap.read(path)
         except OSError as error:
@@ -56,36 +70,50 @@ class FinishedMap:
         """(N, 3) in map: the merged cloud of a run, or the centres of occupied voxels."""
         if voxels or not self.path.is_dir():
             return self.octree.occupied_voxels()[0].astype(np.float64)
-        return read_cloud(self._first((CLOUD,))).points
+        path = self._first((CLOUD,))
+        if path is None:
+            raise ValueError(f"{self.path}: {CLOUD} is missing; with --voxels the centres of occupied voxels are written")
+        return read_cloud(path).points
 
     @cached_property
     def storeys(self) -> list[StoreyMap]:
         """2-D maps of the classified ground."""
         if not self.path.is_dir():
             raise ValueError(f"{self.path}: an octree is not classified: give a run's folder, with its {CLASSES}")
-        return storey_maps(read_classified(self._first((CLASSES,)), self.octree.resolution))
+        path = self._first((CLASSES,))
+        if path is not None:
+            return storey_maps(read_classified(path, self.octree.resolution))
+        if self._first((SWEEPS,)) is None:
+            raise ValueError(f"{self.path}: no classified ground there: {CLASSES} is missing, and {SWEEPS}, of which it is made")
+        builder, T_map_base = self._session.builder, self._session.T_map_base
+        assert T_map_base is not None
+        return storey_maps(navigable_terrain(builder.tree.column_runs(), T_map_base, self.by.settings, None, builder.heights))
 
     @property
     def origin(self) -> NDArray[np.float64]:
         """(3,) where the map's origin lies in the world."""
-        return read_origin(self.path / ORIGIN) if (self.path / ORIGIN).is_file() else np.zeros(3)
+        path = self._first((ORIGIN, MAP_ORIGIN))
+        return np.zeros(3) if path is None else read_origin(path)
 
-    def _first(self, names: Sequence[str]) -> Path:
-        for name in names:
-            if (self.path / name).is_file():
-                return self.path / name
-        raise ValueError(f"{self.path}: no finished map there: {' or '.join(names)} is missing")
+    @cached_property
+    def _session(self) -> LoadedMap:
+        return load_map(self.path, MapBuilder(self.by.octree, self.by.sensor_model, self.by.robot))
+
+    def _first(self, names: Sequence[str]) -> Path | None:
+        return next((self.path / name for name in names if (self.path / name).is_file()), None)
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     usage = "./export_map MAP --out FILE [FILE ...] [--voxels]"
     p = OneLineParser(prog="./export_map", usage=usage, description=_DESCRIPTION, epilog=_EPILOG)
-    p.add_argument("map", type=Path, metavar="MAP", help="a run's folder, or a .bt or .ot file; it is only read")
+    p.add_argument("map", type=Path, metavar="MAP", help="a run's or session's folder, or a .bt or .ot file; it is only read")
     p.add_argument(
         "--out", type=Path, nargs="+", required=True, metavar="FILE", help=f"the suffix tells the format: {' '.join(FORMATS)}; replaced"
     )
     p.add_argument("--voxels", action="store_true", help="as a cloud, the centres of occupied voxels in place of the run's merged cloud")
+    p.add_argument("--robot", type=robot_file, metavar="R", help=f"as in ./explore; default {_ROBOT} of the folder, else husky")
+    p.add_argument("--profile", metavar="P", help="parameters of a session's octree and ground, as in ./classify_map")
     return p
 
 
@@ -128,7 +156,10 @@ def export_map(options: argparse.Namespace) -> None:
     for target in options.out:
         if not target.parent.is_dir():
             raise ArgumentProblem(f"--out {target}: no such folder: {target.parent}")
-    source = FinishedMap(options.map)
+    beside = options.map / _ROBOT
+    source = FinishedMap(
+        options.map, read_criteria(beside if options.robot is None and beside.is_file() else options.robot, options.profile)
+    )
     files = [file for target in options.out for file in exported(source, target, voxels=options.voxels)]
     for path, content, what in files:
         replace_file(path, content)

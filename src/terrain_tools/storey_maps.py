@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav.navigation.storey import STOREY_M
 from octomap_server_3dnav.terrain.classify import TerrainClass
-from terrain_tools.storeys import storeys
+from terrain_tools.storeys import Classified, storeys
 
 _GROUND, _LETHAL = (TerrainClass.TRAVERSABLE, TerrainClass.INFLATION), (TerrainClass.OBSTACLE, TerrainClass.CLIFF)
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
@@ -61,13 +61,13 @@ def read_classified(path: Path, resolution: float) -> ClassifiedVoxels:
     return ClassifiedVoxels(ix, iy, z, label, resolution)
 
 
-def storey_maps(voxels: ClassifiedVoxels) -> list[StoreyMap]:
+def storey_maps(voxels: Classified) -> list[StoreyMap]:
     """One map a storey, from below."""
     bands = [(voxels.z >= first) & (voxels.z <= last) for first, last in storeys(voxels)]
     return [_map_of(voxels, band) for band in bands]
 
 
-def _map_of(v: ClassifiedVoxels, of_storey: NDArray[np.bool_]) -> StoreyMap:
+def _map_of(v: Classified, of_storey: NDArray[np.bool_]) -> StoreyMap:
     """What is lethal wins over ground of about its height, as in the costmap."""
     x, y = v.ix - v.ix.min(), v.iy - v.iy.min()
     ground, lethal = (np.flatnonzero(of_storey & np.isin(v.label, classes)) for classes in (_GROUND, _LETHAL))

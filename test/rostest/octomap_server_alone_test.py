@@ -140,6 +140,14 @@ class OctomapServerAloneTest(unittest.TestCase):
         self.stand(self.clock_s)
         self.full.wait_for_stamp(self.clock_s)
 
+    def test_cloud_in_the_map_s_own_frame_waits_for_nobody_and_has_the_robot_where_it_was_last(self) -> None:
+        self.stand(self.clock_s)
+        OctomapServerAloneTest.clock_s += 1.3  # 0.3 s after the newest transform
+        self.clouds.publish(plain_cloud(self.clock_s, transform_points(T_WORLD_BASE @ T_BASE_CAMERA, self.room), frame="/world"))
+        self.projected.wait_for_stamp(self.clock_s)
+        goal = PoseStamped(header(0.0, "world"), pose_message(T_WORLD_BASE @ transform_from_rpy((1.5, 0.5, -0.132))))
+        self.assertGreater(len(self.make_plan(PoseStamped(), goal, 0.5).plan.poses), 5)
+
     def test_cloud_that_tf_does_not_place_is_dropped_and_counted(self) -> None:
         before = self.diagnostics.dropped("cloud without tf")
         self.clouds.publish(plain_cloud(self.clock_s, self.room, frame="nowhere"))

@@ -39,6 +39,7 @@ ORDER: dict[str, set[str]] = {
     "octomap_server_3dnav.terrain": BASE | {"octomap_server_3dnav.octree"},
     "octomap_server_3dnav.navigation": BASE | {"octomap_server_3dnav.octree", "octomap_server_3dnav.terrain"},
     "octomap_server_3dnav.exploration": BASE | TERRAIN - {"octomap_server_3dnav.exploration"},
+    "finished_maps": BASE | MAPPING | {"octomap_server_3dnav.octree"},
     "local_terrain_costmap": BASE,
     "path_following": BASE,
     "collision_monitor": BASE,
@@ -72,7 +73,7 @@ ORDER: dict[str, set[str]] = {
     "mapping_tools": BASE
     | MAPPING
     | {"explore_command", "mount_calibration", "odometry_fusion", "point_cloud2", "sensor_checks", "sweep_assembly"},
-    "terrain_tools": BASE | TERRAIN | {"explore_command", "mapping_tools", "pose_graph_mapping.session"},
+    "terrain_tools": BASE | TERRAIN | {"explore_command", "finished_maps", "mapping_tools", "pose_graph_mapping.session"},
     "run_replay": BASE | MAPPING | {"exploration_evaluation", "explore_command", "octomap_server_3dnav.terrain", "roslaunch_process"},
     "evaluation_report": BASE | {"exploration_evaluation"},
     "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "roslaunch_process"},

@@ -37,6 +37,7 @@ def test_map_that_begins_anew_while_files_rest_is_written_again(tmp_path: Path, 
     files.save(tree(1.0), None, None)
     assert files.wait()[0]
     files.save(tree(2.0), None, None)
+    time.sleep(0.05)  # the thread knows of it, and rests
     files.forget()
     assert not files.wait()[0]
     time.sleep(0.5)  # the rest is over, and nothing is to be written

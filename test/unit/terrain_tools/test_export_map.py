@@ -11,9 +11,13 @@ from terrain_maps import RESOLUTION, floor, octree_of, two_storeys
 from mapping_tools.cloud_files import read_cloud
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
+from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session.session_files import pcd_bytes
-from rigid_geometry import origin_bytes
+from pose_graph_mapping.session.session_record import Measured
+from pose_graph_mapping.session.session_store import SessionStore
+from rigid_geometry import origin_bytes, transform_from_rpy
 from robot_body import RobotBody
+from terrain_tools.criteria import Criteria
 from terrain_tools.export_map import main
 from terrain_tools.ground import pose_on
 from terrain_tools.storey_maps import FREE, OCCUPIED, UNKNOWN, ClassifiedVoxels, storey_maps
@@ -98,6 +102,33 @@ def test_octrees_and_clouds_are_those_of_the_run(tmp_path: Path) -> None:
     assert all(read_cloud(tmp_path / name).points == pytest.approx(CLOUD) for name in names[2:])
 
 
+def session_of_a_room(folder: Path) -> None:
+    """One sweep of a square room's floor and walls, as ./map_bag leaves it: without octree and classes."""
+    line = np.arange(-3.0, 3.0, 0.05)
+    x, y = (a.ravel() for a in np.meshgrid(line, line))
+    along, up = (a.ravel() for a in np.meshgrid(line, np.arange(-0.13, 1.8, 0.05)))
+    walls = [
+        np.column_stack(c) for side in (-3.0, 3.0) for edge in [np.full(along.size, side)] for c in ((edge, along, up), (along, edge, up))
+    ]
+    points = np.concatenate([np.column_stack([x, y, np.full(x.size, -0.132)]), *walls]).astype(np.float32)
+    store, graph, T = SessionStore(folder), PoseGraph(), transform_from_rpy((10.0, 5.0, 0.132))
+    graph.add_vertex(T)
+    origins = np.tile(np.float32([0.2, 0.0, 0.75]), (len(points), 1))
+    store.add_sweep(0, 1.0, points, origins, graph, Measured(T, (0.0, 0.0, 1.0), 0.01))
+    store.save(graph)
+
+
+def test_octree_and_ground_of_a_session_are_made_of_its_sweeps(tmp_path: Path) -> None:
+    session_of_a_room(tmp_path / "session")
+    names = [str(tmp_path / name) for name in ("a.bt", "a.pgm", "a.ply")]
+    assert main([str(tmp_path / "session"), "--out", *names]) == 0
+    assert OctreeMap.read(tmp_path / "a.bt").resolution == Criteria().octree.resolution
+    assert [value_at(tmp_path, "a", x, 5.5) for x in (11.0, 13.0)] == [FREE, OCCUPIED]
+    (tmp_path / "fine.yaml").write_text("resolution: 0.05\n")
+    assert main([str(tmp_path / "session"), "--profile", str(tmp_path / "fine.yaml"), "--out", str(tmp_path / "b.bt")]) == 0
+    assert OctreeMap.read(tmp_path / "b.bt").resolution == 0.05
+
+
 def test_octree_s_file_and_voxels_give_the_centres(tmp_path: Path) -> None:
     run_folder(tmp_path / "run", floor(), (2, 2, 0))
     file = tmp_path / "run" / "map.ot"
@@ -111,7 +142,7 @@ def test_octree_s_file_and_voxels_give_the_centres(tmp_path: Path) -> None:
     ("lacking", "out", "reason"),
     [
         ("terrain.npz", ["a.bt", "a.pgm"], "terrain.npz is missing"),
-        ("map.ot", ["a.pcd", "a.bt"], "map.ot or map.bt is missing"),
+        ("map.ot", ["a.pcd", "a.bt"], "neither sweeps/index.json nor map.ot"),
         ("cloud.pcd", ["a.bt", "a.ply"], "cloud.pcd is missing"),
         ("", ["a.bt", "a.dxf"], "ends in .ot, .bt, .pcd"),
         ("", ["a.bt", "nowhere/a.bt"], "no such folder"),

@@ -1,4 +1,4 @@
-"""Finished maps for octomap_server_3dnav_node: an octree of a file, or the sweeps of a run's folder where its graph has them."""
+"""From a path to a map: an octree of a file, or the sweeps of a run's folder where its graph has them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,7 @@ from pose_graph_mapping.registration.cloud import PointCloud
 from pose_graph_mapping.session.session_store import DamagedSweepError, SessionStore
 from rigid_geometry.transforms import Transform
 
-_SWEEPS, _OCTREE, _GRAPH = "sweeps/index.json", "map.ot", "graph.g2o"
+SWEEPS, _OCTREE, _GRAPH = "sweeps/index.json", "map.ot", "graph.g2o"
 _NO_BEAMS = np.zeros((0, 3), np.float32)
 
 
@@ -47,11 +47,11 @@ def _of_file(path: Path, like: MapBuilder) -> LoadedMap:
 
 
 def _of_folder(folder: Path, like: MapBuilder) -> LoadedMap:
-    if (folder / _SWEEPS).is_file():
+    if (folder / SWEEPS).is_file():
         return _of_session(folder, like)
     if (folder / _OCTREE).is_file():
         return _of_file(folder / _OCTREE, like)
-    raise ValueError(f"{folder}: no map there: neither {_SWEEPS} nor {_OCTREE}")
+    raise ValueError(f"{folder}: no map there: neither {SWEEPS} nor {_OCTREE}")
 
 
 def _of_session(folder: Path, like: MapBuilder) -> LoadedMap:

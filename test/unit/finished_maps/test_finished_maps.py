@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from finished_maps import load_map
 from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.map_builder import MapBuilder, MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
@@ -14,7 +15,6 @@ from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import inverse, transform_from_rpy, transform_points
 from robot_body import RobotBody
-from ros_adapters.map_loading import load_map
 
 POSES = [transform_from_rpy((x, 0.0, 0.132), (0.0, 0.0, yaw)) for x, yaw in ((0.0, 0.0), (1.0, 0.4))]
 SENSOR = (0.2, 0.0, 0.75)
