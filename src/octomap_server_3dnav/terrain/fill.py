@@ -53,13 +53,28 @@ def _level_between(z: NDArray[np.int16], a: Index, b: Index, j: Index, gap: Inde
 
 
 @lean_njit
+def _is_underside(columns: Columns, surfaces: Surfaces, n: Index, height: float, limits: Limits) -> bool:
+    """Whether node n is lower than a floor at `height` by more than a step, with air below: a plate was seen there from below alone."""
+    if n < 0 or surfaces.height[n] >= height - limits.max_step:
+        return False
+    c = surfaces.column[n]
+    for r in range(columns.start[c] + 1, columns.start[c + 1]):
+        if columns.z_hi[r] == surfaces.z[n]:
+            return bool(not columns.occupied[r - 1] and columns.z_hi[r - 1] >= columns.z_lo[r] - 2)
+    return False
+
+
+@lean_njit
 def _spans(columns: Columns, surfaces: Surfaces, a: Index, b: Index, stride: Index, gap: Index, limits: Limits) -> bool:
     """Whether floor between nodes a and b, `gap` columns of `stride` apart, contradicts nothing that is known there."""
     start, z, step = surfaces.start, surfaces.z, limits.step
+    low = min(surfaces.height[a], surfaces.height[b])
     for j in range(1, gap):
         between, level = np.int64(surfaces.column[a]) + j * stride, _level_between(z, a, b, j, gap)
-        if find_node(start, z, between, level, step) >= 0 or find_node(start, z, between, np.int64(z[b]), step) >= 0:
-            return False
+        for near in (level, np.int64(z[b])):
+            n = find_node(start, z, between, near, step + 1)  # what lies deeper was seen free above
+            if n >= 0 and not _is_underside(columns, surfaces, n, low, limits):
+                return False
         if blocking_voxel(columns, between, level, step, limits.clearance) != NO_VOXEL:
             return False
         if seen_down_to(columns, between, level + step + 1) == NO_VOXEL:  # something may stand there
@@ -76,11 +91,12 @@ def _other_side(columns: Columns, surfaces: Surfaces, a: Index, stride: Index, r
     there is none within `room` columns."""
     start, z, step = surfaces.start, surfaces.z, limits.step
     c, level = np.int64(surfaces.column[a]), np.int64(surfaces.z[a])
-    if find_node(start, z, c + stride, level, step) >= 0:
+    n = find_node(start, z, c + stride, level, step)
+    if n >= 0 and not _is_underside(columns, surfaces, n, surfaces.height[a], limits):
         return -1, 0
     for gap in range(2, room + 1):
         b = find_node(start, z, c + gap * stride, level, max(step, _MOST_RISE))
-        if b < 0:
+        if b < 0 or _is_underside(columns, surfaces, b, surfaces.height[a], limits):
             continue
         is_floor = abs(np.int64(z[b]) - level) <= _MOST_RISE and _is_one_floor(surfaces, a, b, gap, stride, limits)
         if is_floor and _spans(columns, surfaces, a, b, stride, gap, limits):

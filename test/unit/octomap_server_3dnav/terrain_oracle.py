@@ -142,10 +142,11 @@ class Oracle:
 
     def _other_side(self, a: Node, way: Column) -> tuple[Node, int]:
         for gap in range(2, self.limits.fill + 2):
-            if self.find(moved(a[:2], way), a.z, self.step):
+            next_one = self.find(moved(a[:2], way), a.z, self.step)
+            if next_one and not self._is_underside(next_one, self.height[a]):
                 break
             b = self.find(moved(a[:2], way, gap), a.z, max(self.step, 2))
-            if b is None:
+            if b is None or self._is_underside(b, self.height[a]):
                 continue
             if abs(b.z - a.z) <= 2 and self._is_one_floor(a, b, way, gap) and self._is_unknown_between(a, b, way, gap):
                 return b, gap
@@ -164,11 +165,20 @@ class Oracle:
         for j in range(1, gap):
             c, level = moved(a[:2], way, j), self._between(a, b, j, gap)
             seen = self.seen_down_to(c, level)
-            if self.find(c, level, self.step) or self.find(c, b.z, self.step) or self.blocks(c, level) is not None:
+            found = filter(None, (self.find(c, level, self.step + 1), self.find(c, b.z, self.step + 1)))
+            low = min(self.height[a], self.height[b])
+            if not all(self._is_underside(n, low) for n in found) or self.blocks(c, level) is not None:
                 return False
             if self.seen_down_to(c, level + self.step + 1) is None or (seen is not None and seen < level - self.step):
                 return False
         return True
+
+    def _is_underside(self, n: Node, height: float) -> bool:
+        """Whether a surface far below a floor hangs in the air."""
+        runs = self.runs[n[:2]]
+        i = next(i for i, run in enumerate(runs) if run.high == n.z)
+        hangs = i > 0 and not runs[i - 1].occupied and runs[i - 1].high >= runs[i].low - 2
+        return hangs and self.height[n] < height - self.limits.max_step
 
     def _near(self, s: Node, k: int) -> Node | None:
         return self.find(moved(s[:2], SIDES[k % 4]), s.z, self.step)

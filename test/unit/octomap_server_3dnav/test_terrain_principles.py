@@ -111,6 +111,24 @@ def test_gap_is_no_floor_where_something_else_was_seen(state):
 # -- 3: one question beside ground
 
 
+def cut_floor(columns: int, depth: int, hangs: bool) -> NDArray[np.uint8]:
+    """A floor of which `columns` columns show what lies `depth` voxels lower: its underside, with air below, or a trench."""
+    states = np.full((60, 60, 60), FREE, dtype=np.uint8)
+    top = BELOW + 20
+    states[:, :, top], states[:, :, top - depth + 1 : top], states[:, :, top - depth] = OCCUPIED, UNKNOWN, OCCUPIED
+    states[30 : 30 + columns, :, top - depth + 1 : top + 1] = FREE
+    if not hangs:
+        states[:, :, : top - depth] = UNKNOWN
+    return states
+
+
+@pytest.mark.parametrize("depth", [2, 3])
+@pytest.mark.parametrize(("columns", "hangs", "is_floor"), [(1, True, True), (3, True, True), (4, True, False), (1, False, False)])
+def test_underside_of_a_plate_says_nothing_of_the_floor_above_it_and_a_trench_is_one(columns, depth, hangs, is_floor):
+    found = terrain_of(cut_floor(columns, depth, hangs), pose(1.2, 2.4, 20.5 * RESOLUTION))
+    assert (label_at(found, 3.6, 2.4, 20.5 * RESOLUTION) == TRAVERSABLE) == is_floor
+
+
 def row(*beyond: tuple[slice, np.uint8, slice]) -> str:
     """Labels of columns 26 to 34 of a floor that ends before column 30; of those from there on a state in some layers by column."""
     states = flat()
