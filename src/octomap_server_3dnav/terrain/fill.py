@@ -53,50 +53,39 @@ def _level_between(z: NDArray[np.int16], a: Index, b: Index, j: Index, gap: Inde
 
 
 @lean_njit
-def _is_underside(columns: Columns, surfaces: Surfaces, n: Index, height: float, limits: Limits) -> bool:
-    """Whether node n is lower than a floor at `height` by more than a step, with air below: a plate was seen there from below alone."""
-    if n < 0 or surfaces.height[n] >= height - limits.max_step:
-        return False
-    c = surfaces.column[n]
-    for r in range(columns.start[c] + 1, columns.start[c + 1]):
-        if columns.z_hi[r] == surfaces.z[n]:
-            return bool(not columns.occupied[r - 1] and columns.z_hi[r - 1] >= columns.z_lo[r] - 2)
-    return False
+def _met(columns: Columns, surfaces: Surfaces, c: Index, level: Index, reach: Index, floor: float, limits: Limits) -> Index:
+    """The node as of `find_node`, but for the underside of a plate: more than a step below a `floor`, with air below it."""
+    n = find_node(surfaces.start, surfaces.z, c, level, reach)
+    hangs = seen_down_to(columns, c, np.int64(surfaces.z[n]) - limits.step - 1) != NO_VOXEL
+    return -1 if hangs and surfaces.height[n] < floor - limits.max_step else n
 
 
 @lean_njit
 def _spans(columns: Columns, surfaces: Surfaces, a: Index, b: Index, stride: Index, gap: Index, limits: Limits) -> bool:
     """Whether floor between nodes a and b, `gap` columns of `stride` apart, contradicts nothing that is known there."""
-    start, z, step = surfaces.start, surfaces.z, limits.step
-    low = min(surfaces.height[a], surfaces.height[b])
+    z, step, low = surfaces.z, limits.step, min(surfaces.height[a], surfaces.height[b])
     for j in range(1, gap):
         between, level = np.int64(surfaces.column[a]) + j * stride, _level_between(z, a, b, j, gap)
         for near in (level, np.int64(z[b])):
-            n = find_node(start, z, between, near, step + 1)  # what lies deeper was seen free above
-            if n >= 0 and not _is_underside(columns, surfaces, n, low, limits):
+            if _met(columns, surfaces, between, near, step + 1, low, limits) >= 0:
                 return False
+        seen, above = seen_down_to(columns, between, level), seen_down_to(columns, between, level + step + 1)
+        if seen < level - step or above == NO_VOXEL:  # a hole; something may stand there
+            return False
         if blocking_voxel(columns, between, level, step, limits.clearance) != NO_VOXEL:
-            return False
-        if seen_down_to(columns, between, level + step + 1) == NO_VOXEL:  # something may stand there
-            return False
-        seen = seen_down_to(columns, between, level)
-        if seen != NO_VOXEL and seen <= level - step - 1:
             return False
     return True
 
 
 @lean_njit
 def _other_side(columns: Columns, surfaces: Surfaces, a: Index, stride: Index, room: Index, limits: Limits) -> tuple[Index, Index]:
-    """The node across unknown columns beyond node a in steps of `stride` that is one floor with it, and how many columns on; -1 and 0 where
-    there is none within `room` columns."""
-    start, z, step = surfaces.start, surfaces.z, limits.step
-    c, level = np.int64(surfaces.column[a]), np.int64(surfaces.z[a])
-    n = find_node(start, z, c + stride, level, step)
-    if n >= 0 and not _is_underside(columns, surfaces, n, surfaces.height[a], limits):
+    """The node across unknown columns beyond node a that is one floor with it, and how many `stride`s on; -1, 0: none within `room`."""
+    z, step, c, level, floor = surfaces.z, limits.step, np.int64(surfaces.column[a]), np.int64(surfaces.z[a]), surfaces.height[a]
+    if _met(columns, surfaces, c + stride, level, step, floor, limits) >= 0:
         return -1, 0
     for gap in range(2, room + 1):
-        b = find_node(start, z, c + gap * stride, level, max(step, _MOST_RISE))
-        if b < 0 or _is_underside(columns, surfaces, b, surfaces.height[a], limits):
+        b = _met(columns, surfaces, c + gap * stride, level, max(step, _MOST_RISE), floor, limits)
+        if b < 0:
             continue
         is_floor = abs(np.int64(z[b]) - level) <= _MOST_RISE and _is_one_floor(surfaces, a, b, gap, stride, limits)
         if is_floor and _spans(columns, surfaces, a, b, stride, gap, limits):
@@ -156,25 +145,14 @@ def _one_per_hole(found: _Floor, step: int) -> _Floor:
     return _Floor._make(field[which] for field in found)
 
 
-@njit(cache=True)
-def _places(surfaces: Surfaces, floor: _Floor) -> NDArray[np.int64]:
-    """(M,) the node before which each floor comes."""
-    out = np.empty(floor.column.size, np.int64)
-    for i in range(out.size):
-        n = np.int64(surfaces.start[floor.column[i]])
-        while n < surfaces.start[floor.column[i] + 1] and surfaces.z[n] <= floor.z[i]:
-            n += 1
-        out[i] = n
-    return out
-
-
 def fill_gaps(columns: Columns, surfaces: Surfaces, limits: Limits) -> Surfaces:
     """The surfaces, and floor over gaps of at most `limits.fill` unknown columns among them, with a sigma that grows with the gap."""
     floor = _Floor(*_find_floor(columns, surfaces, limits)) if limits.fill else None
     if floor is None or not floor.column.size:
         return surfaces
     floor = _one_per_hole(floor, limits.step)
-    at = _places(surfaces, floor)
+    keys = [of.column.astype(np.int64) << 17 | (of.z.astype(np.int64) + (1 << 16)) for of in (surfaces, floor)]
+    at = np.searchsorted(keys[0], keys[1], side="right")  # the node before which each floor comes
     added = np.concatenate([[0], np.cumsum(np.bincount(floor.column, minlength=surfaces.start.size - 1))])
     return Surfaces(
         (surfaces.start + added).astype(np.int32),
