@@ -56,8 +56,13 @@ def _level_between(z: NDArray[np.int16], a: Index, b: Index, j: Index, gap: Inde
 def _met(columns: Columns, surfaces: Surfaces, c: Index, level: Index, reach: Index, floor: float, limits: Limits) -> Index:
     """The node as of `find_node`, but for the underside of a plate: more than a step below a `floor`, with air below it."""
     n = find_node(surfaces.start, surfaces.z, c, level, reach)
-    hangs = seen_down_to(columns, c, np.int64(surfaces.z[n]) - limits.step - 1) != NO_VOXEL
-    return -1 if hangs and surfaces.height[n] < floor - limits.max_step else n
+    if n < 0 or surfaces.height[n] >= floor - limits.max_step:
+        return n
+    r = np.int64(columns.start[c])
+    while columns.z_hi[r] != surfaces.z[n]:
+        r += 1
+    hangs = r > columns.start[c] and not columns.occupied[r - 1] and columns.z_hi[r - 1] >= columns.z_lo[r] - 2
+    return -1 if hangs else n
 
 
 @lean_njit

@@ -175,7 +175,9 @@ class Oracle:
 
     def _is_underside(self, n: Node, height: float) -> bool:
         """Whether a surface far below a floor hangs in the air."""
-        hangs = self.seen_down_to(n[:2], n.z - self.step - 1) is not None
+        runs = self.runs[n[:2]]
+        i = next(i for i, run in enumerate(runs) if run.high == n.z)
+        hangs = i > 0 and not runs[i - 1].occupied and runs[i - 1].high >= runs[i].low - 2
         return hangs and self.height[n] < height - self.limits.max_step
 
     def _near(self, s: Node, k: int) -> Node | None:
