@@ -31,7 +31,7 @@ from pose_graph_mapping.registration.placement_search import (
     same_place,
 )
 from pose_graph_mapping.registration.residual_pattern import pattern_covariance, residual_pattern
-from pose_graph_mapping.registration.verdict import Explained, Fit, fit_of, judge, judged_despite_changes, may_have_changed
+from pose_graph_mapping.registration.verdict import Explained, Fit, fit_of, judge, judged_despite_changes, least_surfaces, may_have_changed
 from rigid_geometry import as_covariance, as_transform, inverse, rotation_angle
 
 Array = NDArray[np.float64]
@@ -137,21 +137,22 @@ class GicpRegistration:
 
     def _despite_changes(self, pair: Pair, refusals: list[RegistrationResult]) -> RegistrationResult:
         """Of refused placements the one that explains most, accepted if no other explains nearly as much; else refused with the reason."""
-        config = self._config
-        likely = [result for result in refusals if may_have_changed(result, pair.guess_covariance is not None, config)]
+        config, is_guess_known = self._config, pair.guess_covariance is not None
+        likely = [result for result in refusals if may_have_changed(result, is_guess_known, config)]
         if not likely:
             return refusals[0]
         explained = [self._explained(pair, result.T_reference_reading) for result in likely]
         best = int(np.argmax([of.reading for of in explained]))
-        tells = explained[best].compared >= config.min_explained and explained[best].surfaces >= config.min_surfaces
+        tells = explained[best].compared >= config.min_explained and explained[best].surfaces >= least_surfaces(config, is_guess_known)
         rival = self._most_of_rivals(pair, likely[best].T_reference_reading) if tells else math.nan
-        return judged_despite_changes(likely[best], explained[best], rival, config)
+        return judged_despite_changes(likely[best], explained[best], rival, is_guess_known, config)
 
     def _most_of_rivals(self, pair: Pair, T: Array) -> float:
-        """The most of the reading that any placement but `T`, near it and at every heading, explains."""
-        config = self._config
-        around = dataclasses.replace(pair, T_guess=T, guess_covariance=None)
-        window = Window(config.search_shift_m, config.search_height_m, math.pi)
+        """The most of the reading that any placement but `T` explains: where the guess allows, else near `T`, at every heading."""
+        config, around, window = self._config, pair, pair.window
+        if pair.guess_covariance is None:
+            around = dataclasses.replace(pair, T_guess=T)
+            window = Window(config.search_shift_m, config.search_height_m, math.pi)
         starts = [rough.T for rough in rough_placements(around, window, config)]
         rivals = [start for start in starts if not same_place(T, np.zeros((0, 6)), start, config)][: config.search_refined]
         placed = [self._refined(around, start, None).T_reference_reading for start in rivals]
