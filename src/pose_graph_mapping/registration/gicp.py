@@ -24,6 +24,7 @@ from pose_graph_mapping.registration.matching import RegistrationResult, refused
 from pose_graph_mapping.registration.placement_search import (
     ROUGH_POINTS,
     Pair,
+    Rough,
     decided,
     is_found,
     is_worth_refining,
@@ -133,9 +134,9 @@ class GicpRegistration:
                 found.append(result)
         if found:
             return decided(found, pair.T_guess, pair.guess_covariance)
-        return self._despite_changes(pair, [*tried, *before]) if tried else refused(pair.T_guess, "no placement within the search")
+        return self._despite_changes(pair, [*tried, *before], starts) if tried else refused(pair.T_guess, "no placement within the search")
 
-    def _despite_changes(self, pair: Pair, refusals: list[RegistrationResult]) -> RegistrationResult:
+    def _despite_changes(self, pair: Pair, refusals: list[RegistrationResult], starts: list[Rough]) -> RegistrationResult:
         """Of refused placements the one that explains most, accepted if no other explains nearly as much; else refused with the reason."""
         config, is_guess_known = self._config, pair.guess_covariance is not None
         likely = [result for result in refusals if may_have_changed(result, is_guess_known, config)]
@@ -144,17 +145,16 @@ class GicpRegistration:
         explained = [self._explained(pair, result.T_reference_reading) for result in likely]
         best = int(np.argmax([of.reading for of in explained]))
         tells = explained[best].compared >= config.min_explained and explained[best].surfaces >= least_surfaces(config, is_guess_known)
-        rival = self._most_of_rivals(pair, likely[best].T_reference_reading) if tells else math.nan
+        rival = self._most_of_rivals(pair, likely[best].T_reference_reading, starts) if tells else math.nan
         return judged_despite_changes(likely[best], explained[best], rival, is_guess_known, config)
 
-    def _most_of_rivals(self, pair: Pair, T: Array) -> float:
-        """The most of the reading that any placement but `T` explains: where the guess allows, else near `T`, at every heading."""
-        config, around, window = self._config, pair, pair.window
+    def _most_of_rivals(self, pair: Pair, T: Array, starts: list[Rough]) -> float:
+        """The most of the reading that any placement but `T` explains: of `starts` where the guess allows no other, else near `T`."""
+        config, around = self._config, pair
         if pair.guess_covariance is None:
             around = dataclasses.replace(pair, T_guess=T)
-            window = Window(config.search_shift_m, config.search_height_m, math.pi)
-        starts = [rough.T for rough in rough_placements(around, window, config)]
-        rivals = [start for start in starts if not same_place(T, np.zeros((0, 6)), start, config)][: config.search_refined]
+            starts = rough_placements(around, Window(config.search_shift_m, config.search_height_m, math.pi), config)
+        rivals = [rough.T for rough in starts if not same_place(T, np.zeros((0, 6)), rough.T, config)][: config.search_refined]
         placed = [self._refined(around, start, None).T_reference_reading for start in rivals]
         return max((self._explained(pair, at).reading for at in placed if not same_place(T, np.zeros((0, 6)), at, config)), default=0.0)
 
