@@ -34,7 +34,7 @@ class SensorModel:
         high=0.5,
     )
     min_through: float = parameter(
-        0.12,
+        0.06,
         "-",
         "the same where sweeps saw all that is beside it, too: what steps in there later must be hit more often; as min: off",
         low=0.001,
