@@ -37,10 +37,10 @@ void BlockValues::update(const VoxelBlock& seen, const UpdateRule& rule) {
       float& value = log_odds[64 * word + bit];
       if (seen.hit[word] >> bit & 1) {
         value = std::min(value + rule.hit, rule.max);
-      } else if (seen.through[word] >> bit & 1) {
-        value = std::max(value + rule.through, rule.min_through);
       } else {  // what is freer already stays so
-        value = std::max(value + rule.miss, std::min(value, rule.min));
+        const bool through = seen.through[word] >> bit & 1;
+        const float least = through ? rule.min_through : rule.min;
+        value = std::max(value + (through ? rule.through : rule.miss), std::min(value, least));
       }
     }
     known[word] |= touched;

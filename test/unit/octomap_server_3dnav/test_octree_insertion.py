@@ -248,9 +248,10 @@ def test_pole_that_every_sweep_meets_stays_although_most_beams_pass_it():
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_bulk_insertion_has_the_log_odds_of_single_updates(seed):
+@pytest.mark.parametrize("least", [0.06, 0.3])
+def test_bulk_insertion_has_the_log_odds_of_single_updates(seed, least):
     """Values at every voxel after several sweeps, against clamped sums; bulk updates of whole cubes and pruning change none."""
-    model = SensorModel(grazing_m=0.0)
+    model = SensorModel(grazing_m=0.0, min=0.06 if least > 0.06 else 0.45, min_through=least)
     logit = {name: math.log(p / (1 - p)) for name, p in vars(model).items() if p}
     octree, total = OctreeMap(RES, model), None
     for sweep in range(6):
@@ -264,7 +265,7 @@ def test_bulk_insertion_has_the_log_odds_of_single_updates(seed):
         known = np.nan_to_num(total)
         amid = (states == FREE) & amid_seen(indices, states)
         missed = np.maximum(known + logit["miss"], np.minimum(known, logit["min"]))
-        through = np.maximum(known + logit["through"], logit["min_through"])
+        through = np.maximum(known + logit["through"], np.minimum(known, logit["min_through"]))
         hit = np.minimum(known + logit["hit"], logit["max"])
         total = np.select([amid, states == FREE, states == OCCUPIED], [through, missed, hit], total)
     expected = np.select([np.isnan(total), total >= 0], [UNKNOWN, OCCUPIED], FREE)
