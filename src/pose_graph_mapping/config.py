@@ -110,8 +110,12 @@ class RegistrationConfig:
     min_explained: float = parameter(
         0.5, "-", "least share that agrees of the compared points, by what they hold of the motion that they hold least", low=0.0, high=1.0
     )
-    min_surfaces: float = parameter(35.0, "-", "least number of different surfaces that agree: twin rooms share few", low=0.0)
-    max_rival_share: float = parameter(0.5, "-", "largest part of what it explains that another placement may explain", low=0.0, high=1.0)
+    min_surfaces: float = parameter(
+        35.0, "-", "least number of different surfaces that agree where nothing is known of the guess: twin rooms share few", low=0.0
+    )
+    max_rival_share: float = parameter(
+        0.5, "-", "largest part of what it explains that another placement may explain, where the guess allows one", low=0.0, high=1.0
+    )
     free_space_margin_m: float = parameter(0.15, "m", "a point contradicts when it is nearer than seen by more than this ..", low=0.0)
     free_space_margin_ratio: float = parameter(0.02, "-", ".. plus this share of the range", low=0.0, high=1.0)
     free_space_least_cos: float = parameter(
