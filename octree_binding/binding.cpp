@@ -45,11 +45,11 @@ py::array_t<T> to_numpy(std::vector<T>&& values) {
   return py::array_t<T>(size, data, owner);
 }
 
-std::unique_ptr<Tree> make_tree(double resolution, double hit, double miss, double through, double min, double max) {
+std::unique_ptr<Tree> make_tree(double resolution, double hit, double miss, double through, double min, double min_through, double max) {
   auto made = std::make_unique<Tree>(resolution);
   made->tree.setProbHit(hit);
   made->tree.setProbMiss(miss);
-  made->tree.set_prob_through(through);
+  made->tree.set_prob_through(through, min_through);
   made->tree.setClampingThresMin(min);
   made->tree.setClampingThresMax(max);
   return made;
@@ -121,7 +121,8 @@ PYBIND11_MODULE(_octree_binding, m) {
       .def("memory_bytes", [](const SweepVoxels& self) { return self.blocks.size() * sizeof(VoxelBlock); });
   m.def("trace_sweep", &trace);
   py::class_<Tree>(m, "Tree")
-      .def(py::init(&make_tree), py::arg("resolution"), py::arg("hit"), py::arg("miss"), py::arg("through"), py::arg("min"), py::arg("max"))
+      .def(py::init(&make_tree), py::arg("resolution"), py::arg("hit"), py::arg("miss"), py::arg("through"), py::arg("min"), py::arg("min_through"),
+           py::arg("max"))
       .def("apply", [](Tree& self, const SweepVoxels& sweep) { locked(self, [&](OccupancyTree& tree) { tree.apply(sweep.blocks); }); })
       .def("redraw", &redraw)
       .def("column_runs", &column_runs)

@@ -35,8 +35,13 @@ void BlockValues::update(const VoxelBlock& seen, const UpdateRule& rule) {
     for (std::uint64_t rest = touched; rest; rest &= rest - 1) {
       const int bit = __builtin_ctzll(rest);
       float& value = log_odds[64 * word + bit];
-      const float miss = value > 0 && (seen.through[word] >> bit & 1) ? rule.through : rule.miss;
-      value = std::clamp(value + (seen.hit[word] >> bit & 1 ? rule.hit : miss), rule.min, rule.max);
+      if (seen.hit[word] >> bit & 1) {
+        value = std::min(value + rule.hit, rule.max);
+      } else {  // what is freer already stays so
+        const bool through = seen.through[word] >> bit & 1;
+        const float least = through ? rule.min_through : rule.min;
+        value = std::max(value + (through ? rule.through : rule.miss), std::min(value, least));
+      }
     }
     known[word] |= touched;
   }

@@ -13,7 +13,7 @@ bool any(const BlockBits& block, unsigned first, unsigned bits);
 bool all(const BlockBits& block, unsigned first, unsigned bits);
 
 struct UpdateRule {  // log-odds
-  float hit, miss, through, min, max;  // `through`: a miss of an occupied voxel amid what was seen
+  float hit, miss, through, min, min_through, max;  // `through`: a miss of a voxel amid what was seen, down to `min_through`
 };
 
 struct BlockValues {

@@ -211,7 +211,7 @@ void OccupancyTree::free_known(const VoxelBox& box) {
 void OccupancyTree::free_known(Node* node, const Voxel& corner, int size, const VoxelBox& box) {
   if (disjoint(corner, size, box)) return;
   if (!nodeHasChildren(node)) {
-    if (inside(corner, size, box)) return node->setLogOdds(clamping_thres_min);
+    if (inside(corner, size, box)) return node->setLogOdds(std::min(node->getLogOdds(), clamping_thres_min));
     if (size == kRegionEdge) region_of(node, corner, false);
     expandNode(node);
   }

@@ -36,7 +36,10 @@ class OccupancyTree : public octomap::OcTree {
 
   using Blocks = std::vector<VoxelBlock>;                       // in the octree's order
 
-  void set_prob_through(double probability) { through_log_ = octomap::logodds(probability); }
+  void set_prob_through(double probability, double least) {
+    through_log_ = octomap::logodds(probability);
+    min_through_ = octomap::logodds(least);
+  }
 
   void apply(const Blocks& blocks);                             // one hit or miss for every voxel of the set
   // Leaves in all blocks that `changed` hold what applying `all`, one after the other, to an empty tree leaves there.
@@ -65,7 +68,7 @@ class OccupancyTree : public octomap::OcTree {
   using Order = std::uint64_t;  // of a block
   using Change = std::function<void(Order, BlockValues&)>;
 
-  UpdateRule rule() const { return {prob_hit_log, prob_miss_log, through_log_, clamping_thres_min, clamping_thres_max}; }
+  UpdateRule rule() const { return {prob_hit_log, prob_miss_log, through_log_, clamping_thres_min, min_through_, clamping_thres_max}; }
   State state_of(const Node* leaf) const { return isNodeOccupied(leaf) ? kOccupied : kFree; }
   void create_root();
   void change(const std::vector<Order>& sorted, const Change& f);
@@ -86,7 +89,7 @@ class OccupancyTree : public octomap::OcTree {
 
   // A node of kRegionEdge voxels with children has a region; whatever has none is unknown or part of a larger leaf.
   VoxelStates states_;
-  float through_log_ = prob_miss_log;
+  float through_log_ = prob_miss_log, min_through_ = clamping_thres_min;
   StateRegion* region_ = nullptr;  // that of the node which change() is in
 };
 

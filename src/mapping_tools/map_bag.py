@@ -176,7 +176,7 @@ def _saved(store: SessionStore, mapper: PoseGraphMapper, config: ToolConfig) -> 
     """Solves the graph a last time and writes it; sweeps that are missing in the cloud, and why nothing was saved, or None."""
     mapper.graph.solve()
     try:
-        return store.save(mapper.graph, config.mapping.map_voxel_m), None
+        return store.save(mapper.graph, config.mapping.map_voxel_m, mapper.gone()), None
     except (OSError, ValueError, MemoryError) as error:
         return (), f"graph, trajectory and cloud could not be saved: {error}"
 

@@ -77,7 +77,7 @@ def merge(a: argparse.Namespace) -> int:
         _say(f"./merge_maps: no sweep of {a.second} was found in {a.first}: {not_placed[0].reason}")
         return 1
     resumed.mapper.graph.solve()
-    damaged = store.save(resumed.mapper.graph, config.mapping.map_voxel_m)
+    damaged = store.save(resumed.mapper.graph, config.mapping.map_voxel_m, resumed.mapper.gone())
     summary = {
         "first": str(a.first),
         "second": str(a.second),

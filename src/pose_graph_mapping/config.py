@@ -110,8 +110,12 @@ class RegistrationConfig:
     min_explained: float = parameter(
         0.5, "-", "least share that agrees of the compared points, by what they hold of the motion that they hold least", low=0.0, high=1.0
     )
-    min_surfaces: float = parameter(35.0, "-", "least number of different surfaces that agree: twin rooms share few", low=0.0)
-    max_rival_share: float = parameter(0.5, "-", "largest part of what it explains that another placement may explain", low=0.0, high=1.0)
+    min_surfaces: float = parameter(
+        35.0, "-", "least number of different surfaces that agree where nothing is known of the guess: twin rooms share few", low=0.0
+    )
+    max_rival_share: float = parameter(
+        0.5, "-", "largest part of what it explains that another placement may explain, where the guess allows one", low=0.0, high=1.0
+    )
     free_space_margin_m: float = parameter(0.15, "m", "a point contradicts when it is nearer than seen by more than this ..", low=0.0)
     free_space_margin_ratio: float = parameter(0.02, "-", ".. plus this share of the range", low=0.0, high=1.0)
     free_space_least_cos: float = parameter(
@@ -178,6 +182,21 @@ class MappingConfig:
     odometry_yaw_sigma_rad: float = parameter(math.radians(1.0), "rad", "yaw sigma of an odometry edge at no motion", low=1e-4)
     odometry_yaw_per_rad: float = parameter(0.10, "rad/rad", "what a radian turned adds", low=0.0)
     odometry_yaw_per_m: float = parameter(0.01, "rad/m", "what a metre driven adds", low=0.0)
+    gone_sweeps: int = parameter(
+        2,
+        "-",
+        "sweeps that have to look through a point of an older one, until it counts as gone and is left out; 0: none is",
+        low=0,
+        high=100,
+    )
+    gone_margin_m: float = parameter(
+        0.2, "m", "they have to see this much farther than the point, and nothing this near to it", low=0.02, high=2.0
+    )
+    gone_standpoint_m: float = parameter(0.2, "m", "beams that start so near to each other have one standpoint then", low=0.05, high=2.0)
+    gone_least_cos: float = parameter(
+        0.4, "-", "points whose surface they would meet at a smaller cosine are not asked for", low=0.0, high=0.9
+    )
+
     use_gravity: bool = parameter(True, "-", "every vertex is tied to the up direction that the resting IMU measured")
     gravity_sigma_rad: float = parameter(
         math.radians(0.5), "rad", "sigma of the measured up direction where the caller gives none", low=1e-4

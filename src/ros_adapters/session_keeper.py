@@ -68,7 +68,7 @@ class SessionKeeper:
         if not self._store or vertices == self._saved_vertices:
             return True, "nothing new to save"
         try:
-            left_out = self._store.save(mapper.graph)
+            left_out = self._store.save(mapper.graph, gone=mapper.gone())
         except OSError as error:
             self._diagnostics.dropped("save", str(error))
             return False, str(error)

@@ -50,7 +50,7 @@ class OctreeMap:
             raise ValueError("; ".join(problems))
         self._resolution = float(resolution)
         m = self._model
-        self._tree = _octree_binding.Tree(self._resolution, m.hit, m.miss, m.through, m.min, m.max)
+        self._tree = _octree_binding.Tree(self._resolution, m.hit, m.miss, m.through, m.min, m.min_through, m.max)
 
     @property
     def resolution(self) -> float:

@@ -22,7 +22,7 @@ class SensorModel:
     through: float = parameter(
         0.28,
         "-",
-        "the same of an occupied voxel where the sweep saw all that is beside it, too: what stood there has gone; as miss: off",
+        "the same of a voxel where the sweep saw all that is beside it, too: what stood there has gone; as miss: off",
         low=0.001,
         high=0.5,
     )
@@ -30,6 +30,13 @@ class SensorModel:
         0.45,
         "-",
         "lower clamping probability: so free a voxel can get; lower: floor over which beams have passed often must be hit more often",
+        low=0.001,
+        high=0.5,
+    )
+    min_through: float = parameter(
+        0.06,
+        "-",
+        "the same where sweeps saw all that is beside it, too: what steps in there later must be hit more often; as min: off",
         low=0.001,
         high=0.5,
     )

@@ -23,6 +23,7 @@ from pose_graph_mapping.graph.mapping_update import MappingUpdate
 from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, PoseGraph, unit_up
 from pose_graph_mapping.registration.cloud import PointCloud, merged, voxel_downsample, with_normals
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
+from pose_graph_mapping.registration.seen_through import Gone, View
 from rigid_geometry import as_transform, inverse, rotation_angle
 
 Array = NDArray[np.float64]
@@ -46,7 +47,7 @@ def empty_graph(config: MappingConfig) -> PoseGraph:
 
 
 class PoseGraphMapper:
-    """Graph-based mapping (thesis 5.4): owns the graph and a light cloud of every vertex."""
+    """Graph-based mapping (thesis 5.4): owns the graph and a light cloud of every vertex, and forgets of these what has gone."""
 
     def __init__(self, config: MappingConfig, match: Match) -> None:
         problems = config.validate()
@@ -55,6 +56,7 @@ class PoseGraphMapper:
         self._config, self._match = config, match
         self.graph = empty_graph(config)
         self._clouds: list[PointCloud] = []
+        self._seen_through: list[NDArray[np.uint8]] = []  # of every point of these, by how many later sweeps
         self._stamps_s: list[float] = []
         self._T_odom_last = np.eye(4)
         self._old_last_vertex_estimate = np.eye(4)
@@ -96,12 +98,14 @@ class PoseGraphMapper:
             else:
                 placed = self._first_vertex(T_odom_base, up)
             self._clouds.append(cloud)
+            self._seen_through.append(np.zeros(len(cloud), dtype=np.uint8))
             self._stamps_s.append(float(stamp_s))
             if up is not None:
                 self.graph.add_gravity(len(self.graph) - 1, up, gravity_sigma_rad or self._config.gravity_sigma_rad)
             self._old_last_vertex_estimate = self.graph.pose(len(self.graph) - 1)  # 4, 19
             self._T_odom_last = T_odom_base  # 5
-            loops = detect_loop_closures(self.graph, self._clouds, self._match, self._config)  # 20
+            loops = detect_loop_closures(self.graph, [self._cloud(k) for k in range(len(self.graph))], self._match, self._config)  # 20
+            self._look_through(len(self.graph) - 1)
         rejected = {id(edge) for edge in self.graph.rejected()}
         update = self._update(before, placed, correction, tuple(loops), sweep.dropped)
         return dataclasses.replace(update, rejected_edges=tuple(edge for edge in edges_before if id(edge) in rejected))
@@ -109,12 +113,13 @@ class PoseGraphMapper:
     @contextlib.contextmanager
     def _whole(self) -> Iterator[None]:
         """What is done inside is done wholly, or not at all: a vertex without its sweep could not be saved."""
-        clouds, stamps_s, last = list(self._clouds), list(self._stamps_s), (self._T_odom_last, self._old_last_vertex_estimate)
+        clouds, seen_through, stamps_s = list(self._clouds), list(self._seen_through), list(self._stamps_s)
+        last = self._T_odom_last, self._old_last_vertex_estimate
         try:
             with self.graph.whole():
                 yield
         except BaseException:
-            self._clouds, self._stamps_s = clouds, stamps_s
+            self._clouds, self._seen_through, self._stamps_s = clouds, seen_through, stamps_s
             self._T_odom_last, self._old_last_vertex_estimate = last
             raise
 
@@ -129,11 +134,37 @@ class PoseGraphMapper:
         self.graph, self._clouds, self._stamps_s = graph, list(clouds), [float(s) for s in stamps_s]
         self._T_odom_last = as_transform(T_odom_last)
         self._old_last_vertex_estimate = graph.pose(len(graph) - 1)
+        self._seen_through = [np.zeros(len(cloud), dtype=np.uint8) for cloud in clouds]
+        for vertex_id in range(len(graph)):
+            self._look_through(vertex_id)
 
     def vertex_clouds(self) -> tuple[PointCloud, ...]:
-        """The light cloud of every vertex, in its body frame."""
+        """The light cloud of every vertex, in its body frame, without what has gone."""
         self.finish_cloud()
-        return tuple(self._clouds)
+        return tuple(self._cloud(k) for k in range(len(self._clouds)))
+
+    def gone(self) -> Gone:
+        """What later sweeps looked through."""
+        points = tuple(cloud.points[~self._stays(k)] for k, cloud in enumerate(self._clouds))
+        return Gone(points, self._config.vertex_voxel_m)
+
+    def _stays(self, vertex_id: int) -> NDArray[np.bool_]:
+        most = self._config.gone_sweeps or math.inf
+        return np.asarray(self._seen_through[vertex_id] < most)
+
+    def _cloud(self, vertex_id: int) -> PointCloud:
+        return self._clouds[vertex_id].selected(self._stays(vertex_id))
+
+    def _look_through(self, vertex_id: int) -> None:
+        """Counts which points of the older sweeps around a vertex that one looks through; odometry alone does not place it well enough."""
+        held = any(kind is not EdgeKind.ODOMETRY and vertex_id == j for _, j, kind in self.graph.edges())
+        if not held or not self._config.gone_sweeps:
+            return
+        view, T_vertex_map = View(self._clouds[vertex_id], self._config), inverse(self.graph.pose(vertex_id))
+        for k in self._near(vertex_id, self._config.graph_dist_m, self._config.loose_sigma_m):
+            if k < vertex_id:
+                through = view.through(self._clouds[k].transformed(T_vertex_map @ self.graph.pose(k)))
+                self._seen_through[k] = self._seen_through[k] + (through & self._stays(k))
 
     def finish_cloud(self) -> None:
         """Estimates the normals of the last sweep's cloud, which the next matches need; for whoever has time before the next sweep.
@@ -149,12 +180,15 @@ class PoseGraphMapper:
         Without those that are known beside it no better than `most_sigma_m`: with them the area shows one wall in two places.
         """
         self.finish_cloud()
-        last = len(self.graph) - 1
-        near = [int(k) for k in np.flatnonzero(self.graph.distances_from(last) <= distance_m)]
+        near = self._near(len(self.graph) - 1, distance_m, most_sigma_m)
+        return merged([self._cloud(k).transformed(self.graph.pose(k)) for k in near])
+
+    def _near(self, vertex_id: int, distance_m: float, most_sigma_m: float) -> list[int]:
+        near = [int(k) for k in np.flatnonzero(self.graph.distances_from(vertex_id) <= distance_m)]
         if math.isfinite(most_sigma_m):
             self.graph.optimise()
-            near = [k for k in near if k == last or sigmas(self.graph.relative_covariance(k, last))[0] <= most_sigma_m]
-        return merged([self._clouds[k].transformed(self.graph.pose(k)) for k in near])
+            near = [k for k in near if k == vertex_id or sigmas(self.graph.relative_covariance(k, vertex_id))[0] <= most_sigma_m]
+        return near
 
     def surroundings(self) -> PointCloud:
         """The area that the next sweep is matched to first: in the map frame, without what is known loosely."""
@@ -162,8 +196,7 @@ class PoseGraphMapper:
 
     def map_cloud(self) -> PointCloud:
         """The light clouds of all vertices in the map frame; ValueError before the first sweep."""
-        self.finish_cloud()
-        return merged([cloud.transformed(T) for cloud, T in zip(self._clouds, self.graph.poses(), strict=True)])
+        return merged([cloud.transformed(T) for cloud, T in zip(self.vertex_clouds(), self.graph.poses(), strict=True)])
 
     def T_map_odom(self) -> Array:
         """(4, 4) correction of the odometry frame by the last vertex; ValueError before the first sweep (lines 21 to 23)."""

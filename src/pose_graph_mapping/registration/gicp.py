@@ -24,6 +24,7 @@ from pose_graph_mapping.registration.matching import RegistrationResult, refused
 from pose_graph_mapping.registration.placement_search import (
     ROUGH_POINTS,
     Pair,
+    Rough,
     decided,
     is_found,
     is_worth_refining,
@@ -31,7 +32,7 @@ from pose_graph_mapping.registration.placement_search import (
     same_place,
 )
 from pose_graph_mapping.registration.residual_pattern import pattern_covariance, residual_pattern
-from pose_graph_mapping.registration.verdict import Explained, Fit, fit_of, judge, judged_despite_changes, may_have_changed
+from pose_graph_mapping.registration.verdict import Explained, Fit, fit_of, judge, judged_despite_changes, least_surfaces, may_have_changed
 from rigid_geometry import as_covariance, as_transform, inverse, rotation_angle
 
 Array = NDArray[np.float64]
@@ -133,27 +134,27 @@ class GicpRegistration:
                 found.append(result)
         if found:
             return decided(found, pair.T_guess, pair.guess_covariance)
-        return self._despite_changes(pair, [*tried, *before]) if tried else refused(pair.T_guess, "no placement within the search")
+        return self._despite_changes(pair, [*tried, *before], starts) if tried else refused(pair.T_guess, "no placement within the search")
 
-    def _despite_changes(self, pair: Pair, refusals: list[RegistrationResult]) -> RegistrationResult:
+    def _despite_changes(self, pair: Pair, refusals: list[RegistrationResult], starts: list[Rough]) -> RegistrationResult:
         """Of refused placements the one that explains most, accepted if no other explains nearly as much; else refused with the reason."""
-        config = self._config
-        likely = [result for result in refusals if may_have_changed(result, pair.guess_covariance is not None, config)]
+        config, is_guess_known = self._config, pair.guess_covariance is not None
+        likely = [result for result in refusals if may_have_changed(result, is_guess_known, config)]
         if not likely:
             return refusals[0]
         explained = [self._explained(pair, result.T_reference_reading) for result in likely]
         best = int(np.argmax([of.reading for of in explained]))
-        tells = explained[best].compared >= config.min_explained and explained[best].surfaces >= config.min_surfaces
-        rival = self._most_of_rivals(pair, likely[best].T_reference_reading) if tells else math.nan
-        return judged_despite_changes(likely[best], explained[best], rival, config)
+        tells = explained[best].compared >= config.min_explained and explained[best].surfaces >= least_surfaces(config, is_guess_known)
+        rival = self._most_of_rivals(pair, likely[best].T_reference_reading, starts) if tells else math.nan
+        return judged_despite_changes(likely[best], explained[best], rival, is_guess_known, config)
 
-    def _most_of_rivals(self, pair: Pair, T: Array) -> float:
-        """The most of the reading that any placement but `T`, near it and at every heading, explains."""
-        config = self._config
-        around = dataclasses.replace(pair, T_guess=T, guess_covariance=None)
-        window = Window(config.search_shift_m, config.search_height_m, math.pi)
-        starts = [rough.T for rough in rough_placements(around, window, config)]
-        rivals = [start for start in starts if not same_place(T, np.zeros((0, 6)), start, config)][: config.search_refined]
+    def _most_of_rivals(self, pair: Pair, T: Array, starts: list[Rough]) -> float:
+        """The most of the reading that any placement but `T` explains: of `starts` where the guess allows no other, else near `T`."""
+        config, around = self._config, pair
+        if pair.guess_covariance is None:
+            around = dataclasses.replace(pair, T_guess=T)
+            starts = rough_placements(around, Window(config.search_shift_m, config.search_height_m, math.pi), config)
+        rivals = [rough.T for rough in starts if not same_place(T, np.zeros((0, 6)), rough.T, config)][: config.search_refined]
         placed = [self._refined(around, start, None).T_reference_reading for start in rivals]
         return max((self._explained(pair, at).reading for at in placed if not same_place(T, np.zeros((0, 6)), at, config)), default=0.0)
 

@@ -76,6 +76,12 @@ def _compare(
     return compared, in_front
 
 
+def lies_in_front(points: PointCloud, eye: Array, image: Array, margin_m: float, least_cos: float) -> NDArray[np.bool_]:
+    """(N,) which points lie in front of what was seen from `eye`, by more than a margin; not those that it sees along."""
+    normals = np.zeros_like(points.points) if points.normals is None else points.normals
+    return np.asarray(_compare(points.points, normals, eye, image, margin_m, 0.0, least_cos)[1])
+
+
 def range_image(points: Array, eye: Array) -> Array:
     """(180, 360) nearest distance in every degree as seen from `eye` (3,), minimum of 3 x 3 cells; inf where nothing was seen."""
     return np.asarray(minimum_filter(_nearest_by_cell(points, eye), size=3, mode=("nearest", "wrap")))

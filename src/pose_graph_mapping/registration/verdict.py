@@ -113,6 +113,11 @@ class Explained:
     surfaces: float
 
 
+def least_surfaces(config: RegistrationConfig, is_guess_known: bool) -> float:
+    """That have to agree: twin rooms share few. A guess that is known says that the truth is near it, and so no twin is asked about."""
+    return 0.0 if is_guess_known else config.min_surfaces
+
+
 def may_have_changed(result: RegistrationResult, is_guess_known: bool, config: RegistrationConfig) -> bool:
     """Whether a refused placement may be right although things moved: enough overlaps, all directions are held, little is contradicted."""
     return (
@@ -124,18 +129,19 @@ def may_have_changed(result: RegistrationResult, is_guess_known: bool, config: R
 
 
 def judged_despite_changes(
-    result: RegistrationResult, explained: Explained, rival: float, config: RegistrationConfig
+    result: RegistrationResult, explained: Explained, rival: float, is_guess_known: bool, config: RegistrationConfig
 ) -> RegistrationResult:
     """A refused result accepted where all directions are explained, and by no other placement nearly as well; else with that reason too.
 
     `rival`: the most of the reading that another placement explains.
     """
+    least = least_surfaces(config, is_guess_known)
     agreeing, surfaces, share = explained.compared, explained.surfaces, rival / max(explained.reading, 1e-9)
     if agreeing < config.min_explained:
         said = f"of what holds each motion {agreeing:.2f} agrees, {_below(agreeing, 'min_explained', config.min_explained)}"
         return replace(result, reason=f"{result.reason}; {said}")
-    if surfaces < config.min_surfaces:
-        said = f"{surfaces:.0f} different surfaces agree, {_below(surfaces, 'min_surfaces', config.min_surfaces)}"
+    if surfaces < least:
+        said = f"{surfaces:.0f} different surfaces agree, {_below(surfaces, 'min_surfaces', least)}"
         return replace(result, reason=f"{result.reason}; {said}")
     if share > config.max_rival_share:
         said = f"another placement explains {share:.2f} of what this one does, {_above(share, 'max_rival_share', config.max_rival_share)}"

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.registration.cloud import PointCloud, voxel_downsample
+from pose_graph_mapping.registration.seen_through import Gone
 from pose_graph_mapping.session.session_files import (
     pcd_bytes,
     ply_bytes,
@@ -138,8 +139,8 @@ class SessionStore:
         """`empty`, or a graph with defaults, as the session left it, not optimised yet; ValueError when it was stored without one."""
         return self._graph.rebuilt(len(self._index.sweeps) + len(self._waiting), PoseGraph() if empty is None else empty)
 
-    def save(self, graph: PoseGraph, map_voxel_m: float = 0.04) -> tuple[str, ...]:
-        """Write graph.g2o, trajectory.txt (TUM), cloud.ply and cloud.pcd (map frame, voxel means).
+    def save(self, graph: PoseGraph, map_voxel_m: float = 0.04, gone: Gone | None = None) -> tuple[str, ...]:
+        """Write graph.g2o, trajectory.txt (TUM), cloud.ply and cloud.pcd (map frame, voxel means, without what has `gone`).
 
         What it returns names the sweeps that are damaged and not in the clouds. Where there are more vertices than sweeps, or fewer, the
         sweeps that are there are saved with the vertices that belong to them, and it says so.
@@ -153,23 +154,24 @@ class SessionStore:
         poses = graph.poses()[:count]
         write_atomically(self._directory / "graph.g2o", graph.g2o_text(count).encode("ascii"))
         write_atomically(self._directory / "trajectory.txt", tum_text(stamps_s[:count], poses).encode("ascii"))
-        points = self.merged_points(poses, map_voxel_m, left_out)
+        points = self.merged_points(poses, map_voxel_m, left_out, gone)
         write_atomically(self._directory / "cloud.ply", ply_bytes(points))
         write_atomically(self._directory / "cloud.pcd", pcd_bytes(points))
         return tuple(left_out)
 
-    def merged_points(self, vertex_poses: Array, voxel_m: float, left_out: list[str] | None = None) -> Array:
-        """(M, 3) voxel means of all stored sweeps at `vertex_poses` (V, 4, 4), in the map frame.
+    def merged_points(self, vertex_poses: Array, voxel_m: float, left_out: list[str] | None = None, gone: Gone | None = None) -> Array:
+        """(M, 3) voxel means of all stored sweeps at `vertex_poses` (V, 4, 4), in the map frame, without what has `gone`.
 
         Sweeps that are damaged are named in `left_out`; without such a list they are a DamagedSweepError.
         """
-        means = [voxel_downsample(PointCloud(c.points), voxel_m).points for c in self._in_map(vertex_poses, left_out)]
+        means = [voxel_downsample(cloud, voxel_m).points for cloud in self._in_map(vertex_poses, left_out, gone)]
         return voxel_downsample(PointCloud(np.concatenate([np.zeros((0, 3)), *means])), voxel_m).points
 
-    def _in_map(self, vertex_poses: Array, left_out: list[str] | None) -> Iterator[PointCloud]:
+    def _in_map(self, vertex_poses: Array, left_out: list[str] | None, gone: Gone | None) -> Iterator[PointCloud]:
         for vertex_id, T in enumerate(vertex_poses):
             try:
-                yield self.load_sweep(vertex_id).transformed(T)
+                points = self.load_sweep(vertex_id).points
+                yield PointCloud(points if gone is None else gone.left_of(vertex_id, points)).transformed(T)
             except DamagedSweepError as error:
                 if left_out is None:
                     raise

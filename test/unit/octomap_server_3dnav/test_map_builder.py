@@ -252,8 +252,8 @@ def test_vertices_that_only_turned_are_drawn_anew_beyond_a_centimetre_at_four_me
 def test_lost_sweep_is_no_trouble_for_the_next():
     built = builder()
     built.add_sweep(wall(), 0, [pose()])
-    built.add_sweep(wall(2.0), 2, [pose(), pose(0.2), pose(0.4)])
-    assert len(built) == 2 and state(built, 2.4, 0.0, 0.832) is VoxelState.OCCUPIED
+    built.add_sweep(wall(3.6), 2, [pose(), pose(0.2), pose(0.4)])
+    assert len(built) == 2 and state(built, 4.0, 0.0, 0.832) is VoxelState.OCCUPIED
 
 
 @pytest.mark.parametrize("vertex_id", [0, 1, -1])

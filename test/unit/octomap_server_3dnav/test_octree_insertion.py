@@ -204,10 +204,54 @@ def test_obstacle_vanishes_sooner_where_all_that_is_beside_it_is_seen(hits, swee
         assert octree.states_at(centers((5, 0, 0))).tolist() == [expected], sweeps
 
 
+def sweep_beside(octree: OctreeMap, layer: int) -> None:
+    """A sweep from the middle of voxel 0 to a wall of voxels at x = 9: free all around voxel 5, or in the rows of one layer only."""
+    rows = [0] if layer else range(-5, 6)
+    ends = centers(*((9, y, z) for y in range(-5, 6) for z in rows))
+    octree.insert_sweep(ends, ends - np.float32([9 * RES, 0, 0]))
+
+
+@pytest.mark.parametrize(("sweeps", "layer", "hits_until_occupied"), [(0, 0, 1), (1, 0, 2), (2, 0, 3), (3, 0, 4), (9, 0, 4), (9, 1, 1)])
+def test_what_steps_into_space_seen_free_all_around_is_hit_again_before_it_is_a_surface(sweeps, layer, hits_until_occupied):
+    octree = OctreeMap(RES)
+    for _ in range(sweeps):
+        sweep_beside(octree, layer)
+    for hits in range(1, hits_until_occupied + 1):
+        one_ray(octree, (0, 0, 0), (5, 0, 0))
+        expected = OCCUPIED if hits == hits_until_occupied else FREE
+        assert octree.states_at(centers((5, 0, 0))).tolist() == [expected], hits
+
+
+@pytest.mark.parametrize("stood", range(1, 8))
+def test_box_that_came_and_went_leaves_nothing_that_a_few_sweeps_do_not_clear(stood):
+    octree = OctreeMap(RES)
+    for _ in range(3):
+        sweep_beside(octree, 0)
+    for _ in range(stood):
+        box = centers(*((5, y, z) for y in range(-1, 2) for z in range(-1, 2)))
+        octree.insert_sweep(box, box - np.float32([5 * RES, 0, 0]))
+    sweeps = 0
+    while (octree.states_at(box) == OCCUPIED).any():
+        sweep_beside(octree, 0)
+        sweeps += 1
+    assert sweeps == max(0, math.ceil((stood * 0.847 - 2.752) / 0.944))
+
+
+def test_pole_that_every_sweep_meets_stays_although_most_beams_pass_it():
+    octree = OctreeMap(RES)
+    wall = [(9, y, z) for y in range(-4, 5) for z in range(-3, 4) if y]
+    pole = [(5, 0, z) for z in range(-3, 4)]
+    for shift in range(12):  # from the side, too: the beams to the wall graze it
+        ends = centers(*wall, *pole)
+        octree.insert_sweep(ends, np.tile(centers((0, shift % 5 - 2, 0)), (len(ends), 1)))
+    assert (octree.states_at(centers(*pole)) == OCCUPIED).all()
+
+
 @pytest.mark.parametrize("seed", range(3))
-def test_bulk_insertion_has_the_log_odds_of_single_updates(seed):
+@pytest.mark.parametrize("least", [0.06, 0.25])
+def test_bulk_insertion_has_the_log_odds_of_single_updates(seed, least):
     """Values at every voxel after several sweeps, against clamped sums; bulk updates of whole cubes and pruning change none."""
-    model = SensorModel(grazing_m=0.0)
+    model = SensorModel(grazing_m=0.0, min=0.06 if least > 0.06 else 0.45, min_through=least)
     logit = {name: math.log(p / (1 - p)) for name, p in vars(model).items() if p}
     octree, total = OctreeMap(RES, model), None
     for sweep in range(6):
@@ -218,9 +262,12 @@ def test_bulk_insertion_has_the_log_odds_of_single_updates(seed):
         indices = BruteForce(points[:0], origins[:0]).indices
         states = alone.states_at((indices + 0.5) * RES)
         total = np.full(len(states), np.nan) if total is None else total
-        gone = (states == FREE) & amid_seen(indices, states) & (total > 0)
-        update = np.select([gone, states == FREE, states == OCCUPIED], [logit["through"], logit["miss"], logit["hit"]], 0.0)
-        total = np.where(states == UNKNOWN, total, np.clip(np.nan_to_num(total) + update, logit["min"], logit["max"]))
+        known = np.nan_to_num(total)
+        amid = (states == FREE) & amid_seen(indices, states)
+        missed = np.maximum(known + logit["miss"], np.minimum(known, logit["min"]))
+        through = np.maximum(known + logit["through"], np.minimum(known, logit["min_through"]))
+        hit = np.minimum(known + logit["hit"], logit["max"])
+        total = np.select([amid, states == FREE, states == OCCUPIED], [through, missed, hit], total)
     expected = np.select([np.isnan(total), total >= 0], [UNKNOWN, OCCUPIED], FREE)
     assert np.array_equal(octree.states_at((indices + 0.5) * RES), expected)
 

@@ -77,6 +77,20 @@ def test_right_match_is_kept_when_a_few_of_many_things_moved() -> None:
     assert strict.verdict is Verdict.REFUSED and "max_contradiction" in strict.reason
 
 
+def test_few_surfaces_and_a_twin_far_off_are_enough_where_the_guess_says_that_the_truth_is_near() -> None:
+    before = things(1, 4)
+    reference, reading = scan([*before, *things(2, 4)], T_ROOM_A, 3), scan([*before, *things(5, 4)], T_ROOM_B, 4)
+    T_true = inverse(T_ROOM_A) @ T_ROOM_B
+    T_guess = T_true @ transform_from_rpy((0.1, -0.05, 0.0), (0.0, 0.0, 0.03))
+    covariance = np.diag([0.01, 0.01, 0.03, 0.1, 0.1, 0.03]) ** 2
+    found = create_registration(RegistrationConfig()).match(reference, reading, T_guess, covariance)
+    assert found.free_space_contradiction > RegistrationConfig().max_contradiction
+    assert found.verdict is Verdict.ACCEPTED, found.reason
+    assert error_of(found.T_reference_reading, T_true)[0] < 0.03
+    blind = match(reference, reading, T_guess)
+    assert not blind.usable, blind.reason
+
+
 @pytest.mark.parametrize("count", [6, 40])
 def test_room_of_the_same_walls_with_other_things_in_it_is_refused(count: int) -> None:
     found = match(scan(things(1, count), T_ROOM_A, 3), scan(things(2, count), T_ROOM_B, 4), np.eye(4))

@@ -125,5 +125,5 @@ def test_only_what_overlaps_is_held_and_mostly_uncontradicted_may_be_right_after
 def test_changes_are_forgiven_where_enough_agrees_in_every_motion_and_no_other_placement_explains_as_much(
     explained: Explained, rival: float, verdict: Verdict, said: str
 ) -> None:
-    found = judged_despite_changes(refusal(), explained, rival, CONFIG)
+    found = judged_despite_changes(refusal(), explained, rival, False, CONFIG)
     assert found.verdict is verdict and found.reason.startswith(said), found.reason
