@@ -100,5 +100,6 @@ if __name__ == "__main__":
     client.drives()
     client.home()
     expect(client.ask("start")[0], "it is told to explore")
+    client.wait_for("exploring")
     client.after_the_end()
     sys.exit(0)
