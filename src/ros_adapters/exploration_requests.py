@@ -63,11 +63,11 @@ class ExplorationRequests:
             self._drive = RunEvent(state=event.state, intermediate=True, distance_m=event.distance_m)
         self._tell()
 
-    def drive(self, stamp_s: float) -> tuple[bool, str, float, float, bool]:
-        """Of a sweep at `stamp_s`, for `Observation`: on the way, why the drive failed, seconds and metres so far, whether it stood."""
+    def drive(self, stamp_s: float) -> tuple[bool, str, float, float, bool, bool]:
+        """Of a sweep at `stamp_s`, for `Observation`: on the way, why the drive failed, time and way, whether it stood, and at its goal."""
         drive = self._drive
         stands = drive.state != "driving" and stamp_s > stamp_of(drive)
-        return drive.intermediate, drive.failure, stamp_s - self._began_s, drive.distance_m, stands
+        return drive.intermediate, drive.failure, stamp_s - self._began_s, drive.distance_m, stands, stands and drive.reached
 
     def on_decision(self, stamp_s: float, decision: Decision) -> None:
         """What was decided after a sweep."""

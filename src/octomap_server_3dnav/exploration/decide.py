@@ -63,7 +63,7 @@ class Observation:
     `vertex_poses` (V, 4, 4): T_map_base of every sweep of the map, the last where the robot is now; `terrain_within` gives the terrain
     around it; `trouble`: why the sweep is UNPLACED or LOST. `on_the_way`: it was not made at the goal; `drive_failure`: what the follower
     said when it could not reach that, else empty. `elapsed_s` since the start, and `driven_m` by odometry, for a budget.
-    `stands`: the robot stood when the sweep ended.
+    `stands`: the robot stood when the sweep ended; `at_goal`: because it had reached its goal, not because somebody had stopped it.
     """
 
     sweep: SweepOutcome
@@ -75,6 +75,7 @@ class Observation:
     elapsed_s: float = 0.0
     driven_m: float = 0.0
     stands: bool = True
+    at_goal: bool = True
 
     @property
     def T_map_base(self) -> Transform:
@@ -206,7 +207,7 @@ class Explorer:
     def _go_home(self, observation: Observation) -> Decision:
         o = observation
         within = lambda radius_m: self.with_way_out(o.terrain_within(radius_m))  # noqa: E731
-        decision, is_last = self._homing.step(o.vertex_poses, within, o.stands, not o.on_the_way, o.drive_failure)
+        decision, is_last = self._homing.step(o.vertex_poses, within, o.stands, o.at_goal, o.drive_failure)
         self._state = State.HOME if is_last else State.GOING_HOME
         return decision
 

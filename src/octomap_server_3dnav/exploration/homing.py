@@ -52,7 +52,7 @@ class Homing:
     ) -> tuple[Decision, bool]:
         """The next decision on the way home after a sweep, and whether it is the last. (V, 4, 4) poses, the last where the robot is now.
 
-        `stands`: it stood there when the sweep ended; `at_goal`: it was made there; `drive_failure`: why that was not reached, else empty.
+        `stands`: it stood there when the sweep ended; `at_goal`: it had reached its goal; `drive_failure`: why it could not, else empty.
         """
         if self._vertex is None:
             return Decision(self._then, f"{self._why}; where home is nobody knows"), True
@@ -62,7 +62,7 @@ class Homing:
         if stands and gap_m <= self._config.home_tolerance_m and turn_rad <= self._config.home_tolerance_rad:
             return Decision(self._then, f"{self._why}; home, {off}"), True
         if self._sent_whole is not None:
-            self._failures += bool(drive_failure) or (self._sent_whole and stands and at_goal)
+            self._failures += bool(drive_failure) or (self._sent_whole and at_goal)
         decision = None if self._failures >= self._config.max_failures else self._towards(vertex_poses, terrain_within)
         if decision is None:
             reason = drive_failure or ("no nearer after another drive" if self._failures else "no way leads there")

@@ -69,7 +69,7 @@ def test_home_of_a_session_that_goes_on_is_where_it_was_begun_this_time() -> Non
 def test_path_is_planned_anew_at_each_sweep_on_the_way_and_at_home_the_robot_waits() -> None:
     run = sent_home()
     run.sweep(AWAY)
-    assert run.sweep((3.0, 3.0, 1.0), on_the_way=True).kind is GOAL
+    assert run.sweep((3.0, 3.0, 1.0), on_the_way=True, at_goal=False).kind is GOAL
     there = run.sweep((2.1, 2.05, 0.75))
     assert (there.kind, run.explorer.state, there.path) == (WAIT, State.HOME, None)
     assert "home, 0.11 m and 0.05 rad from the start" in there.reason
@@ -79,10 +79,17 @@ def test_robot_that_drives_by_is_not_home_yet_and_what_it_saw_before_it_stood_is
     run = sent_home()
     run.sweep(AWAY)
     for _ in range(5):
-        assert run.sweep((2.3, 2.0, 0.7), on_the_way=True, stands=False).kind is GOAL
-        assert run.sweep((2.1, 2.0, 0.7), on_the_way=True, stands=False).kind is GOAL
-        assert run.sweep((2.3, 2.0, 0.7), stands=False).kind is GOAL
+        assert run.sweep((2.3, 2.0, 0.7), on_the_way=True, stands=False, at_goal=False).kind is GOAL
+        assert run.sweep((2.1, 2.0, 0.7), on_the_way=True, stands=False, at_goal=False).kind is GOAL
+        assert run.sweep((2.3, 2.0, 0.7), stands=False, at_goal=False).kind is GOAL
     assert run.sweep((2.1, 2.0, 0.7)).kind is WAIT
+
+
+def test_robot_that_is_stopped_on_its_way_home_has_not_failed_to_come_there() -> None:
+    run = sent_home()
+    for _ in range(5):  # paused and resumed, or taken over by joystick
+        assert run.sweep(AWAY, at_goal=False).kind is GOAL
+    assert run.sweep(HOME).kind is WAIT
 
 
 @pytest.mark.parametrize("at", [(2.2, 2.0, 0.7), (2.0, 2.0, 1.0)])
@@ -187,7 +194,7 @@ def test_spent_budget_ends_at_home_whatever_it_costs_and_says_what_was_spent() -
     run.sweep(HOME)
     back = run.sweep(AWAY, s=60.0, m=4.0)
     assert back.kind is GOAL and "60 of 100 s are spent" in back.reason
-    assert run.sweep((3.5, 3.5, 0.0), s=60.0, m=2.0, on_the_way=True).kind is GOAL  # it is late: home all the same
+    assert run.sweep((3.5, 3.5, 0.0), s=60.0, m=2.0, on_the_way=True, at_goal=False).kind is GOAL  # it is late: home all the same
     last = run.sweep(HOME, s=20.0, m=2.0)
     assert last.kind is ENDED and "60 of 100 s" in last.reason and "; home" in last.reason
 
