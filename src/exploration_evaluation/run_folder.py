@@ -42,11 +42,15 @@ from exploration_evaluation.scores import (
     map_error,
     motion,
     trajectory_errors,
+    trajectory_scores,
 )
 from exploration_evaluation.shortest_path import path_ratio, shortest_legs
+from exploration_evaluation.start_distance import StartDistance, start_scores
 from exploration_evaluation.surface_scores import NO_SURFACE_SCORES, surface_scores
 from exploration_evaluation.truth import ReachableGround, reachable_ground
 from exploration_evaluation.verdict import Outcome, faults, largest_piece_m2, succeeded
+from exploration_evaluation.zone_scores import closed_in_world, farthest_outside_m, zones_of
+from map_zones import NO_ZONES
 from rigid_geometry import transform_points
 
 Floats = NDArray[np.float64]
@@ -88,16 +92,15 @@ def evaluate_run(
 ) -> JsonObject:
     """Scores a run folder against the true mesh, (V, 3) and (T, 3) in the world frame, and writes its summary.json.
 
-    `robot` is by default that of the folder's robot.yaml.
-
     The summary has all that run.json and counters.json report (`_REPORTED` at least, None where they do not) and, of the judge:
     success and what speaks against it ("faults"), coverage, coverage_straight (with ground that is driven straight only),
     missed_piece_m2, reachable_area_m2, reachable_straight_m2, turning_area_m2, map_rmse_m, map_p95_m, trajectory_ate_m,
     trajectory_origin_error_m, map_tilt_rad, collisions, collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m,
+    end_from_start_m, end_from_start_rad, outside_m,
     coverage_curve (a CurvePoint a sweep), ground_ahead, rpe_translation_m, rpe_rotation_rad, wrong_edges, shortest_length_m, path_ratio,
     activity_s, time_spent, compute_s, runtime_s, visible_surface_m2, seen_surface_share, map_completeness_rms_m, map_completeness_p95_m,
     classification (confusion, false-safe and false-unsafe ground), movers, ghosts_m2, and "missing": what is
-    None and why. ValueError when the folder does not exist, or its robot.yaml is none.
+    None and why. `robot` is by default that of the folder's robot.yaml. ValueError when the folder does not exist, or that is none.
     """
     folder = Path(directory)
     if not folder.is_dir():
@@ -119,11 +122,14 @@ class _Judgement:
         truth = self._try("truth", lambda: read_trajectory(self._folder / "trajectory_truth.txt"))
         estimate = self._try("trajectory", lambda: read_trajectory(self._folder / "trajectory.txt"))
         errors = self._trajectory(estimate, truth)
-        ground = self._ground(truth)
+        zones, T_world_map = self._try("zones", lambda: zones_of(self._folder)) or NO_ZONES, errors.T_world_map if errors else None
+        ground = self._ground(truth, closed_in_world(zones, T_world_map))
         scores = {
             **self._motion(truth),
+            **start_scores(truth),
+            "outside_m": farthest_outside_m(zones, T_world_map, truth, self._robot),
             **self._collisions(),
-            **_trajectory_scores(errors),
+            **trajectory_scores(errors),
             **self._coverage(ground, errors),
             **self._map_error(errors),
             **self._activity(truth, reported.get("sim_time_s")),
@@ -151,7 +157,8 @@ class _Judgement:
             map_saved=self._map_saved(),
             coverage=scores["coverage"],
             missed_piece_m2=scores["missed_piece_m2"],
-            farthest_m=None if truth is None else float(np.linalg.norm(truth[1][:, :3, 3] - truth[1][0, :3, 3], axis=1).max()),
+            start=None if truth is None else StartDistance.of(truth[1]),
+            outside_m=scores["outside_m"],
         )
 
     def _try(self, what: str, get: Callable[[], V]) -> V | None:
@@ -245,11 +252,11 @@ class _Judgement:
             "collision_top_force_n": max((e.top_force_n for e in episodes), default=None) if episodes else None,
         }
 
-    def _ground(self, truth: Trajectory | None) -> ReachableGround | None:
+    def _ground(self, truth: Trajectory | None, closed: Callable[[Floats], NDArray[np.bool_]] | None) -> ReachableGround | None:
         if truth is None:
             return None
         start = truth[1][0, :3, 3]
-        return self._try("reachable ground", lambda: reachable_ground(*self._mesh, start, self._robot, self._config.cell_m))
+        return self._try("reachable ground", lambda: reachable_ground(*self._mesh, start, self._robot, self._config.cell_m, closed))
 
     def _coverage(self, ground: ReachableGround | None, errors: TrajectoryErrors | None) -> dict[str, Any]:
         shares: dict[str, float] = {}
@@ -287,13 +294,3 @@ class _Judgement:
         if len(saved) < 2:
             self._missing.append(f"saved map: of map.bt and cloud.ply only {saved or 'nothing'} is there")
         return len(saved) == 2
-
-
-def _trajectory_scores(errors: TrajectoryErrors | None) -> dict[str, Any]:
-    return {
-        "trajectory_ate_m": errors.ate_rms_m if errors else None,
-        "trajectory_origin_error_m": errors.origin_rms_m if errors else None,
-        "map_tilt_rad": errors.map_tilt_rad if errors else None,
-        "map_tilt_origin_rad": errors.map_tilt_origin_rad if errors else None,
-        "unmatched_poses": errors.unmatched if errors else None,
-    }

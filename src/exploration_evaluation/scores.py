@@ -229,3 +229,14 @@ def _top_fall_speed(stamps: Floats, z: Floats) -> float:
         return 0.0
     dropped = z[inside] - z[later[inside]]
     return float(max(0.0, (dropped / (stamps[later[inside]] - stamps[inside])).max()))
+
+
+def trajectory_scores(errors: TrajectoryErrors | None) -> dict[str, float | None]:
+    """What the summary says of them; None where they are not known."""
+    return {
+        "trajectory_ate_m": errors.ate_rms_m if errors else None,
+        "trajectory_origin_error_m": errors.origin_rms_m if errors else None,
+        "map_tilt_rad": errors.map_tilt_rad if errors else None,
+        "map_tilt_origin_rad": errors.map_tilt_origin_rad if errors else None,
+        "unmatched_poses": errors.unmatched if errors else None,
+    }

@@ -10,13 +10,14 @@ narrow places (`straight_drives`), is the reachable ground.
 The inside of a solid is kept out by its side faces, which end all links to it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from exploration_evaluation.config import RobotShape
-from exploration_evaluation.ground_ends import true_ground
+from exploration_evaluation.ground_ends import TrueGround, true_ground
 from exploration_evaluation.ground_grid import Floats, Ints, Mask, Surfaces, among, components, distances, grid_over
 from exploration_evaluation.ground_surfaces import TrueWorld
 from exploration_evaluation.mesh import RayScene, checked_mesh
@@ -59,24 +60,31 @@ def true_world(vertices: ArrayLike, triangles: ArrayLike, cell_m: float) -> True
 
 
 def reachable_ground(
-    vertices: ArrayLike, triangles: ArrayLike, start_xyz: ArrayLike, robot: RobotShape | None = None, cell_m: float = 0.10
+    vertices: ArrayLike,
+    triangles: ArrayLike,
+    start_xyz: ArrayLike,
+    robot: RobotShape | None = None,
+    cell_m: float = 0.10,
+    closed: Callable[[Floats], Mask] | None = None,
 ) -> ReachableGround:
     """The ground of a mesh that a robot can reach from a start and turn on, level by level.
 
     vertices (V, 3) metres and triangles (T, 3) indices in the world frame; start_xyz (3,) a point of the robot at its
-    start, not below the ground and at most half a metre above it. ValueError for a mesh that is none, one too large
+    start, not below the ground and at most half a metre above it; `closed` tells of points (N, 3) whether the robot may not be there.
+    ValueError for a mesh that is none, one too large
     for the grid, or when there is no ground, or no room, at the start.
     """
     robot = robot or RobotShape()
     world = true_world(vertices, triangles, cell_m)
     ground = true_ground(world, robot)
     nodes, links, level_m = ground.nodes, ground.links, robot.level_m
+    barriers = ground.barriers if closed is None else np.vstack([ground.barriers, _border(ground, closed(nodes.xyz))])
     turn_m, body_m = robot.circumscribed_radius_m, robot.inscribed_radius_m
-    clear = distances(world.grid, nodes, ground.barriers, turn_m + cell_m, level_m)
+    clear = distances(world.grid, nodes, barriers, turn_m + cell_m, level_m)
     room = clear >= turn_m - 1e-6
     start = _start_node(nodes, links, room, np.asarray(start_xyz, dtype=np.float64))
     pieces = np.where(room, components(links, room), -1)
-    drives = straight_drives(world.grid, nodes, ground.barriers, pieces, int(pieces[start]), robot)
+    drives = straight_drives(world.grid, nodes, barriers, pieces, int(pieces[start]), robot)
     reached = np.isin(pieces, drives.pieces)
     beside = reached | (reached[links] & (links >= 0)).any(axis=1)
     away = distances(world.grid, nodes, nodes.xyz[reached], body_m + cell_m, level_m, clear[reached] - turn_m)
@@ -94,6 +102,12 @@ def reachable_ground(
         way_points=nodes.xyz[ways],
         way_links=among(links, ways),
     )
+
+
+def _border(ground: TrueGround, closed: Mask) -> Floats:
+    """(B, 3) the `closed` nodes from which a link leads to open ones: the robot keeps as far from them as from a wall."""
+    leads_out = np.append(~closed, False)[ground.links].any(axis=1)
+    return ground.nodes.xyz[closed & leads_out]
 
 
 def _area(inside_m: Floats, cell_m: float) -> float:

@@ -14,6 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from exploration_evaluation.config import EvaluationConfig
+from exploration_evaluation.start_distance import StartDistance
 
 
 class Fault(StrEnum):
@@ -25,6 +26,8 @@ class Fault(StrEnum):
     NOT_SAVED = "no map"
     MISSED = "coverage"
     STAYED = "stayed"
+    NOT_HOME = "not home"
+    OUTSIDE = "outside"
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,7 @@ class Outcome:
     """What is known of a run; None where it is not.
 
     coverage: share of the reachable ground in the map. missed_piece_m2: the largest connected piece that it lacks.
-    farthest_m: the farthest that the robot came from its start.
+    start: how far the robot was from its start. outside_m: by how much it came to where it may not be, None where it may be everywhere.
     """
 
     stop_reason: str | None
@@ -41,7 +44,8 @@ class Outcome:
     map_saved: bool
     coverage: float | None
     missed_piece_m2: float | None
-    farthest_m: float | None
+    start: StartDistance | None
+    outside_m: float | None = None
 
 
 def faults(outcome: Outcome, config: EvaluationConfig) -> tuple[Fault, ...]:
@@ -54,6 +58,8 @@ def faults(outcome: Outcome, config: EvaluationConfig) -> tuple[Fault, ...]:
         Fault.NOT_SAVED: not o.map_saved,
         Fault.MISSED: _is_missed(o.coverage, o.missed_piece_m2, config),
         Fault.STAYED: _has_stayed(o, config),
+        Fault.NOT_HOME: _is_not_home(o, config),
+        Fault.OUTSIDE: o.outside_m is not None and o.outside_m > config.outside_m,
     }
     return tuple(fault for fault, holds in against.items() if holds)
 
@@ -63,7 +69,7 @@ def succeeded(outcome: Outcome, config: EvaluationConfig) -> bool | None:
     if faults(outcome, config):
         return False
     o = outcome
-    needed = (o.stop_reason, o.fell, o.collisions, o.coverage, o.missed_piece_m2, o.farthest_m)
+    needed = (o.stop_reason, o.fell, o.collisions, o.coverage, o.missed_piece_m2, o.start)
     return None if any(part is None for part in needed) else True
 
 
@@ -92,6 +98,14 @@ def _is_missed(coverage: float | None, piece_m2: float | None, config: Evaluatio
 
 
 def _has_stayed(outcome: Outcome, config: EvaluationConfig) -> bool:
-    if outcome.farthest_m is None or outcome.farthest_m >= config.stayed_m:
+    if outcome.start is None or outcome.start.farthest_m >= config.stayed_m:
         return False
     return outcome.coverage is None or outcome.coverage < config.stayed_coverage
+
+
+def _is_not_home(outcome: Outcome, config: EvaluationConfig) -> bool:
+    """Whether the robot was to end at home, as its stop reason tells, and did not, by its own word or by the true poses."""
+    reason, start = outcome.stop_reason or "", outcome.start
+    if "; home, " not in reason or start is None:
+        return "; not home, " in reason
+    return start.end_m > config.home_m or start.end_rad > config.home_rad

@@ -15,6 +15,8 @@ SENSORS = ("tilting", "spinning")
 UPS = ("x", "y", "z")
 REALISMS = ("hardware", "ideal")
 MAPPINGS = ("driving", "stop_and_go")
+MOST_BUDGET = 10_000  # minutes or metres
+AT_ENDS = ("stay", "home")
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -55,6 +57,10 @@ class ExploreArguments:
     record: bool
     port: int | None
     max_sim_time_s: float
+    at_end: str
+    budget_s: float
+    budget_m: float
+    zones: Path | None
     robot: Path | None
     profile: str
     set_parameters: tuple[str, ...]
@@ -141,6 +147,14 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--port", type=int, metavar="N", help="port of the ROS master; default 11311, or one near it when that is taken")
     p.add_argument("--max-sim-time", type=float, default=3600.0, metavar="S", help="stop after S simulated seconds; default 3600")
     p.add_argument(
+        "--at-end", choices=AT_ENDS, default=AT_ENDS[0], help="stay where nothing is left to explore, or drive home; default stay"
+    )
+    p.add_argument("--zones", type=Path, metavar="FILE", help="YAML with bounds and no_go: polygons in map, whose origin is the start")
+    p.add_argument(
+        "--budget", type=float, default=0.0, metavar="MIN", help="be home again after so many simulated minutes; default 0: none"
+    )
+    p.add_argument("--budget-m", type=float, default=0.0, metavar="M", help="be home again after so many metres driven; default 0: none")
+    p.add_argument(
         "--robot",
         metavar="R",
         help="the robot: husky, the name of a file in config/robots/, or a FILE like config/robot.yaml, with its URDF; default husky",
@@ -181,6 +195,8 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
     _check_world(a.world, a.size)
     _check_numbers(a)
     check_movers(a.movers, a.seed)
+    if a.zones:
+        _check_zones(a.zones)
     out = (a.resume or a.out or Path("runs") / f"{Path(a.world).stem}-{a.seed}").absolute()
     if a.map and a.map.resolve() == out.resolve():
         raise ArgumentProblem(
@@ -211,6 +227,10 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         record=a.record,
         port=a.port,
         max_sim_time_s=a.max_sim_time,
+        at_end=a.at_end,
+        budget_s=60.0 * a.budget,
+        budget_m=a.budget_m,
+        zones=a.zones.absolute() if a.zones else None,
         robot=_robot_file(a.robot) if a.robot else earlier.robot,
         profile=a.profile,
         set_parameters=tuple(a.set),
@@ -246,11 +266,25 @@ def check_movers(movers: str, seed: int = 0) -> None:
         raise ArgumentProblem(f"--movers {error}") from error
 
 
+def _check_zones(path: Path) -> None:
+    from map_zones import read_zones  # loads numpy: not for who only asks for help
+
+    try:
+        zones = read_zones(path)
+    except ValueError as error:
+        raise ArgumentProblem(f"--zones {error}") from error
+    if why := zones.why_closed((0.0, 0.0, 0.0)):
+        raise ArgumentProblem(f"--zones {path}: the robot starts at 0 0 of map, and {why}")
+
+
 def _check_numbers(a: argparse.Namespace) -> None:
     if a.port is not None and not 1024 <= a.port <= 65535:
         raise ArgumentProblem(f"--port {a.port}: expected 1024 to 65535")
     if a.rate < 0 or a.max_sim_time <= 0 or a.seed < 0:
         raise ArgumentProblem("--rate must not be negative, --max-sim-time must be positive, --seed must not be negative")
+    for name, budget in (("--budget", a.budget), ("--budget-m", a.budget_m)):
+        if not 0.0 <= budget <= MOST_BUDGET:
+            raise ArgumentProblem(f"{name} {budget:g}: expected 0, for none, to {MOST_BUDGET}")
     if a.start is not None and len(a.start) not in (3, 4):
         raise ArgumentProblem(f"--start: {len(a.start)} numbers where X Y YAW or X Y Z YAW are wanted")
     if a.scale is not None and not 0.0 < a.scale < math.inf:

@@ -117,6 +117,10 @@ def launch_arguments(arguments: ExploreArguments, robot: RobotBody, overrides: P
         "record": str(arguments.record).lower(),
         "rviz": str(not arguments.headless).lower(),
         "max_sim_time": arguments.max_sim_time_s,
+        "at_end": arguments.at_end,
+        "budget_s": arguments.budget_s,
+        "budget_m": arguments.budget_m,
+        "zones": arguments.zones or "",
         "required": "true",
         "overrides": overrides,
     }

@@ -35,6 +35,7 @@ _RUN_FILES += (
     "robot.yaml",
     "robot.urdf",
     "mount_calibration.yaml",
+    "zones.yaml",
     "run.bag",
     "overrides.yaml",
     "roslaunch.log",

@@ -39,7 +39,7 @@ def _is_at_goal(doing: Doing, now: Moment) -> bool:
     path, is_turning = now.task.path, isinstance(doing, TurningToGoal)
     distance = math.hypot(path.goal[0] - now.pose[0], path.goal[1] - now.pose[1])
     # Skid steering drifts while it turns: once there, a little more is still there.
-    tolerance = now.config.goal_tolerance_m * (2.0 if is_turning else 1.0)
+    tolerance = now.config.goal_tolerance_m * now.task.tolerance_share * (2.0 if is_turning else 1.0)
     if path.length - now.at.s > max(tolerance, 0.05) or distance > tolerance:
         return False
     # The last metre is driven on until the end itself is beside the robot, not only near; before a passage to the very end.
@@ -49,7 +49,7 @@ def _is_at_goal(doing: Doing, now: Moment) -> bool:
 
 def _turn_to_goal(doing: Doing, now: Moment) -> Decided:
     error = 0.0 if now.task.goal_yaw is None else angle_difference(now.task.goal_yaw, now.pose[2])
-    settled = now.config.goal_yaw_tolerance_rad * (0.5 if isinstance(doing, TurningToGoal) else 1.0)
+    settled = now.config.goal_yaw_tolerance_rad * now.task.tolerance_share * (0.5 if isinstance(doing, TurningToGoal) else 1.0)
     if abs(error) <= settled:
         return _end(FollowerState.REACHED, "at the goal")
     angle = turn_by(error, doing.turning_side)

@@ -60,15 +60,15 @@ class PathFollower:
         self._begin(None, Ended(reason, FollowerState.IDLE))
         self.latest = self._output(STAND, reason)
 
-    def set_path(self, points: ArrayLike, goal_yaw: float | None, straight: Sequence[bool] = ()) -> None:
+    def set_path(self, points: ArrayLike, goal_yaw: float | None, straight: Sequence[bool] = (), *, exact: bool = False) -> None:
         """Follow (K, 3) points in map, metres, and face `goal_yaw` radians at the end unless it is None; ValueError if not finite.
 
         `straight` (K,) or empty: whether from a point to the next the path leads through a passage in which the robot cannot turn.
-        A robot that drives goes over to the new path at its speed, from where it is by now.
+        A robot that drives goes over to the new path at its speed, from where it is by now. `exact` halves the goal's tolerances.
         """
         if goal_yaw is not None and not math.isfinite(goal_yaw):
             raise ValueError(f"goal_yaw is a finite heading or None, not {goal_yaw!r}")
-        task = Task(ReferencePath(points, self._config.smoothing_m, straight), goal_yaw)
+        task = Task(ReferencePath(points, self._config.smoothing_m, straight), goal_yaw, exact)
         if self._task is None or self._pose is None or self._command == STAND:
             self._begin(task, Following("new path"))
         else:

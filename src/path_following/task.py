@@ -14,6 +14,7 @@ from path_following.pursuit import approached
 from path_following.reference_path import Pose, Projection, ReferencePath, Stretch
 from path_following.surroundings import Surroundings
 
+_EXACTLY = 0.5  # of the tolerances, where the robot is to stand at the goal
 AT_BEGIN_M = 0.08  # so near to where a passage begins the robot is there
 
 
@@ -22,15 +23,21 @@ class Task:
     """A path to follow and the heading wanted at its end, and how far the robot is with it.
 
     `s`: arc length of the place beside the robot; `off_path`: its signed distance, None before the first step; `entered`: the latest
-    passage at whose beginning the robot was.
+    passage at whose beginning the robot was. `exact`: it is to stand at the end, not only to look from there.
     """
 
     path: ReferencePath
     goal_yaw: float | None
+    exact: bool = False
     s: float = 0.0
     off_path: float | None = None
     entered: Stretch | None = None
     watch: ProgressWatch | None = None
+
+    @property
+    def tolerance_share(self) -> float:
+        """Of the tolerances of the goal, what counts here."""
+        return _EXACTLY if self.exact else 1.0
 
     @property
     def remaining_m(self) -> float | None:

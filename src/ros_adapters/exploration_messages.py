@@ -20,12 +20,13 @@ def outcome_of(message: MappedSweep) -> SweepOutcome:
 
 
 def plan_of(stamp_s: float, decision: Decision) -> StorePlanRequest:
-    """The follower's path, or an empty one where there is no goal (6.2.2)."""
+    """The follower's path, or an empty one where there is no goal, and why it waits then (6.2.2)."""
     plan = Path(header=header(stamp_s, frames().map))
     if decision.kind is DecisionKind.GOAL:
         assert decision.path is not None and decision.goal is not None
         plan = path_message(stamp_s, frames().map, decision.path, decision.goal[3])
-    return StorePlanRequest(plan, [] if decision.straight is None else decision.straight.tolist())
+    straight = [] if decision.straight is None else decision.straight.tolist()
+    return StorePlanRequest(plan, straight, decision.exact, decision.reason if decision.kind is DecisionKind.WAIT else "")
 
 
 def decision_message(stamp_s: float, decision: Decision, outcome: SweepOutcome, timing: StageTimes) -> ExplorationDecision:

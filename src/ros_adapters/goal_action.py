@@ -115,6 +115,12 @@ class GoalAction:
             self._active.set_aborted(MoveBaseResult(), reason)
         self._active = self._goal = None
 
+    def replace(self, reason: str) -> None:
+        """Preempts the goal, if there is one: something else is driven to."""
+        if self._active is not None:
+            self._active.set_canceled(MoveBaseResult(), reason)
+        self._active = self._goal = None
+
     def on_output(self, stamp_s: float, output: "FollowerOutput") -> None:
         """Feedback, and the goal's end when the follower has reached it or given it up; after a part of the way a sweep is waited for."""
         if self._active is None:
@@ -177,8 +183,7 @@ class GoalAction:
         except ValueError as error:
             self._refuse(handle, str(error))
             return
-        if self._active is not None:
-            self._active.set_canceled(MoveBaseResult(), "replaced by a newer goal")
+        self.replace("replaced by a newer goal")
         self._active, self._goal = handle, goal
         self._driving.began(asked)
 

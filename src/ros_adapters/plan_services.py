@@ -3,16 +3,18 @@
 import math
 
 import numpy as np
-from explore_3dnav.srv import PlanPathRequest, PlanPathResponse
+from explore_3dnav.srv import PlanPath, PlanPathRequest, PlanPathResponse
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.srv import GetPlanRequest, GetPlanResponse
+from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
 
 from octomap_server_3dnav.exploration.approach import Approach
-from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, nearest_traversable, plan_path
+from octomap_server_3dnav.exploration.decide import Explorer
+from octomap_server_3dnav.navigation.planner import Path, nearest_traversable, plan_path
 from octomap_server_3dnav.terrain.classify import Terrain
 from rigid_geometry import rotation_from_quat, yaw_of
 from ros_adapters.conversions import path_message, transform_from_pose
 from ros_adapters.frames import frames
+from ros_adapters.node import Node
 from ros_adapters.tf_lookup import TransformsWhenAsked
 
 _NOT_MOVED_M = 0.3
@@ -21,9 +23,12 @@ _NOT_MOVED_M = 0.3
 class PlanServices:
     """Answers by the terrain that it was shown last, without the node's lock: who asks may be who the node waits for."""
 
-    def __init__(self, planner: PlannerConfig, approach: Approach, transforms: TransformsWhenAsked) -> None:
-        """`approach` tells how far towards a goal the robot may drive before it is swept again."""
-        self._planner, self._approach, self._transforms = planner, approach, transforms
+    def __init__(self, node: Node, explorer: Explorer, transforms: TransformsWhenAsked) -> None:
+        """Serves ~make_plan and ~plan_path, with the explorer's configurations."""
+        self._planner, self._transforms = explorer.planner_config, transforms
+        self._approach = Approach(explorer.config, self._planner.trim_m)  # how far the robot may drive before it is swept again
+        node.serve("~make_plan", GetPlan, self.make_plan)
+        node.serve("~plan_path", PlanPath, self.plan_path)
         self._newest: tuple[float, Terrain] | None = None
         self._why_none = "no sweep is in the map yet"
 
@@ -74,6 +79,8 @@ class PlanServices:
     def _path(self, terrain: Terrain, request: GetPlanRequest | PlanPathRequest, from_robot: bool) -> Path | None:
         """From where the robot was swept last, or from the ground nearest the start."""
         goal = _ground_at(terrain, request.goal, request.tolerance)
+        if why := _why_closed(terrain, request.goal):
+            raise ValueError(f"the goal at {why}")
         source = None if from_robot else _ground_at(terrain, request.start, request.tolerance)
         if goal is None or (source is None and not from_robot):
             return None
@@ -87,6 +94,12 @@ def _ground_at(terrain: Terrain, pose: PoseStamped, tolerance_m: float) -> int |
     if not (math.isfinite(xyz.x) and math.isfinite(xyz.y)):
         raise ValueError(f"a pose at ({xyz.x}, {xyz.y}), which are no numbers")
     return nearest_traversable(terrain, (xyz.x, xyz.y, xyz.z), tolerance_m)
+
+
+def _why_closed(terrain: Terrain, pose: PoseStamped) -> str:
+    """Why the robot may not be there, as words; a height that is not known is its own."""
+    at = pose.pose.position
+    return terrain.zones.why_closed((at.x, at.y, terrain.robot_xyz[2] if math.isnan(at.z) else at.z))
 
 
 def _check_in_map(pose: PoseStamped) -> None:

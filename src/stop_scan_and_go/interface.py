@@ -39,16 +39,21 @@ class SweepKind(enum.Enum):
 
 
 class Decision(enum.Enum):
-    """What the planner says after a sweep: a new goal, the same goal, nothing left to explore, or no way anywhere."""
+    """What the planner says after a sweep: a new goal, the same goal, nothing left to explore, or no way anywhere.
+
+    ENDED: somebody or a budget has ended it. WAIT: until somebody asks for more; the follower is paused then.
+    """
 
     GOAL = "goal"
     KEEP = "keep"
     EXPLORED = "explored"
     TRAPPED = "trapped"
+    ENDED = "ended"
+    WAIT = "wait"
 
 
-_FOLLOWER_ENDS = {"reached": SweepKind.REACHED, "stuck": SweepKind.STUCK, "blocked": SweepKind.BLOCKED}
-_FOLLOWER_IDLE, _FOLLOWER_PAUSED = "idle", "paused"
+_FOLLOWER_IDLE, _FOLLOWER_PAUSED, _FOLLOWER_RECALLED = "idle", "paused", "recalled"
+_FOLLOWER_ENDS = {"reached": SweepKind.REACHED, "stuck": SweepKind.STUCK, "blocked": SweepKind.BLOCKED, _FOLLOWER_RECALLED: SweepKind.IDLE}
 """The follower's states without a path to go, by the name under which they cross the stages; in all others it drives."""
 
 
@@ -96,6 +101,11 @@ class TickObservation:
     def is_paused(self) -> bool:
         """Whether it has none because somebody has stopped exploration."""
         return self.follower_state == _FOLLOWER_PAUSED
+
+    @property
+    def is_recalled(self) -> bool:
+        """Whether it has none because a sweep is to decide anew, at once."""
+        return self.follower_state == _FOLLOWER_RECALLED
 
     @property
     def has_path(self) -> bool:

@@ -135,7 +135,7 @@ class StopScanAndGo:
         return not stamp_s > self._watch.begun_s
 
     def _decided(self, decision: Decision, reason: str) -> TickAction:
-        if decision in (Decision.EXPLORED, Decision.TRAPPED):
+        if decision in (Decision.EXPLORED, Decision.TRAPPED, Decision.ENDED):
             self._is_over = True
             self._enter(DriveState.FINISHED, f"{decision.value}: {reason}")
             self._kind = None
@@ -292,6 +292,8 @@ class StopScanAndGo:
         is_new = tick.stamp_s - self._entered_s >= self._config.follower_grace_s
         if is_new and tick.has_path:
             return self._drive("to a goal after exploration")
+        if is_new and tick.is_recalled:
+            return self._end_drive(SweepKind.IDLE, tick.follower_reason)
         return self._answer()
 
     def _standing(self, tick: TickObservation) -> TickAction:

@@ -40,7 +40,7 @@ class Monitor:
         self.decisions = feed("/exploration/decision", ExplorationDecision)
 
     def say(self, state: str, reason: str, sweeps: int = 3) -> None:
-        self.events.publish(RunEvent(header(110.0, "odom"), state, reason, sweeps, False, ""))
+        self.events.publish(RunEvent(header(110.0, "odom"), state, reason, sweeps, False, "", 0.0, False))
 
     def end(self, timeout_s: float = 20.0) -> tuple[dict[str, object], str]:
         """The summary and what was printed, once the node has ended."""

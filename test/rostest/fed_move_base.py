@@ -79,7 +79,7 @@ class FedMoveBase(unittest.TestCase):
         self.cancel.publish(GoalID())
         wait_until(lambda: self.tick().state == "paused", "the robot to stand")
         self.resume.publish(True)
-        wait_until(lambda: self.tick().state == "idle", "exploration to go on")
+        wait_until(lambda: self.tick().state == "recalled", "exploration to go on")
         self.terrain.publish(message_of_grid(self.clock_s, "map", grid_of(np.zeros((CELLS, CELLS), np.int8))))
         self.taken.wait_for(lambda m: abs(m.stamp.to_sec() - self.clock_s) < 1e-6)
         self.clear_costmaps()

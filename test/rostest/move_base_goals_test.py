@@ -14,6 +14,7 @@ from geometry_msgs.msg import PolygonStamped, PoseStamped
 from move_base_msgs.msg import MoveBaseAction, MoveBaseFeedback, MoveBaseGoal, RecoveryStatus
 from nav_msgs.msg import OccupancyGrid, Path
 from node_testing import BEAMS, Inbox, feed, wait_until
+from std_srvs.srv import Trigger
 
 import rostest
 from rigid_geometry import transform_from_rpy
@@ -157,11 +158,11 @@ class MoveBaseGoalsTest(FedMoveBase):
     def test_robot_that_has_failed_keeps_no_goal_waiting(self) -> None:
         self.begin(goal_at(3.0))
         events = feed("/exploration/event", RunEvent)
-        events.publish(RunEvent(header(self.clock_s, "odom"), "failed", "the sweep did not begin", 1, False, ""))
+        events.publish(RunEvent(header(self.clock_s, "odom"), "failed", "the sweep did not begin", 1, False, "", 0.0, False))
         self.assertEqual(self.wait_for_result(), GoalStatus.ABORTED)
         self.client.send_goal(goal_at(2.0))
         self.assertEqual((self.wait_for_result(), self.client.get_goal_status_text()), (GoalStatus.ABORTED, FAILED))
-        events.publish(RunEvent(header(self.clock_s, "odom"), "driving", "", 1, False, ""))
+        events.publish(RunEvent(header(self.clock_s, "odom"), "driving", "", 1, False, "", 0.0, False))
         wait_until(lambda: self.is_taken(goal_at(2.0)), "goals to be taken again")
 
     def is_taken(self, goal: MoveBaseGoal) -> bool:
@@ -174,12 +175,15 @@ class MoveBaseGoalsTest(FedMoveBase):
 
     # -- cancel and resume
 
+    def assert_sweep_is_asked_for(self) -> None:
+        wait_until(lambda: self.tick().state == "recalled", "a sweep to be asked for")
+
     def assert_exploration_waits_until_it_is_told_to_go_on(self) -> None:
         self.assert_stands("paused")
         self.store_straight_ahead()
         self.assert_stands("paused")
         self.resume.publish(True)
-        wait_until(lambda: self.tick().state == "idle", "exploration to go on")
+        self.assert_sweep_is_asked_for()
         self.store_straight_ahead()
         self.tick_until("following")
 
@@ -231,6 +235,71 @@ class MoveBaseGoalsTest(FedMoveBase):
         self.tick_until("paused")
         self.assert_exploration_waits_until_it_is_told_to_go_on()
 
+    def call(self, name: str) -> tuple[bool, str]:
+        answer = rospy.ServiceProxy(name, Trigger)()
+        return answer.success, answer.message
+
+    def test_exploration_is_paused_and_resumed_by_service_and_who_contradicts_is_told_so(self) -> None:
+        self.store_straight_ahead()
+        self.tick_until("following")
+        self.assertEqual(self.call("/explore/resume"), (False, "exploration is not paused"))
+        self.assertEqual(self.tick().state, "following")
+        self.assertTrue(self.call("/explore/pause")[0])
+        self.tick_until("paused")
+        refused, reason = self.call("/explore/pause")
+        self.assertEqual((refused, reason.split(":")[0]), (False, "paused already"))
+        self.store_straight_ahead()
+        self.assert_stands("paused")
+        self.assertTrue(self.call("/explore/resume")[0])
+        self.assert_sweep_is_asked_for()
+        self.store_straight_ahead()
+        self.tick_until("following")
+
+    def test_topic_and_service_are_one_pause(self) -> None:
+        self.resume.publish(False)
+        self.tick_until("paused")
+        self.assertTrue(self.call("/explore/resume")[0])
+        self.assert_sweep_is_asked_for()
+        self.assertTrue(self.call("/explore/pause")[0])
+        self.resume.publish(True)
+        self.assert_sweep_is_asked_for()
+
+    def test_recall_drops_plan_goal_and_pause_and_asks_for_a_sweep(self) -> None:
+        for prepare in (self.store_straight_ahead, lambda: self.begin(goal_at(3.0)), lambda: self.call("/explore/pause")):
+            prepare()
+            self.assertTrue(self.call("/move_base_node/recall")[0])
+            self.assert_sweep_is_asked_for()
+            self.assert_stands("recalled")
+        self.assertEqual(self.client.get_state(), GoalStatus.PREEMPTED)
+        self.store_plan(plan=Path())
+        self.assert_stands("idle")
+
+    def test_replan_drops_the_path_alone(self) -> None:
+        self.begin(goal_at(3.0))
+        self.assertTrue(self.call("/explore/pause")[0])
+        self.assertTrue(self.call("/move_base_node/replan")[0])
+        self.assert_sweep_is_asked_for()
+        self.assertEqual(self.client.get_state(), GoalStatus.ACTIVE)
+        self.store_straight_ahead()  # what exploration decides after the sweep: the goal is planned to anew
+        self.tick_until("following")
+        self.client.cancel_goal()
+        self.tick_until("paused")
+        self.assertTrue(self.call("/move_base_node/replan")[0])  # there is no path
+        self.assert_stands("paused")
+
+    def test_plan_to_wait_pauses_exploration_with_its_reason(self) -> None:
+        self.store_straight_ahead()
+        self.store_plan(plan=Path(), wait="home, 0.05 m from the start")
+        self.assertIn("home, 0.05 m from the start", self.tick_until("paused").reason)
+        self.assert_exploration_waits_until_it_is_told_to_go_on()
+
+    def test_end_that_is_to_be_stood_at_is_reached_within_half_the_tolerances(self) -> None:
+        points = np.column_stack([np.linspace(0.0, 1.0, 11), np.zeros(11), np.full(11, 0.04)])
+        self.store_plan(plan=path_message(self.clock_s, "map", points, 0.14), exact=True)
+        self.tick_until("reached")
+        self.assertLess(np.hypot(self.at[0] - 1.0, self.at[1]), 0.1)
+        self.assertLess(abs(self.at[2] - 0.14), 0.06)
+
     def test_end_of_exploration_is_not_the_end_of_a_goal(self) -> None:
         self.begin(goal_at(1.0))
         self.store_plan(plan=Path())
@@ -248,7 +317,7 @@ class MoveBaseGoalsTest(FedMoveBase):
         self.client.cancel_goal()
         self.tick_until("paused")
         self.resume.publish(True)
-        self.tick_until("idle")
+        self.tick_until("recalled")
         self.store_plan(plan=exploration)
         plans.wait_for(lambda m: m.poses and abs(m.poses[-1].pose.position.y - 2.0) < 1e-6)
 

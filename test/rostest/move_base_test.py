@@ -69,7 +69,9 @@ class MoveBaseTest(unittest.TestCase):
         self.cancel.publish(GoalID())
         wait_until(lambda: self.tick().state == "paused", "the robot to stand")
         self.resume.publish(True)
-        wait_until(lambda: self.tick().state == "idle", "exploration to go on")
+        wait_until(lambda: self.tick().state == "recalled", "a sweep to be asked for")
+        self.store_plan(plan=Path())  # what is decided after it
+        wait_until(lambda: self.tick().state == "idle", "the robot to have no plan")
 
     def publish_terrain(self, cost: np.ndarray) -> None:
         """Terrain whose middle is the map's origin; the next command is that of a robot that knows it."""

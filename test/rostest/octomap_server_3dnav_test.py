@@ -137,6 +137,20 @@ class OctomapServer3dnavTest(unittest.TestCase):
         self.assertEqual({m.header.frame_id for m in shown}, {"map"})
         self.assertIn("traversable", [m.ns for m in shown if m.points])
 
+    def test_frontiers_are_shown_with_their_cost_as_by_explore_lite_and_the_goal_before_the_chosen_one(self) -> None:
+        shown = Inbox("/explore/frontiers", MarkerArray).wait_until_connected()
+        answer = self.decision()
+        markers = shown.wait_for(lambda m: len(m.markers) > 1 and abs(m.markers[1].header.stamp.to_sec() - self.clock_s) < 1e-6).markers
+        self.assertEqual(markers[0].action, Marker.DELETEALL)
+        balls, costs, (goal,) = ([m for m in markers[1:] if m.ns == name] for name in ("frontiers", "cost", "goal"))
+        self.assertEqual((len(balls), len(costs)), (answer.open_frontiers, answer.open_frontiers))
+        chosen = [m for m in balls if m.color.g > m.color.b]
+        self.assertEqual([m.pose.position for m in chosen], [answer.frontier])
+        self.assertEqual([float(m.text) for m in costs], sorted(float(m.text) for m in costs))
+        end = self.plans[-1].poses[-1].pose
+        np.testing.assert_allclose((goal.pose.position.x, goal.pose.position.y), (end.position.x, end.position.y), atol=1e-6)
+        self.assertEqual({m.header.frame_id for m in markers}, {"map"})
+
     def test_empty_cloud_is_counted_and_dropped(self) -> None:
         self.assert_dropped(self.sweep(self.points[:0]))
 

@@ -22,6 +22,7 @@ ORDER: dict[str, set[str]] = {
     "point_cloud2": set(),
     "sensor_checks": BASE,
     "visiting_order": set(),
+    "map_zones": set(),
     "world_files": {"rigid_geometry"},
     # stages
     "simulated_movers": {"stage_config"},
@@ -36,15 +37,15 @@ ORDER: dict[str, set[str]] = {
     "pose_graph_mapping.session": BASE | {"pose_graph_mapping", "pose_graph_mapping.registration", "pose_graph_mapping.graph"},
     "octomap_server_3dnav": set(),
     "octomap_server_3dnav.octree": BASE,
-    "octomap_server_3dnav.terrain": BASE | {"octomap_server_3dnav.octree"},
-    "octomap_server_3dnav.navigation": BASE | {"octomap_server_3dnav.octree", "octomap_server_3dnav.terrain"},
-    "octomap_server_3dnav.exploration": BASE | TERRAIN - {"octomap_server_3dnav.exploration"},
+    "octomap_server_3dnav.terrain": BASE | {"map_zones", "octomap_server_3dnav.octree"},
+    "octomap_server_3dnav.navigation": BASE | {"map_zones", "octomap_server_3dnav.octree", "octomap_server_3dnav.terrain"},
+    "octomap_server_3dnav.exploration": BASE | {"map_zones"} | TERRAIN - {"octomap_server_3dnav.exploration"},
     "finished_maps": BASE | MAPPING | {"octomap_server_3dnav.octree"},
     "local_terrain_costmap": BASE,
     "path_following": BASE,
     "collision_monitor": BASE,
     "stop_scan_and_go": BASE,
-    "exploration_evaluation": BASE | {"visiting_order"},  # the judge knows no stage that it judges
+    "exploration_evaluation": BASE | {"map_zones", "visiting_order"},  # the judge knows no stage that it judges
     # between the stages and ROS
     ADAPTERS: BASE
     | MAPPING
@@ -52,6 +53,7 @@ ORDER: dict[str, set[str]] = {
     | {
         "exploration_evaluation",
         "local_terrain_costmap",
+        "map_zones",
         "mount_calibration",
         "path_following",
         "point_cloud2",
@@ -65,6 +67,7 @@ ORDER: dict[str, set[str]] = {
     | {
         "world_files",
         "exploration_evaluation",
+        "map_zones",
         "pose_graph_mapping.session",
         "pybullet_simulation",
         "roslaunch_process",
@@ -79,7 +82,7 @@ ORDER: dict[str, set[str]] = {
     "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "roslaunch_process"},
 }
 """Every package and what it may import, earlier ones only. Rooms count as packages."""
-SHARED = BASE | {"point_cloud2", "visiting_order", "world_files"}
+SHARED = BASE | {"map_zones", "point_cloud2", "visiting_order", "world_files"}
 PROGRAMS = set(list(ORDER)[list(ORDER).index(ADAPTERS) + 1 :])
 STAGES = {name.partition(".")[0] for name in ORDER} - SHARED - PROGRAMS - {ADAPTERS}
 ROS = {

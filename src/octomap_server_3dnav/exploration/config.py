@@ -49,6 +49,21 @@ class ExplorationConfig:
         math.radians(8.0), "rad", "on steeper ground the robot does not turn to face the frontier", low=0.0, high=1.6
     )
 
+    at_end: str = parameter(
+        "stay",
+        "-",
+        "when nothing is left to explore the robot stays there or drives home, to where it began; end: as stay, and the launch ends",
+        choices=("stay", "home", "end"),
+    )
+    budget_s: float = parameter(
+        0.0, "s", "after so long the robot is home again, with what it knows by then; 0: it takes the time that it needs", low=0.0, high=1e6
+    )
+    budget_m: float = parameter(0.0, "m", "the same in metres driven; 0: as many as it needs", low=0.0, high=1e6)
+    home_tolerance_m: float = parameter(
+        0.15, "m", "home is where it began within this distance, as a sweep there tells", low=0.02, high=2.0
+    )
+    home_tolerance_rad: float = parameter(0.15, "rad", "and this heading", low=0.02, high=3.2)
+
     def validate(self) -> list[str]:
         """All violations, as sentences."""
         problems = check_ranges(self)

@@ -1,7 +1,7 @@
 """Where to go after a sweep (thesis algorithm 3, lines 22 to 35, and 6.2.2): `Explorer.step(observation) -> Decision`.
 
 The last step of the octomap stage. Algorithm 3 as printed begins anew whenever the robot is at a frontier; around it stands what becomes of
-a plan that is under way, of drives that failed, and of sweeps that found no place in the map.
+a plan that is under way, of drives that failed, and of sweeps that found no place in the map; and what people ask for: home, or the end.
 """
 
 from dataclasses import dataclass, replace
@@ -10,10 +10,13 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from map_zones import Zones
+from octomap_server_3dnav.exploration.budget import Budget
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind, TerrainWithin
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig
 from octomap_server_3dnav.exploration.goals import GoalSearch, View
+from octomap_server_3dnav.exploration.homing import Homing
 from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
 from octomap_server_3dnav.exploration.retreat import Retreat, way_back
 from octomap_server_3dnav.navigation.passages import TerrainSettings
@@ -31,6 +34,17 @@ class State(Enum):
     RETREATING = "retreating"  # to where a sweep found its place in the map
     EXPLORED = "explored"  # nothing reachable is unknown
     TRAPPED = "trapped"  # no way leads anywhere, or nobody knows where the robot is
+    GOING_HOME = "going home"
+    HOME = "home"  # or as near as it could come
+    ENDED = "ended"  # where it stood
+
+
+class Errand(Enum):
+    """What somebody may ask the robot for."""
+
+    EXPLORE = "explore"
+    HOME = "home"  # and wait there
+    END = "end"  # as when nothing is left to explore
 
 
 class SweepOutcome(Enum):
@@ -48,7 +62,8 @@ class Observation:
 
     `vertex_poses` (V, 4, 4): T_map_base of every sweep of the map, the last where the robot is now; `terrain_within` gives the terrain
     around it; `trouble`: why the sweep is UNPLACED or LOST. `on_the_way`: it was not made at the goal; `drive_failure`: what the follower
-    said when it could not reach that, else empty.
+    said when it could not reach that, else empty. `elapsed_s` since the start, and `driven_m` by odometry, for a budget.
+    `stands`: the robot stood when the sweep ended; `at_goal`: because it had reached its goal, not because somebody had stopped it.
     """
 
     sweep: SweepOutcome
@@ -57,6 +72,10 @@ class Observation:
     trouble: str = ""
     on_the_way: bool = False
     drive_failure: str = ""
+    elapsed_s: float = 0.0
+    driven_m: float = 0.0
+    stands: bool = True
+    at_goal: bool = True
 
     @property
     def T_map_base(self) -> Transform:
@@ -83,7 +102,10 @@ class Explorer:
         if problems := [problem for c in configs for problem in c.validate()]:
             raise ValueError("\n".join(problems))
         self._goals = GoalSearch(*configs)
+        self._homing = Homing(self.config, self.planner_config, self.terrain_settings.robot.base_height_m)
+        self._budget = Budget(self.config, since_start=True)
         self._state = State.STARTING
+        self._asked: tuple[Errand, str] | None = None
         self._plan: Decision | None = None
         self.forget_sweeps()
 
@@ -91,6 +113,23 @@ class Explorer:
     def state(self) -> State:
         """What the robot is about now."""
         return self._state
+
+    @property
+    def is_going_home(self) -> bool:
+        """Whether it is on its way there, or will be after the next sweep."""
+        return self._state is State.GOING_HOME or (self._asked is not None and self._is_home_next(self._asked[0]))
+
+    def ask(self, errand: Errand, reason: str) -> None:
+        """Somebody wants something else from the next sweep on; a robot that is told to explore again has its budget anew."""
+        self._asked = None if errand is Errand.EXPLORE else (errand, reason)
+        if errand is Errand.EXPLORE and self._state not in (State.STARTING, State.UNDER_WAY, State.RETREATING):
+            self._state, self._budget = State.STARTING, Budget(self.config, since_start=False)
+
+    def set_zones(self, zones: Zones) -> None:
+        """Where the robot may drive, from the next sweep on. ValueError lists what is wrong with them; nothing is changed then."""
+        if problems := zones.problems():
+            raise ValueError("; ".join(problems))
+        self.terrain_settings = replace(self.terrain_settings, zones=zones)
 
     def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
         """Frontiers given up so far, each with the reason."""
@@ -113,7 +152,8 @@ class Explorer:
         """What to do after a sweep. ValueError for poses that are none; nothing is changed then."""
         as_transforms(observation.vertex_poses)
         self._count(observation)
-        decision = self._why_not_on(observation) or self._kept(observation) or self._back(observation) or self._onward(observation)
+        decision = self._why_not_on(observation) or self._homeward(observation)
+        decision = decision or self._kept(observation) or self._back(observation) or self._onward(observation)
         self._plan = replace(decision, kind=DecisionKind.GOAL) if decision.path is not None else None
         return replace(decision, set_aside=len(self.set_aside()))
 
@@ -122,6 +162,7 @@ class Explorer:
             self._unplaced += 1
             return
         self._unplaced = 0
+        self._homing.notice(len(observation.vertex_poses) - 1)
         self.know_sweep(len(observation.vertex_poses) - 1, observation.sweep is SweepOutcome.MATCHED)
 
     def _why_not_on(self, observation: Observation) -> Decision | None:
@@ -134,6 +175,41 @@ class Explorer:
             return None
         self._state = State.TRAPPED
         return Decision(DecisionKind.TRAPPED, reason)
+
+    def _is_home_next(self, errand: Errand) -> bool:
+        return errand is Errand.HOME or (errand is Errand.END and self.config.at_end == "home")
+
+    def _homeward(self, observation: Observation) -> Decision | None:
+        """The way home, once somebody has asked for it or the budget needs it, and the end that somebody has asked for."""
+        asked, self._asked = self._asked, None
+        over = self._why_over(observation)
+        if asked is not None:
+            errand, why = asked
+            kind = DecisionKind.WAIT if errand is Errand.HOME else DecisionKind.ENDED
+            if not self._is_home_next(errand):
+                self._state = State.ENDED
+                return Decision(kind, why)
+            self._begin_homing(why, kind)
+        elif over and self._state not in (State.GOING_HOME, State.HOME, State.ENDED):
+            self._begin_homing(over, DecisionKind.ENDED)
+        return self._go_home(observation) if self._state is State.GOING_HOME else None
+
+    def _why_over(self, observation: Observation) -> str:
+        if not self._budget.is_set:
+            return ""
+        leg_m = self._budget.spend(observation.elapsed_s, observation.driven_m)
+        return self._budget.why_over(self._homing.way_m(observation.vertex_poses, observation.terrain_within(None), leg_m))
+
+    def _begin_homing(self, why: str, then: DecisionKind) -> None:
+        self._state = State.GOING_HOME
+        self._homing.begin(why, then)
+
+    def _go_home(self, observation: Observation) -> Decision:
+        o = observation
+        within = lambda radius_m: self.with_way_out(o.terrain_within(radius_m))  # noqa: E731
+        decision, is_last = self._homing.step(o.vertex_poses, within, o.stands, o.at_goal, o.drive_failure)
+        self._state = State.HOME if is_last else State.GOING_HOME
+        return decision
 
     def _kept(self, observation: Observation) -> Decision | None:
         """The plan under way, while nothing speaks against it: no new frontier is chosen at a sweep on the way (6.2.2)."""
@@ -162,6 +238,9 @@ class Explorer:
 
     def _onward(self, observation: Observation) -> Decision:
         decision = self._search(observation)
+        if decision.kind is DecisionKind.EXPLORED and self.config.at_end == "home":
+            self._begin_homing(decision.reason, decision.kind)
+            return self._go_home(observation)
         after = {DecisionKind.GOAL: State.UNDER_WAY, DecisionKind.EXPLORED: State.EXPLORED, DecisionKind.TRAPPED: State.TRAPPED}
         self._state = after[decision.kind]
         return decision
@@ -179,7 +258,7 @@ class Explorer:
             frontiers = self._goals.frontiers_in(view)  # 21
             decision = self._goals.towards([f for f in frontiers if not f.last], view)  # 35
             if decision is not None:
-                return decision  # 29 to 32: the next search begins around the robot again
+                return replace(decision, frontiers=tuple(frontiers))  # 29 to 32: the next search begins around the robot again
             # 22 to 25: nothing near, so the whole map
         return self._without_frontiers([f for f in frontiers if f.last], view)  # 26
 
@@ -198,6 +277,8 @@ class Explorer:
 
 
 def _why_trapped(terrain: Terrain) -> str:
+    if closed := terrain.zones.why_closed(terrain.robot_xyz):
+        return f"the robot at {closed}"
     if terrain.start is None:
         return "no ground beneath the robot from which enough traversable ground can be reached"
     return "all ground around the robot is too near to obstacles or cliffs"

@@ -7,6 +7,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from octomap_server_3dnav.exploration.frontiers import Frontier
 from octomap_server_3dnav.navigation.planner import Path
 from octomap_server_3dnav.terrain.classified_terrain import Terrain
 
@@ -21,6 +22,8 @@ class DecisionKind(Enum):
     KEEP = "keep"
     EXPLORED = "explored"
     TRAPPED = "trapped"
+    ENDED = "ended"  # somebody or a budget has ended exploration
+    WAIT = "wait"  # until somebody asks for more
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +33,8 @@ class Decision:
     `terrain` that decided, "local" or "global" by its `scope`; None and "" where none was asked. `open_frontiers` were left to visit in it,
     this one included; `set_aside` were given up in the whole run. Of GOAL and KEEP only: `path` (K, 3) in map, trimmed; `straight` (K,)
     bool, where from a point to the next it leads through a passage without room to turn; `full_path` up to the frontier; `goal` (x, y, z,
-    yaw) in map, its yaw facing `frontier` (3,), on a slope that of the path's end.
+    yaw) in map, its yaw facing `frontier` (3,), on a slope that of the path's end; `exact`: the goal is a place to stand at. `frontiers`:
+    those among which it was chosen, the cheapest first.
     """
 
     kind: DecisionKind
@@ -44,6 +48,8 @@ class Decision:
     frontier: tuple[float, float, float] | None = None
     full_path: NDArray[np.float64] | None = None
     straight: NDArray[np.bool_] | None = None
+    exact: bool = False
+    frontiers: tuple[Frontier, ...] = ()
 
     def along(self, part: Path, path: Path, yaw: float, frontier_xyz: tuple[float, float, float]) -> "Decision":
         """The same with a goal at the end of the first `part` of a path."""

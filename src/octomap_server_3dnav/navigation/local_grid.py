@@ -3,6 +3,7 @@
 After `terrain.classify` of the robot's surroundings, before move_base's costmap. A bridge above or a tunnel below does not show.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,8 +58,8 @@ class LocalGridConfig:
 def project(terrain: Terrain, centre_xy: tuple[float, float], size_m: float) -> TerrainGrid:
     """The robot's storey in a square of `size_m` around a place in map.
 
-    An obstacle or a cliff wins over ground of the same storey. Inflated ground is free here, the costmap inflates by itself; so is floor
-    assumed over a hole. ValueError when the size is not positive.
+    An obstacle or a cliff wins over ground of the same storey. What zones close is lethal, known or not. Inflated ground is free here,
+    the costmap inflates by itself; so is floor assumed over a hole. ValueError when the size is not positive.
     """
     if not size_m > 0:
         raise ValueError(f"size_m must be positive metres, not {size_m!r}")
@@ -72,7 +73,19 @@ def project(terrain: Terrain, centre_xy: tuple[float, float], size_m: float) -> 
     height[_cells(terrain, ground, first)] = (terrain.z[ground] + 1) * terrain.resolution
     distance[_cells(terrain, ground, first)] = terrain.distance_m[ground]
     distance[_cells(terrain, lethal, first)] = 0.0
+    if terrain.zones.are_set:
+        cost[_closed(terrain, height, first)] = LETHAL
     return TerrainGrid(cost, height, distance, (first[0] * terrain.resolution, first[1] * terrain.resolution), terrain.resolution)
+
+
+def _closed(terrain: Terrain, height: NDArray[np.float32], first: list[int]) -> NDArray[np.bool_]:
+    """(ny, nx) what zones close, at the height of the ground, and where that is not known at that beneath the robot."""
+    row, column = np.indices(height.shape)
+    here = terrain.z[terrain.start] if terrain.start is not None else math.floor(terrain.robot_xyz[2] / terrain.resolution)
+    z = np.where(np.isnan(height), (here + 1) * terrain.resolution, height)
+    x, y = (column + first[0] + 0.5) * terrain.resolution, (row + first[1] + 0.5) * terrain.resolution
+    xyz = np.stack([x, y, z], axis=-1, dtype=np.float64).reshape(-1, 3)
+    return terrain.zones.closed(xyz).reshape(height.shape)
 
 
 def _inside(terrain: Terrain, nodes: NDArray[np.int64], first: list[int], count: int) -> NDArray[np.int64]:

@@ -13,6 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from map_zones import NO_ZONES, Zones
 from octomap_server_3dnav.navigation.straight_lines import (
     DIRECTIONS,
     Demand,
@@ -44,22 +45,24 @@ ASIDE_M = 0.2  # a robot so near to the line of a passage stands in it
 
 @dataclass(frozen=True)
 class TerrainSettings:
-    """What a terrain is made for: the robot, how carefully the map is read, and where it may drive straight without room to turn."""
+    """What a terrain is made for: the robot, how carefully the map is read, where it may drive, and where only straight."""
 
     robot: RobotBody = field(default_factory=RobotBody)
     terrain: TerrainConfig = field(default_factory=TerrainConfig)
     passages: PassageConfig = field(default_factory=PassageConfig)
+    zones: Zones = NO_ZONES
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
-        return self.robot.validate() + self.terrain.validate() + self.passages.validate()
+        return self.robot.validate() + self.terrain.validate() + self.passages.validate() + self.zones.problems()
 
 
 def navigable_terrain(
     runs: ColumnRuns, T_map_base: Transform, settings: TerrainSettings, radius_m: float | None, heights: SurfaceHeights | None = None
 ) -> Terrain:
     """What `classify` finds, with its passages."""
-    terrain = classify(runs, T_map_base, settings.terrain, settings.robot, radius_m, heights)
+    terrain = classify(runs, T_map_base, settings.terrain, settings.robot, radius_m, heights, settings.zones)
+    terrain = replace(terrain, zones=settings.zones) if settings.zones.are_set else terrain
     return with_passages(terrain, yaw_of(T_map_base), settings)
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from map_zones import NO_ZONES, Zones
 from octomap_server_3dnav.octree.columns import Columns
 
 UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = 255, 0, 1, 2, 3, 4, 5
@@ -66,7 +67,7 @@ class Terrain:
     node from which an obstacle voxel or a frontier was seen, -1 of surface nodes; start, the voxel beneath the robot, and departure, where
     paths begin when the start lies in the inflation: node indices, None when there is none; radius_m of the classification, None for the
     whole map; robot_xyz, where base_link was; columns, what was seen in the window's columns; barriers, where the ground ends.
-    `navigation.passages` adds the passages, and narrow (N,) bool, inflated ground wide enough to drive straight over.
+    `navigation.passages` adds the passages, narrow (N,) bool, inflated ground wide enough to drive straight over, and the zones kept to.
     """
 
     resolution: float
@@ -91,6 +92,7 @@ class Terrain:
     barriers: Barriers
     narrow: NDArray[np.bool_]
     passages: tuple[Passage, ...] = ()
+    zones: Zones = NO_ZONES
 
     def centers(self, nodes: NDArray[np.integer] | slice | None = None) -> NDArray[np.float32]:
         """(N, 3) centres in map, in metres, of all nodes or those given by index."""

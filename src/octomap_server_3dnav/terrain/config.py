@@ -39,9 +39,7 @@ class TerrainConfig:
     cliff_evidence: str = parameter(
         "seen", "-", "a cliff is a drop that was seen; assumed: any edge that was looked across (thesis 7.3)", choices=("seen", "assumed")
     )
-    step_heights: str = parameter(
-        "measured", "-", "heights by where beams ended, where that is known; voxels: by the voxels alone", choices=("measured", "voxels")
-    )
+    step_heights: str = parameter("measured", "-", "heights by where beams ended, or by voxels alone", choices=("measured", "voxels"))
     inflation_shape: str = parameter("circle", "-", "exact distance, or the square cuboid of the thesis", choices=("circle", "square"))
     min_ground_voxels: int = parameter(50, "voxels", "a start voxel with less ground around it is discarded", low=1, high=100000)
     soft_clearance_m: float = parameter(0.5, "m", "width of the strip beyond the inflation that costs more", low=0.0, high=3.0)

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from exploration_evaluation.config import EvaluationConfig
+from exploration_evaluation.start_distance import StartDistance
 from exploration_evaluation.verdict import Fault, Outcome, faults, largest_piece_m2, succeeded, succeeded_alone
+from rigid_geometry import transform_from_rpy
 
 CONFIG = EvaluationConfig()
-GOOD = Outcome("explored: all", fell=False, collisions=0, map_saved=True, coverage=0.999, missed_piece_m2=0.1, farthest_m=9.0)
+GOOD = Outcome(
+    "explored: all", fell=False, collisions=0, map_saved=True, coverage=0.999, missed_piece_m2=0.1, start=StartDistance(9.0, 5.0, 1.0)
+)
 
 
 def test_good_run_succeeds() -> None:
@@ -25,8 +29,18 @@ def test_good_run_succeeds() -> None:
         ({"map_saved": False}, Fault.NOT_SAVED),
         ({"coverage": 0.95}, Fault.MISSED),  # five parts in a hundred are missing
         ({"coverage": 0.98, "missed_piece_m2": 5.1}, Fault.MISSED),  # a storey of a large building
-        ({"coverage": 0.98, "farthest_m": 0.9}, Fault.STAYED),
-        ({"coverage": None, "farthest_m": 0.9}, Fault.STAYED),
+        ({"coverage": 0.98, "start": StartDistance(0.9, 0.9, 0.0)}, Fault.STAYED),
+        (
+            {"stop_reason": "explored: all; home, 0.05 m and 0.01 rad from the start", "start": StartDistance(9.0, 0.21, 0.0)},
+            Fault.NOT_HOME,
+        ),
+        (
+            {"stop_reason": "explored: all; home, 0.05 m and 0.01 rad from the start", "start": StartDistance(9.0, 0.0, 0.21)},
+            Fault.NOT_HOME,
+        ),
+        ({"outside_m": 0.051}, Fault.OUTSIDE),
+        ({"stop_reason": "explored: all; not home, 1.05 m and 0.01 rad from the start: a box"}, Fault.NOT_HOME),
+        ({"coverage": None, "start": StartDistance(0.9, 0.9, 0.0)}, Fault.STAYED),
     ],
 )
 def test_each_fault_alone_is_no_success(changed: dict[str, object], fault: Fault) -> None:
@@ -35,13 +49,19 @@ def test_each_fault_alone_is_no_success(changed: dict[str, object], fault: Fault
 
 
 @pytest.mark.parametrize(
-    "changed", [{"coverage": 0.951}, {"coverage": 0.98, "missed_piece_m2": 4.9}, {"coverage": 0.996, "farthest_m": 0.0}]
+    "changed",
+    [
+        {"coverage": 0.951},
+        {"coverage": 0.98, "missed_piece_m2": 4.9},
+        {"stop_reason": "explored: all; home, 0.05 m and 0.01 rad from the start", "start": StartDistance(9.0, 0.19, 0.19)},
+        {"coverage": 0.996, "start": StartDistance(0.0, 0.0, 0.0)},
+    ],
 )
-def test_what_is_just_enough_is_a_success(changed: dict[str, float]) -> None:
+def test_what_is_just_enough_is_a_success(changed: dict[str, object]) -> None:
     assert succeeded(replace(GOOD, **changed), CONFIG) is True  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("unknown", ["stop_reason", "fell", "collisions", "coverage", "missed_piece_m2", "farthest_m"])
+@pytest.mark.parametrize("unknown", ["stop_reason", "fell", "collisions", "coverage", "missed_piece_m2", "start"])
 def test_what_is_not_known_leaves_the_verdict_open(unknown: str) -> None:
     assert succeeded(replace(GOOD, **{unknown: None}), CONFIG) is None
 
@@ -60,3 +80,10 @@ def test_largest_piece_is_of_neighbouring_cells_of_one_level() -> None:
     apart, above = np.array([[1.0, 0.0, 0.0]]), np.array([[0.2, 0.2, 1.0]])
     assert largest_piece_m2(np.vstack([square, cornerwise, apart, above]), 0.1) == pytest.approx(0.26)
     assert largest_piece_m2(np.zeros((0, 3)), 0.1) == 0.0
+
+
+def test_distance_from_the_start_is_taken_at_the_farthest_and_at_the_end() -> None:
+    poses = np.array([transform_from_rpy((x, 0.0, 0.0), (0.0, 0.0, yaw)) for x, yaw in ((1.0, 3.0), (7.0, 0.0), (1.5, -3.0))])
+    found = StartDistance.of(poses)
+    assert (found.farthest_m, found.end_m) == (6.0, 0.5)
+    assert found.end_rad == pytest.approx(2 * np.pi - 6.0)

@@ -258,3 +258,27 @@ def test_profile_may_choose_the_mapping_and_nothing_else_of_the_command(tmp_path
     profile.write_text("explore: {mapping: sometimes, seed: 3}")
     problem = parameter_problem(parse(["--profile", str(profile)]))
     assert problem and "mapping = 'sometimes'" in problem and "seed = 3" in problem
+
+
+def test_what_the_robot_does_at_the_end_and_what_it_may_cost_is_launched() -> None:
+    named = "at_end", "budget_s", "budget_m"
+    assert [launched()[name] for name in named] == ["stay", 0.0, 0.0]
+    values = launched("--at-end", "home", "--budget", "2.5", "--budget-m", "40")
+    assert [values[name] for name in named] == ["home", 150.0, 40.0]
+
+
+@pytest.mark.parametrize(("words", "said"), [(["--budget", "-1"], "--budget -1"), (["--budget-m", "nan"], "--budget-m nan")])
+def test_budget_that_is_none_is_refused(words: list[str], said: str) -> None:
+    with pytest.raises(ArgumentProblem, match=said):
+        parse(words)
+
+
+def test_zones_are_launched_and_bad_ones_refused_before_anything_is_started(tmp_path: Path) -> None:
+    zones = tmp_path / "zones.yaml"
+    zones.write_text("bounds: [{polygon: [[-1, -1], [5, -1], [5, 5], [-1, 5]]}]")
+    assert (launched()["zones"], launched("--zones", str(zones))["zones"]) == ("", zones)
+    zones.write_text("bounds: [{polygon: [[1, 1], [5, 1], [5, 5], [1, 5]]}]")
+    with pytest.raises(ArgumentProblem, match="starts at 0 0 of map, and .* lies outside the bounds"):
+        launched("--zones", str(zones))
+    with pytest.raises(ArgumentProblem, match=r"--zones .*nowhere\.yaml"):
+        launched("--zones", str(tmp_path / "nowhere.yaml"))

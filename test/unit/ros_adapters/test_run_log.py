@@ -29,9 +29,9 @@ def finished_at_2(out: Path, *, judged: bool) -> str:
     for tick in range(20, 61):
         stamp_s = 0.05 * tick
         if tick == 40:
-            log.event(RunEvent(header(stamp_s, "odom"), "finished", "explored: all", 3, False, ""))
+            log.event(RunEvent(header(stamp_s, "odom"), "finished", "explored: all", 3, False, "", 0.0, False))
         if tick == 50:
-            log.event(RunEvent(header(stamp_s, "odom"), "driving", "to a goal after exploration", 4, False, ""))
+            log.event(RunEvent(header(stamp_s, "odom"), "driving", "to a goal after exploration", 4, False, "", 0.0, False))
         log.truth(stamp_s, transform_from_rpy((stamp_s, 0.0, 0.0)))
         log.contact(Contact(header(stamp_s, "world"), "deck", 0.1, 5.0, ""))
         log.odometry(odometry(stamp_s, stamp_s))

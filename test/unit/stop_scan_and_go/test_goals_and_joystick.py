@@ -147,3 +147,29 @@ def test_mount_rests_while_a_robot_that_maps_as_it_drives_is_driven_by_joystick(
     script.tick(teleop=BY_HAND)
     assert not script.machine.nods
     assert script.tick(follower="following").state is DriveState.SETTLING
+
+
+# -- asked for something else
+
+
+@pytest.mark.parametrize("state", ["driving", "paused", "finished", "ended"])
+def test_recalled_robot_is_swept_at_once_whatever_it_did(state: str) -> None:
+    script = paused() if state == "paused" else Script().driving()
+    if state in ("finished", "ended"):
+        script.tick(follower="reached")
+        script.until(DriveState.MAPPING)
+        script.decide("explored" if state == "finished" else "ended")
+        for _ in range(20):
+            assert script.tick().state is DriveState.FINISHED
+    begun = script.t
+    script.until(DriveState.SWEEPING, follower="recalled", follower_reason="asked for something else")
+    assert script.t - begun < 1.5
+
+
+def test_robot_that_is_to_wait_is_paused_with_the_reason_that_its_follower_tells() -> None:
+    script = Script().driving()
+    script.tick(follower="reached")
+    script.until(DriveState.MAPPING)
+    script.decide("wait", "home")
+    action = script.tick(follower="paused", follower_reason="home, 0.05 m from the start")
+    assert (action.state, action.reason) == (DriveState.PAUSED, "home, 0.05 m from the start")

@@ -1,0 +1,47 @@
+"""What exploration may cost in seconds and metres, and when the rest of it is needed for the way home.
+
+For `decide`, after every sweep. The way home is kept at the pace of the drives so far, with their sweeps; beside it twice the dearest leg
+from one sweep to the next, that on which the robot goes out now and the way back from its end; and what the first sweep took, for the last.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from octomap_server_3dnav.exploration.config import ExplorationConfig
+
+
+class Budget:
+    """Counts seconds and metres; all costs are (2,), of both."""
+
+    def __init__(self, config: ExplorationConfig, *, since_start: bool) -> None:
+        """`since_start`: of the robot; else since the next sweep."""
+        self._limit: NDArray[np.float64] = np.array([config.budget_s, config.budget_m])
+        self._last: NDArray[np.float64] | None = np.zeros(2) if since_start else None
+        self._first: NDArray[np.float64] | None = None
+        self._driving, self._dearest = np.zeros(2), np.zeros(2)
+
+    @property
+    def is_set(self) -> bool:
+        """Whether there is a limit at all."""
+        return bool(self._limit.any())
+
+    def spend(self, elapsed_s: float, driven_m: float) -> float:
+        """After a sweep, `elapsed_s` since the start and `driven_m` by odometry: the metres of the leg before it."""
+        now = np.array([elapsed_s, driven_m])
+        leg, self._last = now - (now if self._last is None else self._last), now
+        if self._first is None:
+            self._first = leg
+        else:
+            self._driving += leg
+            self._dearest = np.maximum(self._dearest, leg)
+        return float(leg[1])
+
+    def why_over(self, way_home_m: float) -> str:
+        """Why the robot has to go home now, `way_home_m` over the ground; empty while it has not."""
+        first = np.zeros(2) if self._first is None else self._first
+        per_metre = self._driving / self._driving[1] if self._driving[1] > 0.0 else np.zeros(2)
+        spent, kept = first + self._driving, way_home_m * per_metre + 2.0 * self._dearest + first
+        for i, unit in enumerate("sm"):
+            if 0.0 < self._limit[i] < spent[i] + kept[i]:
+                return f"{spent[i]:.0f} of {self._limit[i]:.0f} {unit} are spent, and the way home of {way_home_m:.1f} m needs the rest"
+        return ""

@@ -1,0 +1,115 @@
+"""What people ask of exploration, by the names of explore_lite: start, stop, home; what they see of it; and how the robot drives meanwhile.
+
+Pausing is move_base_node's. What is asked here takes effect with the next sweep, which move_base_node is told to let come at once.
+"""
+
+import math
+from functools import partial
+
+import rospy
+from explore_3dnav.msg import ExploreStatus, RunEvent
+from std_srvs.srv import Trigger, TriggerResponse
+from visualization_msgs.msg import MarkerArray
+
+from octomap_server_3dnav.exploration.decide import Errand, Explorer, State
+from octomap_server_3dnav.exploration.decision import Decision
+from ros_adapters.conversions import header, stamp_of
+from ros_adapters.frames import frames
+from ros_adapters.frontier_markers import frontier_markers
+from ros_adapters.node import Node
+
+RECALL = "/move_base_node/recall"
+STATUS = "/explore/status"
+_OVER = ("finished", "failed")
+_EXPLORING, _GOING_HOME, _HOME = ExploreStatus.EXPLORING, ExploreStatus.GOING_HOME, ExploreStatus.HOME
+
+
+def status_of(event: str, state: State, is_going_home: bool) -> str:
+    """The state of exploration: what the robot does, by the name of stop_scan_and_go_node's state, and what it is about."""
+    if event == "failed" or (event == "finished" and state is State.TRAPPED):
+        return str(ExploreStatus.FAILED)
+    if event in ("paused", "finished") and state is State.HOME:
+        return str(_HOME)
+    if event in ("paused", "finished"):
+        return str(ExploreStatus.PAUSED if event == "paused" else ExploreStatus.DONE)
+    return str(_GOING_HOME if is_going_home else _EXPLORING)
+
+
+class ExplorationRequests:
+    """Serves /explore/start, /explore/stop and /explore/return_home, publishes /explore/status and /explore/frontiers, latched, and hears
+    /exploration/event."""
+
+    def __init__(self, node: Node, explorer: Explorer) -> None:
+        self._node, self._explorer = node, explorer
+        self._event = RunEvent(state="starting", reason="waiting for the first sweep")
+        self._drive = RunEvent()  # to which the next sweep belongs
+        self._began_s = math.nan  # stamp of the first event
+        self._decided = ""
+        self._told = ExploreStatus()
+        self._status = node.publisher(STATUS, ExploreStatus, latch=True)
+        self._frontiers = node.publisher("/explore/frontiers", MarkerArray, latch=True)
+        self._recall = rospy.ServiceProxy(RECALL, Trigger)
+        for name, errand in (("start", Errand.EXPLORE), ("stop", Errand.END), ("return_home", Errand.HOME)):
+            node.serve(f"/explore/{name}", Trigger, partial(self._ask, errand))
+        node.subscribe("/exploration/event", RunEvent, self._on_event)
+        self._tell()
+
+    def _on_event(self, event: RunEvent) -> None:
+        self._event = event
+        self._began_s = stamp_of(event) if math.isnan(self._began_s) else self._began_s
+        if event.state in ("sweeping", "looking"):
+            self._drive = event
+        elif event.state == "driving":
+            self._drive = RunEvent(state=event.state, intermediate=True, distance_m=event.distance_m)
+        self._tell()
+
+    def drive(self, stamp_s: float) -> tuple[bool, str, float, float, bool, bool]:
+        """Of a sweep at `stamp_s`, for `Observation`: on the way, why the drive failed, time and way, whether it stood, and at its goal."""
+        drive = self._drive
+        stands = drive.state != "driving" and stamp_s > stamp_of(drive)
+        return drive.intermediate, drive.failure, stamp_s - self._began_s, drive.distance_m, stands, stands and drive.reached
+
+    def on_decision(self, stamp_s: float, decision: Decision) -> None:
+        """What was decided after a sweep."""
+        self._decided = decision.reason
+        self._frontiers.publish(frontier_markers(stamp_s, decision))
+        self._tell()
+
+    def _tell(self) -> None:
+        event, explorer = self._event, self._explorer
+        state = status_of(event.state, explorer.state, explorer.is_going_home)
+        reason = event.reason if not self._decided or event.state in (*_OVER, "paused", "taken_over") else self._decided
+        if (state, reason) != (self._told.state, self._told.reason):
+            self._told = ExploreStatus(header(event.header.stamp.to_sec(), frames().map), state, reason)
+            self._status.publish(self._told)
+
+    def _ask(self, errand: Errand, _request: object) -> TriggerResponse:
+        with self._node.lock:
+            refusal = self._why_not(errand)
+            if refusal:
+                return TriggerResponse(False, refusal)
+            self._explorer.ask(errand, _ASKED[errand])
+        try:
+            answer = self._recall()
+        except rospy.ServiceException as error:
+            return TriggerResponse(False, f"with the next sweep: move_base_node does not answer: {error}")
+        with self._node.lock:
+            self._tell()
+        return TriggerResponse(answer.success, answer.message or _ANSWERS[errand])
+
+    def _why_not(self, errand: Errand) -> str:
+        """Why the state stays as it is; empty where it changes."""
+        state, is_over = self._told.state, self._event.state in _OVER
+        if self._event.state == "failed":
+            return f"the robot has failed: {self._event.reason}"
+        if errand is Errand.EXPLORE:
+            return "exploring already" if state == _EXPLORING else ""
+        if not self._decided:
+            return "no sweep is in the map yet: where the robot begins is not known"
+        if errand is Errand.END:
+            return f"exploration has ended already: {self._event.reason}" if is_over else ""
+        return "" if state not in (_GOING_HOME, _HOME) else f"already {state.replace('_', ' ')}: {self._told.reason}"
+
+
+_ASKED = {Errand.EXPLORE: "", Errand.END: "told to stop", Errand.HOME: "told to return home"}
+_ANSWERS = {Errand.EXPLORE: "exploring, with a sweep from here", Errand.END: "stopping, with a last sweep", Errand.HOME: "going home"}

@@ -1,0 +1,96 @@
+"""Bounds and no-go zones as people set them: by parameter, file and service; kept in the run's folder, and shown in rviz."""
+
+import math
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import rospy
+from explore_3dnav.msg import Zone as ZoneMessage
+from explore_3dnav.srv import SetZones, SetZonesRequest, SetZonesResponse
+from geometry_msgs.msg import Point, Quaternion, Vector3
+from std_msgs.msg import ColorRGBA
+from std_srvs.srv import Trigger
+from visualization_msgs.msg import Marker, MarkerArray
+
+from map_zones import Zone, Zones, write_zones, zones_from_mapping
+from rigid_geometry.transforms import Transform
+from ros_adapters.conversions import header
+from ros_adapters.frames import frames
+from ros_adapters.node import Node
+
+FILE, REPLAN = "zones.yaml", "/move_base_node/replan"
+_BOUNDS, _NO_GO = ColorRGBA(0.2, 0.9, 0.3, 1.0), ColorRGBA(0.95, 0.2, 0.2, 1.0)
+_WIDTH_M = 0.05
+
+
+class ZoneKeeper:
+    """Serves /explore/set_zones, publishes /explore/zones (MarkerArray, latched), reads ~zones; wrong ones end the node, exit code 2."""
+
+    def __init__(self, node: Node, use: Callable[[Zones], None], robot: Callable[[], Transform | None]) -> None:
+        """`use` takes new zones; `robot` tells where it was last, T_map_base, None while that is not known."""
+        self._node, self._use, self._robot, self._folder = node, use, robot, node.run_folder()
+        self._replan = rospy.ServiceProxy(REPLAN, Trigger)
+        self._markers = node.publisher("/explore/zones", MarkerArray, latch=True)
+        try:
+            zones = zones_from_mapping(rospy.get_param("~zones", {}))
+        except ValueError as error:
+            sys.stderr.write(f"{node.name}: wrong parameter: zones: {error}\n")
+            sys.exit(2)
+        self._keep(zones)
+        node.serve("/explore/set_zones", SetZones, self._on_set)
+
+    def _keep(self, zones: Zones) -> None:
+        self._use(zones)
+        if self._folder is not None:
+            path = Path(self._folder) / FILE
+            write_zones(zones, path) if zones.are_set else path.unlink(missing_ok=True)
+        self._markers.publish(zone_markers(zones))
+
+    def _tell_follower(self) -> None:
+        """A robot that drives stands now, and a sweep decides anew."""
+        try:
+            self._replan()
+        except rospy.ServiceException as error:
+            self._node.diagnostics.dropped("move_base_node not told of zones", str(error))
+
+    def _on_set(self, request: SetZonesRequest) -> SetZonesResponse:
+        frame, expected = request.header.frame_id.lstrip("/"), frames().map
+        if frame not in ("", expected):
+            return SetZonesResponse(False, f"zones in frame {frame!r}, expected {expected!r}")
+        zones = Zones(tuple(map(_zone_of, request.bounds)), tuple(map(_zone_of, request.no_go)))
+        with self._node.lock:
+            problems, at = zones.problems(), self._robot()
+            if not problems and at is not None and (why := zones.why_closed(at[:3, 3])):
+                problems = [f"the robot at {why}"]
+            if problems:
+                return SetZonesResponse(False, "; ".join(problems))
+            self._keep(zones)
+            self._tell_follower()
+        return SetZonesResponse(True, f"{len(zones.bounds)} bounds, {len(zones.no_go)} no-go zones")
+
+
+def _zone_of(message: ZoneMessage) -> Zone:
+    polygon = np.array([[p.x, p.y] for p in message.polygon.points], dtype=np.float64).reshape(-1, 2)
+    low, high = (message.low, message.high) if message.low or message.high else (-math.inf, math.inf)
+    return Zone(polygon, low, high)
+
+
+def zone_markers(zones: Zones) -> MarkerArray:
+    """Their outlines, at both heights where these are given; green the bounds, red the no-go zones."""
+    markers = [Marker(action=Marker.DELETEALL)]
+    for name, kind, colour in (("bounds", zones.bounds, _BOUNDS), ("no_go", zones.no_go, _NO_GO)):
+        for zone in kind:
+            heights = [h for h in (zone.low_m, zone.high_m) if math.isfinite(h)] or [0.0]
+            markers += [_outline(name, len(markers), zone, height, colour) for height in heights]
+    return MarkerArray(markers)
+
+
+def _outline(name: str, number: int, zone: Zone, height: float, colour: ColorRGBA) -> Marker:
+    marker = Marker(
+        header=header(0.0, frames().map), ns=name, id=number, type=Marker.LINE_STRIP, scale=Vector3(_WIDTH_M, 0.0, 0.0), color=colour
+    )
+    marker.pose.orientation = Quaternion(0.0, 0.0, 0.0, 1.0)
+    marker.points = [Point(x, y, height) for x, y in [*zone.polygon.tolist(), zone.polygon[0].tolist()]]
+    return marker
