@@ -6,7 +6,7 @@ import pytest
 from exploring import ExploreRun, summary
 
 LIMIT_S = 400.0
-AGAIN_S = 30  # sweeps, a decision and a drive
+AGAIN_S = 20  # sweeps, a decision and a drive
 
 
 @pytest.fixture(scope="module")
