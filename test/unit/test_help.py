@@ -1,4 +1,4 @@
-"""What every tool says of itself with --help: how it is called, with an example that it would take."""
+"""What --help and the pages say of how a tool is called: with examples that it would take."""
 
 import argparse
 import re
@@ -52,3 +52,25 @@ def test_example_of_a_tool_is_one_that_it_takes(tool: str) -> None:
 @pytest.mark.parametrize("tool", ELSEWHERE)
 def test_tool_with_another_help_has_an_example(tool: str) -> None:
     assert re.search(rf"Example.*\./{tool}\b", (ROOT / ELSEWHERE[tool]).read_text(encoding="utf-8"))
+
+
+def commands_of(page: Path) -> list[list[str]]:
+    """The words of all commands ./TOOL of a page, in its blocks of code; what stands in capitals or dots is no command."""
+    blocks = re.findall(r"^```\n(.*?)^```|((?:^    [^\n]*\n)+)", page.read_text(encoding="utf-8"), re.S | re.M)
+    lines = [line.strip() for fenced, indented in blocks for line in (fenced or indented).splitlines()]
+    words = [shlex.split(line, comments=True) for line in lines if line.startswith("./")]
+    return [found for found in words if found[0][2:] in PARSERS and not {"FILE", "...", "FILE.yaml"} & set(found)]
+
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
+def test_commands_of_a_page_are_ones_that_the_tools_take(page: Path) -> None:
+    for tool, *words in commands_of(page):
+        if tool != "./calibrate_mount" or "--from" in words:  # else it is roslaunch's
+            PARSERS[tool[2:]]().parse_args(words)
+
+
+def test_tutorial_and_readme_have_commands() -> None:
+    assert all(len(commands_of(ROOT / page)) > 4 for page in ("README.md", "docs/tutorial.md"))
