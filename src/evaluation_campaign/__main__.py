@@ -26,7 +26,8 @@ def parser() -> argparse.ArgumentParser:
         prog="./evaluate",
         description="Makes many runs, scores them against the true world, and writes a report. The same command goes on where it ended, "
         "one with more worlds, seeds or profiles adds to it.",
-        epilog="Exit code: 0 all runs were made (the report says how they went), 1 some crashed or are missing, 2 wrong argument, "
+        epilog="Example: ./evaluate --worlds rooms,ramp --seeds 1-5 --profile ours,thesis --out results. "
+        "Exit code: 0 all runs were made (the report says how they went), 1 some crashed or are missing, 2 wrong argument, "
         "130 interrupted.",
     )
     p.add_argument(

@@ -13,7 +13,9 @@ from exploration_evaluation.run_folder import evaluate_run
 _DESCRIPTION = """\
 Scores a finished exploration against the true world and writes DIR/summary.json, map_top.png and map_angle.png.
 What the folder lacks is reported as unknown, in the summary's list "missing"; it never makes up a number."""
-_EPILOG = "exit codes: 0 the run was judged (also when it failed), 2 wrong arguments, or a folder or mesh that cannot be read"
+_EPILOG = """\
+Example: python -m exploration_evaluation runs/ramp-1
+Exit code: 0 the run was judged (also when it failed), 2 wrong arguments, or a folder or mesh that cannot be read"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -72,7 +72,8 @@ def parser() -> argparse.ArgumentParser:
     p = argparse.ArgumentParser(
         prog="./explore",
         description="Explores a simulated world with a robot and leaves a map, pictures and a score.",
-        epilog="Exit code: 0 explored, 1 the run failed (summary.json says why), 2 wrong argument or missing package. "
+        epilog="Example: ./explore --world rooms --robot small --out runs/mine. "
+        "Exit code: 0 explored, 1 the run failed (summary.json says why), 2 wrong argument or missing package. "
         "A shell for roslaunch, rosrun and rostest: ./explore --setup, then source .ws/devel/setup.bash",
     )
     p.add_argument(

@@ -17,6 +17,8 @@ from simulated_movers import asked_movers
 from stage_config import ConfigError
 
 _SHUTDOWN_S = 60
+_PACKAGE = Path(__file__).resolve().parents[2]
+_SHELL = _PACKAGE / ".ws/devel/setup.bash"
 _MONITOR_MARK = "[explore]"
 
 
@@ -145,6 +147,7 @@ def run_launch(arguments: ExploreArguments, robot: RobotBody, clock_start_s: flo
         f"exploring {arguments.world}, seed {arguments.seed}; results in {arguments.out}; ROS_MASTER_URI=http://localhost:{port}",
         flush=True,
     )
+    print(_where_to_look_now(arguments, port), flush=True)
     values = launch_arguments(arguments, robot, _write_parameters(arguments, robot), clock_start_s)
     with (arguments.out / "roslaunch.log").open("w", buffering=1) as log:
         launch = start_launch("explore.launch", values, port, arguments.out / "log", _SHUTDOWN_S)
@@ -154,7 +157,23 @@ def run_launch(arguments: ExploreArguments, robot: RobotBody, clock_start_s: flo
         launch.wait()
     if arguments.clairvoyant:
         _compare_with_clairvoyant(arguments.out)
+    print(_where_to_look_afterwards(arguments.out), flush=True)
     return _exit_code(arguments.out)
+
+
+def _where_to_look_now(arguments: ExploreArguments, port: int) -> str:
+    """How a running exploration is seen, in one line."""
+    if not arguments.headless:
+        return "to look: rviz opens"
+    return f"to look: source {_SHELL}; ROS_MASTER_URI=http://localhost:{port} rviz -d {_PACKAGE / 'config/explore.rviz'}"
+
+
+def _where_to_look_afterwards(out: Path) -> str:
+    """What shows a finished run, in one line; where nothing was drawn, what tells why."""
+    picture = out / "map_angle.png"
+    if not picture.exists():
+        return f"to look: {out / 'roslaunch.log'}, and docs/failures.md"
+    return f"to look: {picture}, or ./replay {out} in rviz; README.md says what the files are"
 
 
 def _compare_with_clairvoyant(out: Path) -> None:

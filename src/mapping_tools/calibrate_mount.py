@@ -17,7 +17,9 @@ from robot_body import RobotBody
 
 _DESCRIPTION = """Calibrates the tilting mount from a bag of what a robot's drivers sent, as ./map_bag maps it: the sweeps that were made
 while the robot stood. Sweeps at one place count together; the more headings, the better."""
-_EPILOG = "Exit code: 0 saved, 1 nothing was observable, 2 wrong file or argument."
+_EPILOG = (
+    "Example: ./calibrate_mount --from run.bag --out mount.yaml. Exit code: 0 saved, 1 nothing was observable, 2 wrong file or argument."
+)
 
 
 def parser() -> argparse.ArgumentParser:

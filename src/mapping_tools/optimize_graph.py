@@ -32,7 +32,8 @@ def parser() -> argparse.ArgumentParser:
         "in the directions it knows. Edges between ids that follow each other are odometry and believed, all others are left out where "
         "they contradict the rest; lines '# KIND I J odometry|match|loop', one for every edge, say otherwise.",
         epilog="Without FIX and priors the vertex of the lowest id keeps its pose. OUT holds the vertices, priors and kept edges, in g2o's "
-        "format. Exit code: 0 solved, 1 not solvable (parts without an edge between them, poses that nothing holds), 2 a file or argument "
+        "format. Example: ./optimize_graph graph.g2o --out solved.g2o. "
+        "Exit code: 0 solved, 1 not solvable (parts without an edge between them, poses that nothing holds), 2 a file or argument "
         "is wrong.",
     )
     p.add_argument("graph", type=Path, metavar="GRAPH", help="the graph to be solved; it is only read")

@@ -34,7 +34,7 @@ from mapping_tools.sensor_chain import MeasuredSweep, Pose, SensorChain, SensorC
 from mapping_tools.sweep_sources import SourceSweep, Unreadable
 from mount_calibration import TiltCalibration
 from point_cloud2 import read_beams
-from robot_body import FixedFrames, RobotBody, mount_from_urdf
+from robot_body import FixedFrames, RobotBody, is_fixed, mount_from_urdf
 from sweep_assembly import Revolution, Scan, ScanGeometry, TiltGeometry
 
 Array = NDArray[np.float64]
@@ -74,6 +74,10 @@ class RawSweeps:
         self._odometry = self._check_topics()
         laser = robot.body.mount("laser")
         self._frame = laser.frame
+        if is_fixed(robot.urdf, laser):
+            raise ValueError(
+                f"no joint tilts {laser.frame}: of a lidar that is fixed the finished clouds, /sweep_cloud, are mapped, without --raw"
+            )
         self._joint, T_base_mount, T_tilt_laser = mount_from_urdf(robot.urdf, laser)
         self.mount = TiltGeometry(T_base_mount, T_tilt_laser, robot.calibration)
         self._frames = FixedFrames(robot.body, robot.urdf)

@@ -48,7 +48,8 @@ def parser() -> argparse.ArgumentParser:
         ".xyz, a sweep (.npz) of a session folder, or a scan of 3DTK (.3d). Many points at one range, the largest, met nothing and are "
         "left out.",
         epilog="Without a guess the reading is looked for within a few metres of where it lies, at every heading; so it is with a guess of "
-        "which no sigma is given. Exit code: 0 there is a transform to use, 1 refused or ambiguous (the reason is printed, and FILE has "
+        "which no sigma is given. Example: ./register_clouds map.pcd scan.pcd --out T.json. "
+        "Exit code: 0 there is a transform to use, 1 refused or ambiguous (the reason is printed, and FILE has "
         "no transform), 2 a file or argument is wrong.",
     )
     p.add_argument("reference", type=Path, metavar="REFERENCE", help="the cloud that stays: a map, or a scan")

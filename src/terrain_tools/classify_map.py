@@ -38,6 +38,7 @@ and finds a way over it. FILE is an octomap octree ({" ".join(OCTREES)}), or a c
 voxels; z is up, in metres. The robot stands level at the start, and what it cannot reach from there is not classified. A cloud far from
 0 0 0, as in UTM, is brought near: start and goal are in its coordinates, all that is written is relative to origin_m of {NUMBERS}."""
 _EPILOG = f"""DIR then holds {CLASSES} (classes in colours), {PATH}, {NUMBERS} and {PICTURE} (from above, storey by storey).
+Example: ./classify_map map.bt --start 0 0 0 --goal 12 3 4 --out found.
 Exit code: 0 all was found, 1 there is no ground to start from or no path (it says why, and where the nearest ground is), 2 a file or
 argument is wrong, or the map takes too much memory."""
 

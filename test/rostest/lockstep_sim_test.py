@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 
 import rostest
 from ros_adapters.conversions import stamp_of
+from ros_adapters.kernel_loading import LOADING_TOPIC
 from ros_adapters.node import READY_TOPIC
 
 QUIET_S = 0.5
@@ -30,6 +31,10 @@ class LockstepSimTest(unittest.TestCase):
         cls.velocity, cls.done = feed("/cmd_vel", Twist), feed("/simulation/tick_done", SimulationTick)
         cls.diagnostics = DiagnosticsOf("pybullet_sim_node")
         cls.sent = cls.answered = 0
+        loading = feed(LOADING_TOPIC, String)
+        for _ in range(17):  # longer than the simulator waits for a node that says nothing
+            loading.publish("chain")
+            time.sleep(1.0)
         cls.ready = rospy.Publisher(READY_TOPIC, String, latch=True, queue_size=1)
         cls.ready.publish("chain")
 

@@ -19,7 +19,7 @@ from mapping_tools.sensor_chain import Pose, SensorChain, SensorConfig
 from mount_calibration import RECORDED_FILE, TiltCalibration, read_calibration, write_calibration
 from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import transform_from_rpy
-from robot_body import DESCRIPTION, RobotBody, robot_mapping, urdf_file
+from robot_body import DESCRIPTION, RobotBody, load_robot, robot_mapping, urdf_file
 from sweep_assembly import SweepAssemblyConfig
 
 sys.path.append(str(Path(__file__).parents[1] / "sweep_assembly"))
@@ -37,10 +37,11 @@ def drive_ros2() -> raw.Messages:
     return raw.raw_messages(raw.ROS2)
 
 
-def robot_beside(folder: Path) -> Path:
-    """robot.yaml and the description, as --record leaves them."""
-    (folder / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(RobotBody())))
-    (folder / DESCRIPTION).write_text(urdf_file(RobotBody()).read_text())
+def robot_beside(folder: Path, robot: RobotBody | None = None) -> Path:
+    """robot.yaml and the description, as --record leaves them; the Husky's by default."""
+    robot = robot or RobotBody()
+    (folder / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(robot)))
+    (folder / DESCRIPTION).write_text(urdf_file(robot).read_text())
     return folder
 
 
@@ -155,6 +156,16 @@ def test_mount_that_does_not_come_to_rest_is_told_how_its_nods_become_sweeps(
     path = raw.write_ros1(robot_beside(tmp_path) / "run.bag", drive)
     text = refusal(capsys, path, "--out", tmp_path / "out", "--set", "max_duration_s=3.0")
     assert "2 x sweep_too_long (of a mount that nods: --set windows=turning_points, or the finished clouds of the bag)" in text
+
+
+def test_raw_recording_of_a_fixed_lidar_is_told_what_is_mapped_of_it(
+    tmp_path: Path, drive: raw.Messages, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fixed = load_robot(Path(__file__).parents[3] / "config/robots/husky_vlp16.yaml")
+    path = raw.write_ros1(robot_beside(tmp_path, fixed) / "run.bag", drive)
+    text = refusal(capsys, path, "--out", tmp_path / "out")
+    assert "no joint tilts laser" in text and "/sweep_cloud" in text and "without --raw" in text
+    assert not (tmp_path / "out").exists()
 
 
 def test_joint_states_without_positions_are_counted(tmp_path: Path, drive: raw.Messages, capsys: pytest.CaptureFixture[str]) -> None:
