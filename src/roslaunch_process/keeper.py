@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 from roslaunch_process.children import adopt_orphans, descendants, end_with_parent, send
 
-GRACE_S = 4.0  # for nodes to save their maps after SIGINT: 1 s in the world ramp, on a machine that does little else
+GRACE_S = 4.0  # for nodes to save their maps after SIGINT; nothing is to be left after 5 s
 _POLL_S = 0.05
 
 

@@ -6,7 +6,6 @@ The nodes' own death is test_node_death.py's, that of a campaign's worker test_c
 import os
 import re
 import signal
-import time
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from exploring import ExploreRun, summary
 
 from pose_graph_mapping.session.session_store import SessionStore
 
-PROMISED_S = 5.0
 THREE_MAPPED = re.compile(r"\b[3-9] sweeps\b.*\| (?!mapping)")
 COMMANDS = {
     "roslaunch": re.compile(r"^\S+ \S+/roslaunch --port"),
@@ -39,20 +37,6 @@ def run_of(folder: Path) -> ExploreRun:
     return ExploreRun("--world", world, "--start", -3.0, -1.0, 0.0, "--headless", "--out", folder / "run")
 
 
-def limit_s() -> float:
-    """What is promised for a machine that does little else: one with more to do than processors takes as much longer."""
-    return PROMISED_S * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
-
-
-def wait_until_alone(run: ExploreRun, but: set[int]) -> None:
-    """Until nothing of the run is left but the processes `but`; AssertionError when that takes longer than is promised."""
-    killed, limit = time.monotonic(), limit_s()
-    while set(run.running()) - but:
-        assert time.monotonic() - killed < limit, f"still running after {limit:.1f} s: {run.running()}"
-        time.sleep(0.05)
-    print(f"{time.monotonic() - killed:.1f} s from death to end")
-
-
 def assert_goes_on(out: Path) -> None:
     """The folder holds all sweeps that it held, and a run that begins there ends well."""
     before = SessionStore(out)
@@ -73,7 +57,7 @@ def test_run_whose_parent_was_killed_ends_with_its_map_and_a_summary_and_goes_on
         run.wait_for_line(THREE_MAPPED, 150.0)
         (pid,) = [pid for pid, command in run.running().items() if COMMANDS[victim].search(command)]
         os.kill(pid, signal.SIGKILL)
-        wait_until_alone(run, {run.process.pid})
+        run.wait_until_gone(lambda pid, _: pid != run.process.pid)
         assert run.wait(60.0) == 1, run.text
         assert not run.running()
     told = [line for line in run.text.splitlines() if line.startswith("./explore:")]
@@ -89,5 +73,6 @@ def test_killed_explore_leaves_nothing_running_and_goes_on(tmp_path: Path) -> No
     with run_of(tmp_path) as run:
         run.wait_for_line(THREE_MAPPED, 150.0)
         os.kill(run.process.pid, signal.SIGKILL)
-        wait_until_alone(run, set())
+        run.wait_until_gone()
+        assert not run.running()
     assert_goes_on(tmp_path / "run")

@@ -104,8 +104,8 @@ def test_node_that_does_not_listen_is_killed_with_its_output_closed(roslaunch, t
     roslaunch(NODE_AND_LAUNCH.format(node=DEAF) + "exit 3")
     launch = start_launch("explore.launch", {}, 11399, tmp_path, 60)
     node, _ = pids_of(launch)
-    assert list(shown_lines(launch, "[explore]")) == []
     assert launch.wait(20.0) == 3 and not is_running(node)
+    assert list(shown_lines(launch, "[explore]")) == []
 
 
 def started_and_killed(tmp_path: Path, lines: int) -> list[str]:
