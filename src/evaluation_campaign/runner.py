@@ -11,11 +11,12 @@ import signal
 import subprocess
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from evaluation_campaign.plan import BY_PROFILE, OUTCOME_FILE, Limits, RunSpec
 from exploration_evaluation import add_clairvoyant, read_json, write_json
-from roslaunch_process import end_with_parent, free_port
+from roslaunch_process import descendants, end_with_parent, free_port, send
 
 _GRACE_S = 90.0  # for nodes to save and the judge to score after an interrupt
 _LEAST_FREE_BYTES = 500 * 2**20
@@ -90,7 +91,12 @@ def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
     command += ["--movers", request.movers] if request.movers else []
     with (folder.parent / f".{folder.name}.log").open("w") as log:
         process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, start_new_session=True, preexec_fn=end_with_parent
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+            preexec_fn=partial(end_with_parent, signal.SIGKILL),  # nobody asks for a judgement any more
         )
         try:
             return process.wait(request.limits.wall_s), True
@@ -107,7 +113,7 @@ def _end(process: "subprocess.Popen[bytes]") -> int:
     try:
         return process.wait(_GRACE_S)
     except subprocess.TimeoutExpired:
-        _kill(_family(process.pid))
+        _kill_all(process.pid)
         return process.wait()
 
 
@@ -120,7 +126,11 @@ def _end_earlier(folder: Path) -> None:
             except OSError:
                 continue
             if f"out:={folder}" in words or ("--out", str(folder)) in zip(words, words[1:], strict=False):
-                _kill(_family(int(entry.name)))
+                _kill_all(int(entry.name))
+
+
+def _kill_all(root: int) -> None:
+    send(signal.SIGKILL, [root, *descendants(root)])
 
 
 def _count_attempt(folder: Path) -> int:
@@ -129,28 +139,6 @@ def _count_attempt(folder: Path) -> int:
     with count.open("a") as file:
         file.write("x")
     return count.stat().st_size
-
-
-def _kill(pids: list[int]) -> None:
-    for pid in pids:
-        with contextlib.suppress(ProcessLookupError):
-            os.kill(pid, signal.SIGKILL)
-
-
-def _family(root: int) -> list[int]:
-    """The process and its descendants, children last."""
-    children: dict[int, list[int]] = {}
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdecimal():
-            try:
-                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
-            except (OSError, ValueError):
-                continue
-            children.setdefault(parent, []).append(int(entry.name))
-    family = [root]
-    for pid in family:
-        family += children.get(pid, [])
-    return family
 
 
 def _ending(request: RunRequest, folder: Path, exit_code: int, in_time: bool) -> dict[str, object]:

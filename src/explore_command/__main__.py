@@ -21,7 +21,7 @@ def main(argv: list[str] | None = None) -> int:
         arguments = as_robot_is_built(arguments, robot)
         if problem := world_problem(arguments, robot):
             raise ArgumentProblem(problem)
-        out = claimed_out(arguments.out, arguments.may_be_elsewhere)
+        out, lock = claimed_out(arguments.out, arguments.may_be_elsewhere)
         if out != arguments.out:
             print(f"./explore: another run writes into {arguments.out}; this one writes into {out}", flush=True)
             arguments = replace(arguments, out=out)
@@ -30,7 +30,7 @@ def main(argv: list[str] | None = None) -> int:
         for line in str(error).splitlines():
             print(f"./explore: {line}", file=sys.stderr)
         return 2
-    return run_launch(arguments, robot, clock_start_s)
+    return run_launch(arguments, robot, clock_start_s, lock)
 
 
 def _prepare(arguments: ExploreArguments) -> float:

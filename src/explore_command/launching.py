@@ -1,14 +1,13 @@
-"""Starts roslaunch with a master on a free port, hands Ctrl-C on, and turns the summary into an exit code."""
+"""Starts roslaunch with a master on a free port, and hands Ctrl-C on."""
 
-import json
 import os
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import yaml
 
 from explore_command.arguments import MAPPINGS, NAMED_WORLDS, SENSORS, ArgumentProblem, ExploreArguments
+from explore_command.ending import ended
 from explore_command.parameters import COMMAND, ROBOT, all_overrides, chosen_mapping, override_problems, robot_of
 from rigid_geometry import origin_text
 from robot_body import RobotBody, fixed_laser_problem, is_fixed, missing_visuals, robot_mapping, urdf_file
@@ -140,8 +139,11 @@ def _write_parameters(arguments: ExploreArguments, robot: RobotBody) -> Path:
     return path
 
 
-def run_launch(arguments: ExploreArguments, robot: RobotBody, clock_start_s: float = 0.0) -> int:
-    """Runs the launch file to its end; 0 when the run succeeded, 2 for a wrong parameter, else 1."""
+def run_launch(arguments: ExploreArguments, robot: RobotBody, clock_start_s: float, lock: int) -> int:
+    """Runs the launch file to its end; 0 when the run succeeded, 2 for a wrong parameter, else 1.
+
+    The lock of the folder is the launch's, too: nobody writes there before the last node has ended, also when this process is killed.
+    """
     port = arguments.port or free_port()
     print(
         f"exploring {arguments.world}, seed {arguments.seed}; results in {arguments.out}; ROS_MASTER_URI=http://localhost:{port}",
@@ -150,15 +152,16 @@ def run_launch(arguments: ExploreArguments, robot: RobotBody, clock_start_s: flo
     print(_where_to_look_now(arguments, port), flush=True)
     values = launch_arguments(arguments, robot, _write_parameters(arguments, robot), clock_start_s)
     with (arguments.out / "roslaunch.log").open("w", buffering=1) as log:
-        launch = start_launch("explore.launch", values, port, arguments.out / "log", _SHUTDOWN_S)
-        hand_on_signals(launch)
+        launch = start_launch("explore.launch", values, port, arguments.out / "log", _SHUTDOWN_S, kept_open=(lock,))
+        caught = hand_on_signals(launch)
         for line in shown_lines(launch, _MONITOR_MARK):
             log.write(f"{line}\n")
-        launch.wait()
+        launch_code = launch.wait()
+    code = ended(arguments.out, launch_code, bool(caught))
     if arguments.clairvoyant:
         _compare_with_clairvoyant(arguments.out)
     print(_where_to_look_afterwards(arguments.out), flush=True)
-    return _exit_code(arguments.out)
+    return code
 
 
 def _where_to_look_now(arguments: ExploreArguments, port: int) -> str:
@@ -188,13 +191,3 @@ def _compare_with_clairvoyant(out: Path) -> None:
     ratio, time_s = summary["clairvoyant_ratio"], summary["clairvoyant_time_s"]
     told = why if ratio is None else f"{ratio:.2f} of the {time_s:.0f} s of a robot that knows the world"
     print(f"{_MONITOR_MARK} {told}", flush=True)
-
-
-def _exit_code(out: Path) -> int:
-    summary = out / "summary.json"
-    if summary.exists():
-        return 0 if json.loads(summary.read_text()).get("success") is True else 1
-    lines = (out / "roslaunch.log").read_text(errors="replace").strip().splitlines()
-    wrong = [line for line in lines if "wrong parameter" in line]
-    print("\n".join(wrong or lines[-15:]), file=sys.stderr)
-    return 2 if wrong else 1

@@ -47,16 +47,17 @@ class ArgumentProblem(ValueError):
     """One line that says what is wrong and what to do."""
 
 
-def claimed_out(out: Path, may_be_another: bool) -> Path:
-    """The folder, made, and this process's alone until it ends; where another run writes into it, the next free of out-2, out-3 and so on.
+def claimed_out(out: Path, may_be_another: bool) -> tuple[Path, int]:
+    """The folder, made, and this run's alone; where another run writes into it, the next free of out-2, out-3 and so on.
 
+    And the descriptor of its lock, which is held until all processes that have it have ended.
     ArgumentProblem when it cannot be written, or is another run's and `may_be_another` is false.
     """
     for number in count(1):
         folder = out if number == 1 else out.with_name(f"{out.name}-{number}")
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)  # never closed: the lock lasts as long as this process
+            descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         except OSError as error:
             raise ArgumentProblem(f"--out {folder}: cannot be written: {error.strerror}") from error
         try:
@@ -66,7 +67,7 @@ def claimed_out(out: Path, may_be_another: bool) -> Path:
             if not may_be_another:
                 raise ArgumentProblem(f"--out {folder}: another run writes into it; name another folder, or wait for its end") from None
         else:
-            return folder
+            return folder, descriptor
     raise AssertionError
 
 

@@ -12,7 +12,8 @@ from explore_3dnav.msg import Contact, ExplorationDecision, RunEvent
 from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 
-from exploration_evaluation import evaluate_run, format_summary, read_mesh, write_json
+from exploration_evaluation import format_summary, write_json
+from exploration_evaluation.ending import judged_at_end
 from exploration_evaluation.pictures import draw_pictures
 from exploration_evaluation.verdict import Fault, succeeded_alone
 from mount_calibration import RECORDED_FILE, TiltCalibration, write_calibration
@@ -55,8 +56,8 @@ class RunLog:
         self._last_xy: NDArray[np.float64] | None = None
         self._truth_file = self._contacts_file = self._events_file = None
         if out and judged:
-            self._truth_file = (out / "trajectory_truth.txt").open("w")
-            self._contacts_file = (out / "contacts.csv").open("w")
+            self._truth_file = (out / "trajectory_truth.txt").open("w", buffering=1)
+            self._contacts_file = (out / "contacts.csv").open("w", buffering=1)
             self._contacts_file.write("stamp,link,speed_mps,force_n,other\n")
         if out:
             self._events_file = (out / "events.csv").open("w", newline="", buffering=1)
@@ -165,26 +166,22 @@ class RunLog:
             "set_aside_frontiers": d.set_aside_frontiers if d else 0,
         }
 
-    def finish(self, reason: str) -> str:
-        """Writes the counters, has the run judged where there is a true world, draws the pictures; the text for the terminal."""
+    def finish(self, reason: str, *, judge: bool = True) -> str:
+        """Writes the counters, has the run judged where there is a true world and `judge` says so; the text for the terminal."""
         if not self._out:
             return f"ended: {reason}"
         for file in (self._truth_file, self._contacts_file, self._events_file):
             if file:
                 file.close()
         write_json(self._out / "counters.json", self._counters(reason))
-        if self._judged and not (self._out / "world.ply").exists():
-            write_json(self._out / "summary.json", {**self._run_description(), **self._counters(reason), "success": False})
-            return f"ended before it began: {reason}"
-        summary = self._judgement(self._out) if self._judged else self._own_summary(self._out, reason)
+        if self._judged:
+            return judged_at_end(self._out) if judge else f"ended: {reason}"
+        summary = self._own_summary(self._out, reason)
         try:
             draw_pictures(self._out, summary)
         except ValueError as error:
             return f"{format_summary(summary)}\nno pictures: {error}"
         return format_summary(summary)
-
-    def _judgement(self, out: Path) -> dict[str, Any]:
-        return evaluate_run(out, *read_mesh(out / "world.ply"))
 
     def _own_summary(self, out: Path, reason: str) -> dict[str, Any]:
         """What a robot knows of its run by itself; the distance is its odometry's."""

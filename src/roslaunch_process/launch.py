@@ -5,7 +5,8 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from roslaunch_process.children import end_with_parent
@@ -28,11 +29,21 @@ def free_port(among: Iterable[int] = ROS_PORTS) -> int:
 
 
 def start_launch(
-    file: str, arguments: Mapping[str, object], port: int, log_folder: Path, sigint_timeout_s: int, sigterm_timeout_s: int = 2
+    file: str,
+    arguments: Mapping[str, object],
+    port: int,
+    log_folder: Path,
+    sigint_timeout_s: int,
+    sigterm_timeout_s: int = 2,
+    kept_open: Sequence[int] = (),
 ) -> "subprocess.Popen[str]":
-    """roslaunch with name:=value arguments, its output in a pipe, in a process group of its own; it ends when the caller dies."""
+    """roslaunch with name:=value arguments, its output in a pipe, in a process group of its own.
+
+    Nothing of it outlives it, and when the caller dies it ends (`keeper`). Its exit code is 128 and the signal when it was killed.
+    The descriptors `kept_open` are open until all of it has ended.
+    """
     timeouts = [f"--sigint-timeout={sigint_timeout_s}", f"--sigterm-timeout={sigterm_timeout_s}"]
-    command = ["roslaunch", "--port", str(port), *timeouts, _PACKAGE, file]
+    command = [sys.executable, "-m", "roslaunch_process.keeper", "roslaunch", "--port", str(port), *timeouts, _PACKAGE, file]
     return subprocess.Popen(
         [*command, *(f"{name}:={value}" for name, value in arguments.items())],
         env=dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_LOG_DIR=str(log_folder)),
@@ -41,7 +52,8 @@ def start_launch(
         text=True,
         errors="replace",
         start_new_session=True,
-        preexec_fn=end_with_parent,
+        pass_fds=kept_open,
+        preexec_fn=partial(end_with_parent, signal.SIGTERM),
     )
 
 

@@ -9,10 +9,12 @@ import subprocess
 import threading
 import time
 import uuid
+from collections.abc import Callable
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[2]
 RUN_MARK = "EXPLORE_3DNAV_TEST_RUN"
+GONE_AFTER_KILL_S = 5.0  # promised, of all that a killed parent leaves behind
 _ONE_SWEEP = re.compile(r"\b1 sweeps\b")
 
 
@@ -103,6 +105,18 @@ class ExploreRun:
         pids = [pid for pid, command in self.running().items() if f"__name:={node} " in f"{command} "]
         assert len(pids) == 1, f"expected one process of {node}, found {pids}"
         return pids[0]
+
+    def wait_until_gone(self, wanted: Callable[[int, str], bool] = lambda _pid, _command: True) -> None:
+        """Until none of the processes that run now and are `wanted` runs any more; AssertionError when that takes longer than is promised.
+
+        Promised for a machine that does little else: one with more to do than processors takes as much longer.
+        """
+        begun, pids = time.monotonic(), {pid for pid, command in self.running().items() if wanted(pid, command)}
+        limit_s = GONE_AFTER_KILL_S * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+        while left := pids & set(self.running()):
+            assert time.monotonic() - begun < limit_s, f"still running after {limit_s:.1f} s: {[self.running().get(pid) for pid in left]}"
+            time.sleep(0.05)
+        print(f"gone after {time.monotonic() - begun:.1f} s")
 
     def end(self) -> None:
         """Ends what is still running, however the test went."""

@@ -31,6 +31,11 @@ def written(request: RunRequest) -> dict:
     return json.loads((request.out / SPEC.folder / "outcome.json").read_text())
 
 
+def is_running(pid: int) -> bool:
+    stat = Path(f"/proc/{pid}/stat")
+    return stat.exists() and "Z" not in stat.read_text().rpartition(")")[2].split()[0]
+
+
 def summary(reason: str) -> str:
     return f"""echo '{{"stop_reason": "{reason}"}}' > "$out/summary.json"\n"""
 
@@ -103,11 +108,11 @@ def test_run_that_does_not_listen_is_killed_with_its_children(tmp_path, monkeypa
     assert make_run(request)["status"] == "wall limit"
     child = int((request.out / SPEC.folder / "child").read_text())
     time.sleep(0.2)
-    assert not Path(f"/proc/{child}").exists() or "Z" in Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[0]
+    assert not is_running(child)
 
 
 def test_run_ends_with_the_worker_that_made_it(tmp_path):
-    script = 'trap \'echo ended > "$out/ended"; exit 1\' INT\necho $$ > "$out/pid"\nwhile :; do sleep 0.05; done\n'
+    script = 'echo $$ > "$out/new"; mv "$out/new" "$out/pid"\nwhile :; do sleep 0.05; done\n'
     request = request_with(tmp_path, script)
     code = f"from evaluation_campaign.runner import *; from evaluation_campaign import *; from pathlib import *; make_run({request!r})"
     worker = subprocess.Popen(
@@ -119,9 +124,10 @@ def test_run_ends_with_the_worker_that_made_it(tmp_path):
         time.sleep(0.05)
     worker.kill()
     worker.wait()
-    while not (folder / "ended").exists() and time.monotonic() < deadline:
+    run = int((folder / "pid").read_text())
+    while is_running(run) and time.monotonic() < deadline:
         time.sleep(0.05)
-    assert (folder / "ended").exists() and not (folder / "outcome.json").exists()
+    assert not is_running(run) and not (folder / "outcome.json").exists()
 
 
 def test_earlier_attempt_that_still_runs_is_ended_first(tmp_path):

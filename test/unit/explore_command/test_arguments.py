@@ -93,14 +93,14 @@ def test_out_is_made_with_its_parents(tmp_path: Path) -> None:
 def test_two_runs_at_a_time_never_share_a_folder(tmp_path: Path) -> None:
     out = tmp_path / "ramp-1"
     held = "import sys; from pathlib import Path; from explore_command.results_folder import claimed_out; "
-    held += "print(claimed_out(Path(sys.argv[1]), False), flush=True); sys.stdin.read()"
+    held += "print(claimed_out(Path(sys.argv[1]), False)[0], flush=True); sys.stdin.read()"
     with subprocess.Popen([sys.executable, "-c", held, str(out)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout is not None and other.stdout.readline().strip() == str(out)
-        assert claimed_out(out, may_be_another=True) == tmp_path / "ramp-1-2"
+        assert claimed_out(out, may_be_another=True)[0] == tmp_path / "ramp-1-2"
         with pytest.raises(ArgumentProblem, match="another run writes into it"):
             claimed_out(out, may_be_another=False)
         other.communicate()
-    assert claimed_out(out, may_be_another=False) == out
+    assert claimed_out(out, may_be_another=False)[0] == out
 
 
 def test_folder_that_holds_something_is_refused_without_force(tmp_path: Path) -> None:

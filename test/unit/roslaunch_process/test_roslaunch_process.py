@@ -1,11 +1,13 @@
 """A launch from outside, with a script in the place of roslaunch: its arguments, signals, output, and that it dies with its parent."""
 
+import fcntl
 import os
 import signal
 import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -52,21 +54,102 @@ def test_only_what_is_marked_and_not_hidden_is_shown(roslaunch, tmp_path, capsys
     assert capsys.readouterr().out.splitlines() == ["SUCCESS", "t=3 s"]
 
 
+NODE_AND_LAUNCH = "setsid env --default-signal=INT bash -c '{node}' &\necho $!; echo $$\n"
+DEAF = 'trap "" INT; while :; do sleep 0.05; done'
+LISTENING = 'trap "touch {mark}; exit" INT; while :; do sleep 0.05; done'
+
+
+def pids_of(launch) -> tuple[int, int]:
+    """Process ids of a node and of its roslaunch, which print them."""
+    return int(launch.stdout.readline()), int(launch.stdout.readline())
+
+
+def is_running(pid: int) -> bool:
+    stat = Path(f"/proc/{pid}/stat")
+    return stat.exists() and "Z" not in stat.read_text().rpartition(")")[2].split()[0]
+
+
+def wait_for(condition, timeout_s: float = 20.0) -> bool:
+    deadline = time.monotonic() + timeout_s
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return bool(condition())
+
+
+def test_exit_code_is_that_of_roslaunch(roslaunch, tmp_path):
+    roslaunch("exit 7")
+    assert start_launch("explore.launch", {}, 11399, tmp_path, 60).wait(20.0) == 7
+
+
+def test_interrupt_is_handed_on_and_the_end_is_waited_for(roslaunch, tmp_path):
+    roslaunch("trap 'sleep 0.3; exit 5' INT\necho ready\nwhile :; do sleep 0.05; done")
+    launch = start_launch("explore.launch", {}, 11399, tmp_path, 60)
+    assert "ready" in launch.stdout.readline()
+    launch.send_signal(signal.SIGINT)
+    assert launch.wait(20.0) == 5
+
+
+def test_nodes_of_a_killed_roslaunch_are_interrupted(roslaunch, tmp_path):
+    mark = tmp_path / "saved"
+    roslaunch(NODE_AND_LAUNCH.format(node=LISTENING.format(mark=mark)) + "wait")
+    launch = start_launch("explore.launch", {}, 11399, tmp_path, 60)
+    node, parent = pids_of(launch)
+    time.sleep(0.3)  # until the node listens
+    os.kill(parent, signal.SIGKILL)
+    assert launch.wait(20.0) == 128 + signal.SIGKILL
+    assert mark.exists() and not is_running(node)
+
+
+def test_node_that_does_not_listen_is_killed_with_its_output_closed(roslaunch, tmp_path):
+    roslaunch(NODE_AND_LAUNCH.format(node=DEAF) + "exit 3")
+    launch = start_launch("explore.launch", {}, 11399, tmp_path, 60)
+    node, _ = pids_of(launch)
+    assert launch.wait(20.0) == 3 and not is_running(node)
+    assert list(shown_lines(launch, "[explore]")) == []
+
+
+def started_and_killed(tmp_path: Path, lines: int) -> list[str]:
+    """The first lines of a launch whose parent was killed then; the launch keeps the locked file `lock` open."""
+    code = (
+        "from pathlib import Path; from roslaunch_process import start_launch; import fcntl, os, time\n"
+        f"lock = os.open({str(tmp_path / 'lock')!r}, os.O_RDWR | os.O_CREAT); fcntl.flock(lock, fcntl.LOCK_EX)\n"
+        f"launch = start_launch('explore.launch', {{}}, 11399, Path({str(tmp_path)!r}), 60, kept_open=(lock,))\n"
+        f"for _ in range({lines}): print(launch.stdout.readline(), end='', flush=True)\ntime.sleep(60)"
+    )
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=environment, text=True) as parent:
+        assert parent.stdout is not None
+        told = [parent.stdout.readline() for _ in range(lines)]
+        time.sleep(0.3)
+        parent.kill()
+    return told
+
+
 def test_launch_is_interrupted_when_its_parent_is_killed(roslaunch, tmp_path):
     mark = tmp_path / "ended"
     roslaunch(f"trap 'touch {mark}; exit' INT\necho ready\nwhile :; do sleep 0.05; done")
-    code = (
-        "from pathlib import Path; from roslaunch_process import start_launch; import time\n"
-        f"launch = start_launch('explore.launch', {{}}, 11399, Path({str(tmp_path)!r}), 60)\n"
-        "print(launch.stdout.readline(), flush=True)\ntime.sleep(60)"
-    )
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, env=environment)
-    assert parent.stdout is not None and b"ready" in parent.stdout.readline()
-    parent.send_signal(signal.SIGKILL)
-    parent.wait()
-    parent.stdout.close()
-    deadline = time.monotonic() + 20.0
-    while not mark.exists() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert mark.exists()
+    started_and_killed(tmp_path, 1)
+    assert wait_for(mark.exists)
+
+
+def test_launch_that_does_not_listen_is_killed_with_its_nodes_after_its_parent(roslaunch, tmp_path):
+    roslaunch(NODE_AND_LAUNCH.format(node=DEAF) + DEAF)
+    node, launch = (int(line) for line in started_and_killed(tmp_path, 2))
+    assert is_running(node) and is_running(launch)
+    assert wait_for(lambda: not is_running(node) and not is_running(launch))
+
+
+def test_lock_is_held_until_the_last_node_has_ended(roslaunch, tmp_path):
+    roslaunch(NODE_AND_LAUNCH.format(node=DEAF) + DEAF)
+    node, _ = (int(line) for line in started_and_killed(tmp_path, 2))
+
+    def is_free() -> bool:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        return True
+
+    with (tmp_path / "lock").open() as lock:
+        assert not is_free() and is_running(node)
+        assert wait_for(is_free) and not is_running(node)
