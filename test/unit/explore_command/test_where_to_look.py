@@ -13,13 +13,13 @@ from robot_body import RobotBody
 def said_by_a_run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], out: Path, *words: str) -> list[str]:
     """The lines of ./explore whose launch ends at once."""
 
-    def launch(*_: object) -> "subprocess.Popen[str]":
+    def launch(*_: object, **__: object) -> "subprocess.Popen[str]":
         return subprocess.Popen(["echo", "[explore] SUCCESS"], stdout=subprocess.PIPE, text=True)
 
     monkeypatch.setattr(launching, "start_launch", launch)
-    monkeypatch.setattr(launching, "hand_on_signals", lambda _: None)
+    monkeypatch.setattr(launching, "hand_on_signals", lambda _: [])
     arguments = parse(["--world", "rooms", "--out", str(out), "--port", "20202", *words])
-    launching.run_launch(launching.as_robot_is_built(arguments, RobotBody()), RobotBody())
+    launching.run_launch(launching.as_robot_is_built(arguments, RobotBody()), RobotBody(), 0.0, lock=-1)
     return capsys.readouterr().out.splitlines()
 
 
