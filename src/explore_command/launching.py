@@ -10,14 +10,13 @@ from explore_command.arguments import MAPPINGS, NAMED_WORLDS, SENSORS, ArgumentP
 from explore_command.ending import ended
 from explore_command.parameters import COMMAND, ROBOT, all_overrides, chosen_mapping, override_problems, robot_of
 from rigid_geometry import origin_text
-from robot_body import RobotBody, fixed_laser_problem, is_fixed, missing_visuals, robot_mapping, urdf_file
+from robot_body import PACKAGE_FOLDER, RobotBody, fixed_laser_problem, is_fixed, missing_visuals, robot_mapping, urdf_file
 from roslaunch_process import free_port, hand_on_signals, shown_lines, start_launch
 from simulated_movers import asked_movers
 from stage_config import ConfigError
 
 _SHUTDOWN_S = 60
-_PACKAGE = Path(__file__).resolve().parents[2]
-_SHELL = _PACKAGE / ".ws/devel/setup.bash"
+_SHELL = PACKAGE_FOLDER / ".ws/devel/setup.bash"
 _MONITOR_MARK = "[explore]"
 
 
@@ -168,7 +167,7 @@ def _where_to_look_now(arguments: ExploreArguments, port: int) -> str:
     """How a running exploration is seen, in one line."""
     if not arguments.headless:
         return "to look: rviz opens"
-    return f"to look: source {_SHELL}; ROS_MASTER_URI=http://localhost:{port} rviz -d {_PACKAGE / 'config/explore.rviz'}"
+    return f"to look: source {_SHELL}; ROS_MASTER_URI=http://localhost:{port} rviz -d {PACKAGE_FOLDER / 'config/explore.rviz'}"
 
 
 def _where_to_look_afterwards(out: Path) -> str:

@@ -12,10 +12,19 @@ from pathlib import Path
 import yaml
 
 from explore_command.arguments import MAPPINGS
-from robot_body import DEFAULT_ROBOT_FILE, RobotBody, overlaid, robot_from_mapping, robot_values, simulation_problems, urdf_file
+from robot_body import (
+    DEFAULT_ROBOT_FILE,
+    PACKAGE_FOLDER,
+    RobotBody,
+    overlaid,
+    robot_from_mapping,
+    robot_values,
+    simulation_problems,
+    urdf_file,
+)
 from stage_config import ConfigError, load_config
 
-PROFILES = Path(__file__).resolve().parents[2] / "config" / "profiles"
+PROFILES = PACKAGE_FOLDER / "config" / "profiles"
 
 ROBOT, COMMAND = "robot", "explore"
 Overrides = dict[str, dict[str, object]]

@@ -17,6 +17,7 @@ from robot_body.loading import (
     robot_values,
 )
 from robot_body.mounts import SensorMount
+from robot_body.package_folder import PACKAGE_FOLDER
 from robot_body.shapes import Shape, mesh_surface
 from robot_body.simulable import missing_visuals, simulation_problems
 from robot_body.tilting_mount import DESCRIPTION, fixed_laser_problem, is_fixed, laser_height_m, laser_mount, mount_from_urdf
@@ -43,6 +44,7 @@ __all__ = [
     "load_robot",
     "mesh_surface",
     "missing_visuals",
+    "PACKAGE_FOLDER",
     "mount_from_urdf",
     "overlaid",
     "read_description",

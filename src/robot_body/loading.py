@@ -11,9 +11,10 @@ import yaml
 
 from robot_body.body import RobotBody
 from robot_body.mounts import read_mounts
+from robot_body.package_folder import PACKAGE_FOLDER
 from stage_config import ConfigError, load_config, to_mapping
 
-_CONFIG = Path(__file__).resolve().parents[2] / "config"
+_CONFIG = PACKAGE_FOLDER / "config"
 DEFAULT_ROBOT_FILE = _CONFIG / "robot.yaml"
 _ROBOTS = {"husky": DEFAULT_ROBOT_FILE, **{path.stem: path for path in sorted((_CONFIG / "robots").glob("*.yaml"))}}
 

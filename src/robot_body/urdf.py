@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from rigid_geometry import transform_from_rpy
 from robot_body.body import RobotBody
 from robot_body.mounts import SensorMount
+from robot_body.package_folder import PACKAGE_FOLDER
 from robot_body.shapes import Shape, origin_of, shapes_of, triple
 
 Array = NDArray[np.float64]
 
-URDF_FOLDER = Path(__file__).resolve().parents[2] / "urdf"
+URDF_FOLDER = PACKAGE_FOLDER / "urdf"
 BASE = "base_link"
 
 
