@@ -64,6 +64,22 @@ def test_run_that_ended_before_there_was_a_world_is_no_success(tmp_path: Path) -
     assert (summary["world"], summary["seed"], summary["success"]) == ("rooms", 4, False)
 
 
+def test_what_was_written_of_a_run_is_on_disk_line_by_line(tmp_path: Path) -> None:
+    log = RunLog(tmp_path, {}, RobotBody(), judged=True)
+    for stamp_s in (1.0, 1.05):
+        log.truth(stamp_s, transform_from_rpy((stamp_s, 0.0, 0.0)))
+        log.contact(Contact(header(stamp_s, "world"), "deck", 0.1, 5.0, ""))
+    assert (tmp_path / "trajectory_truth.txt").read_text().count("\n") == 2
+    assert (tmp_path / "contacts.csv").read_text().splitlines()[-1].startswith("1.050,deck,")
+
+
+def test_run_that_is_not_to_be_judged_leaves_its_reason_and_no_summary(tmp_path: Path) -> None:
+    log = RunLog(tmp_path, {}, RobotBody(), judged=True)
+    assert log.finish("interrupted", judge=False) == "ended: interrupted"
+    assert json.loads((tmp_path / "counters.json").read_text())["stop_reason"] == "interrupted"
+    assert not (tmp_path / "summary.json").exists()
+
+
 def test_robot_that_drove_is_saved_with_the_results(tmp_path: Path) -> None:
     finished_at_2(tmp_path, judged=True)
     assert load_robot(tmp_path / "robot.yaml") == RobotBody()
