@@ -21,17 +21,21 @@ _POLL_S = 0.05
 def main(command: Sequence[str]) -> int:
     """The command's exit code, 128 and the signal when it was killed."""
     adopt_orphans()
-    launch = subprocess.Popen(command, preexec_fn=end_with_parent)
     end_s: list[float] = []  # when those that were told to end have to have ended
+    interrupts: list[int] = []  # that wait to be handed on: they may come before the command is there
 
     def interrupt(number: int, _frame: object) -> None:
         if number == signal.SIGTERM:
             end_s.append(time.monotonic() + GRACE_S)
-        launch.send_signal(signal.SIGINT)
+        interrupts.append(number)
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, interrupt)
+    launch = subprocess.Popen(command, preexec_fn=end_with_parent)
     while launch.poll() is None and not _is_over(end_s):
+        if interrupts:
+            interrupts.clear()
+            launch.send_signal(signal.SIGINT)
         time.sleep(_POLL_S)
     if not end_s:
         end_s.append(time.monotonic() + GRACE_S)

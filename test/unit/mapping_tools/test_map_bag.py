@@ -137,7 +137,7 @@ def test_sweeps_that_cannot_be_placed_are_named_and_the_others_mapped(tmp_path, 
 
 
 def test_match_that_is_refused_leaves_odometry_and_says_so(tmp_path, clouds):
-    strange = [(np.asarray(points * [1, 1, 3], np.float32), origins) for points, origins in clouds[:2]]
+    strange = [(np.asarray(points * [1.3, 1, 1], np.float32), origins) for points, origins in clouds[:2]]
     code, summary = mapped(write_bag(tmp_path / "x.bag", drive([clouds[0], strange[1]], odometry()[:2])), tmp_path / "out", *FAST)
     assert code == 0 and summary["vertices"] == 2
     assert [entry["vertex_id"] for entry in summary["by_odometry_alone"]] == [1]

@@ -69,8 +69,9 @@ def test_map_goes_on_from_a_file_and_refuses_one_of_another_resolution() -> None
     first.add_cloud(*in_map(pose()), pose())
     copy = OctreeMap.from_full(first.tree.to_full(), 0.08)
     going_on = MapBuilder.of_tree(MapConfig(), copy, RobotBody())
-    going_on.add_cloud(*in_map(pose(), 1.5), pose())
-    assert [state(going_on, x, 0.0, 0.832) for x in (1.5, 3.0)] == [VoxelState.OCCUPIED] * 2
+    elsewhere = pose(20.0)
+    going_on.add_cloud(*in_map(elsewhere), elsewhere)
+    assert [state(going_on, x, 0.0, 0.832) for x in (3.0, 23.0)] == [VoxelState.OCCUPIED] * 2
     with pytest.raises(ValueError, match=r"of a file.*~reset"):
         going_on.add_sweep(wall(), 0, [pose()])
     with pytest.raises(ValueError, match=r"0\.05 m.*0\.08 m"):
@@ -85,7 +86,8 @@ def test_sweeps_that_are_fixed_lie_where_the_graph_had_them_last() -> None:
     fresh.add_sweep(wall(), 0, [pose(0.3)])
     fresh.add_sweep(wall(2.0), 1, [pose(0.3), pose(0.5, 0.4)])
     assert fixed.tree.to_full() == fresh.tree.to_full()
-    fixed.add_cloud(*in_map(pose(), 1.0), pose())
-    assert state(fixed, 1.0, 0.0, 0.832) is VoxelState.OCCUPIED
+    elsewhere = pose(20.0)
+    fixed.add_cloud(*in_map(elsewhere), elsewhere)
+    assert state(fixed, 23.0, 0.0, 0.832) is VoxelState.OCCUPIED
     with pytest.raises(ValueError, match="of a session"):
         fixed.add_sweep(wall(), 2, [pose()] * 3)
