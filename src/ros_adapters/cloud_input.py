@@ -42,7 +42,8 @@ class CloudInput:
         self._waiting: deque[tuple[float, PointCloud2]] = deque()
 
     def add(self, message: PointCloud2) -> None:
-        """Takes a cloud. Of more than five that wait the oldest is dropped."""
+        """Takes a cloud. Of more than five that wait the oldest is dropped. ValueError for a stamp that would end tf's C++."""
+        stamp_of(message)
         self._waiting.append((time.monotonic(), message))
         while len(self._waiting) > _MOST_WAITING:
             self._waiting.popleft()
