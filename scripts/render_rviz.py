@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Takes pictures of rviz on a real run, with no display: Xvfb, ./explore, rviz with config/explore.rviz, all three ended afterwards.
 
-    python scripts/render_rviz.py --world ramp --seed 1 --sweeps 18 --view -3.3 -10.4 0 30 2.8 0.85        makes docs/rviz.png
+    python scripts/render_rviz.py --world ramp --seed 1 --sweeps 80 --view -3.3 -10.4 0 30 2.8 0.85        makes docs/rviz.png
 
 With --sweeps the picture is taken on the drive after so many, and the run ended there; else when the run has ended: rviz outlives it and
 keeps what it was shown last. Frames are taken on the way. --view looks at a point of the map from a distance (m), yaw and pitch (rad)
