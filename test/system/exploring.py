@@ -6,6 +6,7 @@ import queue
 import re
 import signal
 import subprocess
+import sys
 import threading
 import time
 import uuid
@@ -133,6 +134,19 @@ class ExploreRun:
 
     def __exit__(self, *_: object) -> None:
         self.end()
+
+
+def explored_beside(client: str, launch: str, port: int) -> None:
+    """Launches explore.launch, and after the first sweep a client of this folder, which has to end with 0 while the launch lives on."""
+    uri = f"http://localhost:{port}"
+    command = f"source {PACKAGE}/.ws/devel/setup.bash && exec roslaunch -p {port} explore_3dnav explore.launch {launch}"
+    with ExploreRun("-c", command, command="/bin/bash", environment={"ROS_MASTER_URI": uri}) as run:
+        run.wait_for_first_sweep(300.0)
+        words = [sys.executable, str(Path(__file__).with_name(client))]
+        done = subprocess.run(words, env={**os.environ, "ROS_MASTER_URI": uri}, capture_output=True, text=True, timeout=1500.0)
+        print(done.stdout)
+        assert done.returncode == 0, f"{done.stdout}{done.stderr[-3000:]}"
+        assert run.process.poll() is None, "the launch ended with exploration"
 
 
 def summary(out: Path) -> dict[str, object]:
