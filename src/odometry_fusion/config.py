@@ -45,13 +45,14 @@ class OdometryConfig:
     max_imu_gap_s: float = parameter(0.1, "s", "a longer pause of the IMU adds gap_rate_sigma times its length to the attitude", low=1e-3)
     gap_rate_sigma: float = parameter(0.3, "rad/s", "how fast the robot may have turned unseen", low=0.0)
     max_wheel_gap_s: float = parameter(0.3, "s", "after a longer pause of the wheels nothing is known to have stood still", low=1e-3)
-    displaced_window_s: float = parameter(1.0, "s", "over so long IMU and wheels are compared", low=0.1, high=5.0)
+    displaced_window_s: float = parameter(
+        0.5, "s", "over so long IMU and wheels are compared; over longer the attitude's error would count", low=0.1, high=5.0
+    )
     displaced_m: float = parameter(
-        0.25,
-        "m",
-        "a way within that time of which the wheels know nothing: somebody moves the robot, or it slides; 0.3 m is a push",
-        low=0.05,
-        high=10.0,
+        0.12, "m", "a way within that time of which the wheels know nothing: somebody moves the robot, or it slides", low=0.02, high=10.0
+    )
+    displaced_share: float = parameter(
+        0.5, "-", "beside it, as a share of the way that they rolled; a ramp of 14 deg that begins at 0.7 m/s makes two thirds", low=0.0
     )
     displaced_turn_rad: float = parameter(
         0.35, "rad", "a turn within that time of which they know nothing, beside yaw_rate_slip of theirs", low=0.05, high=6.0

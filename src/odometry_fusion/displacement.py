@@ -90,13 +90,14 @@ class DisplacementWatch:
         config, first, last = self._config, self._window[0], self._window[-1]
         seconds = last.stamp_s - first.stamp_s
         way_m = float(np.linalg.norm(last.way - first.way - seconds * first.unexplained))
-        if way_m > config.displaced_m:
+        rolled_m = last.rolled_m - first.rolled_m
+        if way_m > config.displaced_m + config.displaced_share * rolled_m:
             return f"moved {way_m:.2f} m otherwise than by its wheels"
         turned = abs(last.unexplained_yaw - first.unexplained_yaw)
         if turned > config.displaced_turn_rad + config.yaw_rate_slip * (last.wheel_yaw - first.wheel_yaw):
             return f"turned {turned:.2f} rad otherwise than by its wheels"
         tipped = math.acos(min(1.0, float(first.upward @ last.upward)))
-        if tipped > config.displaced_tilt_rad and last.rolled_m - first.rolled_m < config.displaced_standing_m:
+        if tipped > config.displaced_tilt_rad and rolled_m < config.displaced_standing_m:
             return f"tilted {tipped:.2f} rad while its wheels stood"
         return ""
 

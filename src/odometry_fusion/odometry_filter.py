@@ -209,13 +209,20 @@ class OdometryFilter:
         if track.displaced or since is None or track.wheels.still_since_s is None or interval.longest_gap_s > self._config.max_imu_gap_s:
             return False
         still_s = interval.end_stamp_s - max(since, track.rocked_s)
-        return still_s >= self._config.still_delay_s and self._quiet(track, interval)
+        return still_s >= self._config.still_delay_s and self._quiet(track, interval) and not self._accelerates(track.state, interval)
 
     def _quiet(self, track: Track, interval: ImuInterval) -> bool:
         """The body turns no faster than `still_gyro_rate`, or than the gyroscope's noise and its bias, as far as known, explain."""
         variance = np.trace(track.state.covariance[GYRO_BIAS, GYRO_BIAS]) + 3.0 * self._config.gyro_noise**2 / interval.duration_s
         limit = max(self._config.still_gyro_rate, 3.0 * math.sqrt(variance))
         return float(np.linalg.norm(interval.mean_rate - track.state.gyro_bias)) < limit
+
+    def _accelerates(self, state: State, interval: ImuInterval) -> bool:
+        """Something other than gravity is felt: who is pushed does not stand."""
+        if interval.mean_accel is None:
+            return False
+        up = self._config.gravity_mps2 * state.R_odom_base[2]
+        return float(np.linalg.norm(interval.mean_accel - state.accel_bias - up)) > self._config.quiet_accel_mps2
 
     def _driven(self, state: State, interval: ImuInterval) -> State:
         turning = abs(float(interval.mean_rate[2] - state.gyro_bias[2]))

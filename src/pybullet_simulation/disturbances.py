@@ -134,6 +134,11 @@ class Hands:
         self.done: list[Done] = []
 
     @property
+    def hold(self) -> bool:
+        """Whether hands hold the robot: what it touches then is theirs."""
+        return self._grasp is not None and self._grasp.what.kind != "ice"
+
+    @property
     def grip(self) -> float:
         """Of the wheels, as a share of what they have else."""
         return _ICE_GRIP if self._grasp is not None and self._grasp.what.kind == "ice" else 1.0
@@ -152,7 +157,7 @@ class Hands:
 
     def guided(self, now_s: float) -> Guided | None:
         """Where the hands have the robot, None while they do not hold it."""
-        if self._grasp is None or self._grasp.what.kind == "ice":
+        if self._grasp is None or not self.hold:
             return None
         before, here, after = (self._grasp.pose(now_s - self._grasp.begun_s + shift) for shift in (-_DIFFERENCE_S, 0.0, _DIFFERENCE_S))
         R = after[:3, :3] @ before[:3, :3].T

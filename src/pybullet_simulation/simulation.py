@@ -215,7 +215,7 @@ class Simulation:
             if movers is not None:
                 self._physics.place_movers(movers.at(step / self._steps))
             states.append(self._stepped(step))
-            if step % look == 0:
+            if step % look == 0 and not (self._hands and self._hands.hold):
                 contacts += self._physics.contacts(states[-1 - look])
             if step % (self._steps // ENCODERS_PER_TICK) == 0:
                 before, self._angles = self._angles, self._physics.wheel_angles()
