@@ -52,7 +52,7 @@ class OdometryConfig:
         0.12, "m", "a way within that time of which the wheels know nothing: somebody moves the robot, or it slides", low=0.02, high=10.0
     )
     displaced_share: float = parameter(
-        0.5, "-", "beside it, as a share of the way that they rolled; a ramp of 14 deg that begins at 0.7 m/s makes two thirds", low=0.0
+        0.35, "-", "beside it, as a share of the way that they rolled; plates and ramps at 0.7 m/s make three quarters of it", low=0.0
     )
     displaced_turn_rad: float = parameter(
         0.35, "rad", "a turn within that time of which they know nothing, beside yaw_rate_slip of theirs", low=0.05, high=6.0

@@ -37,8 +37,7 @@ class StopScanAndGo:
         self._before = self._state, self._reason  # what it did when the joystick took over
         self._displaced_s: float | None = None  # since then nobody knows where it is
         self._is_over = False  # exploration has come to its end once
-        self._awaits_follower = False
-        self._sweeps = self._unsettled = 0
+        self._awaits_follower, self._sweeps, self._unsettled = False, 0, 0
         self._answers = {
             DriveState.STARTING: self._starting,
             DriveState.SETTLING: self._settling,
