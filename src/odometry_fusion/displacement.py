@@ -42,6 +42,12 @@ class DisplacementWatch:
 
     def __init__(self, config: OdometryConfig, robot: RobotBody) -> None:
         self._config, self._half_track_m = config, 0.5 * robot.track_m
+        self.position_base: FloatArray = np.zeros(3)
+        """Of the IMU, (3,) in base_link."""
+        self.begin_again()
+
+    def begin_again(self) -> None:
+        """Forgets what was, as after a jump of time."""
         self._window: deque[_Moment] = deque()
         self._reason = ""
         self._moved_s = -math.inf  # when it was last felt to move, while it is displaced
@@ -54,15 +60,16 @@ class DisplacementWatch:
         rate, duration_s = interval.mean_rate - state.gyro_bias, interval.duration_s
         R_midway = state.R_odom_base @ exp_rotation(-0.5 * duration_s * rate)
         acceleration = R_midway @ (interval.mean_accel - state.accel_bias) - np.array([0.0, 0.0, self._config.gravity_mps2])
-        self._add(state, wheels, duration_s, acceleration, float(rate[2]))
+        velocity = state.R_odom_base @ (state.velocity + np.cross(rate, self.position_base))
+        self._add(state, wheels, duration_s, (acceleration, velocity), float(rate[2]))
         if self._reason:
             self._rest(interval.end_stamp_s, acceleration, rate)
         elif why := self._too_much():
             self._reason, self._moved_s = why, interval.end_stamp_s
         return self._reason
 
-    def _add(self, state: State, wheels: Wheels, duration_s: float, acceleration: FloatArray, yaw_rate: float) -> None:
-        now_s, velocity, upward = wheels.stamp_s, state.R_odom_base @ state.velocity, state.R_odom_base[:, 2]
+    def _add(self, state: State, wheels: Wheels, duration_s: float, motion: tuple[FloatArray, FloatArray], yaw_rate: float) -> None:
+        (acceleration, velocity), now_s, upward = motion, wheels.stamp_s, state.R_odom_base[:, 2]
         if not self._window:
             self._window.append(_Moment(now_s, velocity, np.zeros(3), np.zeros(3), 0.0, 0.0, 0.0, upward))
             return

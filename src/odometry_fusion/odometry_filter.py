@@ -83,6 +83,10 @@ class OdometryFilter:
         latest = [b.last_stamp_s for b in (self._imu, self._wheels) if b.last_stamp_s is not None]
         return min(latest) + STAMP_TOLERANCE_S if len(latest) == 2 else None
 
+    def mount_imu(self, position_base: ArrayLike) -> None:
+        """Where (3,) in base_link the IMU is: one beside the middle feels turns. Until it is told, it is in the middle."""
+        self._displacement.position_base = np.asarray(position_base, dtype=np.float64)
+
     def add_imu(self, stamp_s: float, gyro: ArrayLike, accel: ArrayLike) -> None:
         """Takes (3,) angular velocity in rad/s and (3,) specific force in m/s^2, both in base_link.
 
@@ -127,7 +131,7 @@ class OdometryFilter:
             self._imu.clear()
             self._wheels.clear()
             self._track = None
-            self._displacement = DisplacementWatch(self._config, self._robot)
+            self._displacement.begin_again()
         buffer.append(stamp_s, row)
         return True
 

@@ -57,6 +57,24 @@ def test_covariance_leaps_with_every_sample_of_the_way_that_is_not_known_and_the
     assert any(leapt for leapt, _ in leaps)
 
 
+@pytest.mark.parametrize(("told", "displaced"), [(True, False), (False, True)])
+def test_imu_beside_the_middle_feels_turns_which_are_not_taken_for_pushes_where_its_place_is_known(told: bool, displaced: bool) -> None:
+    arm = np.array([0.6, 0.0, 0.1])
+    data = simulate([Motion(3.0), Motion(3.0, 0.0, 1.4), Motion(2.0)], Errors(), np.random.default_rng(0))
+    stamps, gyros = np.array([row[0] for row in data.imu]), np.array([row[1] for row in data.imu])
+    jerks = np.gradient(gyros, stamps, axis=0)
+    felt = [accel + np.cross(jerk, arm) + np.cross(w, np.cross(w, arm)) for (_, w, accel), jerk in zip(data.imu, jerks, strict=True)]
+    odometry, found = OdometryFilter(CONFIG, RobotBody()), []
+    if told:
+        odometry.mount_imu(arm)
+    for row, accel in zip(data.imu, felt, strict=True):
+        odometry.add_imu(row[0], row[1], accel)
+    for stamp, v, w in data.wheels:
+        odometry.add_wheels(stamp, v, w)
+        found.append(odometry.estimate(stamp))
+    assert any(one is not None and bool(one.displaced) for one in found) == displaced
+
+
 @pytest.mark.parametrize(
     "motion",
     [Motion(3.0, 0.7), Motion(3.0, 0.0, 1.2), Motion(3.0, 0.5, 0.8), Motion(0.5, 0.7, 0.0, -0.5)],
