@@ -20,7 +20,7 @@ from registration_worlds import Ground, next_spot, world_of
 
 from odometry_fusion import FusedOdometry, OdometryConfig, OdometryEstimate
 from pybullet_simulation import TICK_S, Simulation, SimulationConfig, World, load_world
-from pybullet_simulation.robot_model import TILT_JOINT, read_robot_model
+from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.trace import Tilts
 from rigid_geometry import angle_difference, interpolate_transforms, yaw_of
 from robot_body import RobotBody
@@ -30,6 +30,7 @@ from sweep_assembly import Scan, ScanChain, ScanFilterConfig, ScanGeometry, Tilt
 Array = NDArray[np.float64]
 
 LAYOUT = 1  # of the cached files; to be raised when what is in them changes
+TILT_JOINT = read_robot_model(RobotBody()).tilt_joint
 CLEAR_S, REST_S = 1.0, 1.5
 NEAR_M, TURN_RPS, ALIGNED_RAD = 0.15, 0.8, 0.1
 TICKS_A_METRE = 300  # after which a robot that is not there has stuck

@@ -18,10 +18,21 @@ FloatArray = NDArray[np.float64]
 class FusedOdometry:
     """The wheels drive it: an estimate comes out at each of their stamps, once all inputs up to it are there."""
 
-    def __init__(self, config: OdometryConfig, limits: ImuLimits, robot: RobotBody, rotation_of: Callable[[str], FloatArray]) -> None:
-        """`rotation_of(frame)`: the (3, 3) rotation R_base_imu of a frame, or ValueError. ValueError when the configuration is wrong."""
+    def __init__(
+        self,
+        config: OdometryConfig,
+        limits: ImuLimits,
+        robot: RobotBody,
+        rotation_of: Callable[[str], FloatArray],
+        position_of: Callable[[str], FloatArray] = lambda _frame: np.zeros(3),
+    ) -> None:
+        """ValueError when the configuration is wrong.
+
+        `rotation_of(frame)`: the (3, 3) rotation R_base_imu of a frame, or ValueError. `position_of(frame)`: its (3,) origin in base_link.
+        """
         self._filter = OdometryFilter(config, robot)
         self._imu = ImuInput(limits, rotation_of)
+        self._position_of, self._frame = position_of, ""
         self._due: deque[float] = deque()
 
     @property
@@ -32,6 +43,9 @@ class FusedOdometry:
     def add_imu(self, stamp_s: float, frame: str, gyro: Sequence[float], accel: Sequence[float]) -> None:
         """Takes rates in rad/s and specific force in m/s^2 in `frame`; ValueError in one line for an IMU that cannot be right."""
         for sample in self._imu.add(stamp_s, frame, gyro, accel):
+            if frame != self._frame:
+                self._frame = frame
+                self._filter.mount_imu(self._position_of(frame))
             self._filter.add_imu(sample.stamp_s, sample.gyro, sample.accel)
 
     def add_wheels(self, stamp_s: float, forward_mps: float, yaw_rate: float) -> None:

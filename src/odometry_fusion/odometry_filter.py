@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from odometry_fusion import measurements
 from odometry_fusion.config import OdometryConfig
+from odometry_fusion.displacement import DisplacementWatch, displaced
 from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, predict, rest
 from odometry_fusion.interval import ImuInterval, imu_interval
 from odometry_fusion.track import Rest, Track, Wheels, anchored, at_stamp, longer, track_covariance
@@ -33,7 +34,8 @@ class OdometryEstimate:
     summed up from stop to stop so that `pose_increment` finds the true covariance of the movement between two stops.
     `twist` (6,) m/s and rad/s, linear then angular, in base_link, with `twist_covariance` (6, 6). `standing`: wheels and body are
     still. Only then `up_in_base` (3,) is the unit direction against gravity in base_link, the mean over the time of standing, less
-    the accelerometer's bias as far as known, with `up_sigma_rad` an axis; otherwise both are None.
+    the accelerometer's bias as far as known, with `up_sigma_rad` an axis; otherwise both are None. `displaced`: why nothing is known of
+    the way just now, as the covariance says; "" where it is.
     """
 
     stamp_s: float
@@ -44,6 +46,7 @@ class OdometryEstimate:
     standing: bool
     up_in_base: FloatArray | None
     up_sigma_rad: float | None
+    displaced: str = ""
 
 
 class OdometryFilter:
@@ -67,6 +70,7 @@ class OdometryFilter:
         self._imu: StampedBuffer[list[float]] = StampedBuffer("imu", config.jump_back_s, config.buffer_s, self._dropped)
         self._wheels: StampedBuffer[list[float]] = StampedBuffer("wheels", config.jump_back_s, config.buffer_s, self._dropped)
         self._track: Track | None = None
+        self._displacement = DisplacementWatch(config, robot)
 
     @property
     def dropped(self) -> dict[str, int]:
@@ -78,6 +82,10 @@ class OdometryFilter:
         """Both inputs are there up to this stamp: an estimate up to it that is None now will never come. None without inputs."""
         latest = [b.last_stamp_s for b in (self._imu, self._wheels) if b.last_stamp_s is not None]
         return min(latest) + STAMP_TOLERANCE_S if len(latest) == 2 else None
+
+    def mount_imu(self, position_base: ArrayLike) -> None:
+        """Where (3,) in base_link the IMU is: one beside the middle feels turns. Until it is told, it is in the middle."""
+        self._displacement.position_base = np.asarray(position_base, dtype=np.float64)
 
     def add_imu(self, stamp_s: float, gyro: ArrayLike, accel: ArrayLike) -> None:
         """Takes (3,) angular velocity in rad/s and (3,) specific force in m/s^2, both in base_link.
@@ -123,6 +131,7 @@ class OdometryFilter:
             self._imu.clear()
             self._wheels.clear()
             self._track = None
+            self._displacement.begin_again()
         buffer.append(stamp_s, row)
         return True
 
@@ -167,16 +176,28 @@ class OdometryFilter:
         self._count_gaps(interval, wheels.stamp_s - track.wheels.stamp_s)
         if self._stands(track, interval, wheels):
             state = measurements.stand_still(rest(track.state, interval.duration_s, self._noise), interval, self._config)
-            return replace(
+            stood = replace(
                 track, state=at_stamp(state, wheels.stamp_s), wheels=wheels, rate=interval.rates[-1], rest=longer(track.rest, interval)
             )
+            return self._watched(stood, interval)
         track = anchored(track)
         state = self._driven(track.state, interval)
         state = measurements.roll_wheels(state, interval, wheels.forward_mps, wheels.yaw_rate, self._config, self._robot)
         forward_accel = (wheels.forward_mps - track.wheels.forward_mps) / interval.duration_s
         state = measurements.feel_gravity(state, interval, forward_accel, self._config)
         rocked_s = track.rocked_s if self._quiet(track, interval) else wheels.stamp_s
-        return Track(at_stamp(state, wheels.stamp_s), wheels, interval.rates[-1], rocked_s, None, track.anchor)
+        driven = replace(track, state=at_stamp(state, wheels.stamp_s), wheels=wheels, rate=interval.rates[-1], rocked_s=rocked_s)
+        return self._watched(driven, interval)
+
+    def _watched(self, track: Track, interval: ImuInterval) -> Track:
+        """The track, which does not know where it leads while the robot is moved otherwise than by its wheels."""
+        why = self._displacement.reason(track.state, interval, track.wheels)
+        if not why:
+            return replace(track, displaced="")
+        if not track.displaced:
+            self._dropped["displaced"] += 1
+        track = anchored(track)
+        return replace(track, state=displaced(track.state, self._config), rocked_s=track.wheels.stamp_s, displaced=why)
 
     def _between(self, track: Track, stamp_s: float, following: Wheels) -> Track:
         """The track at a time before the wheel message that follows, which only tells whether the robot stands."""
@@ -189,16 +210,23 @@ class OdometryFilter:
     def _stands(self, track: Track, interval: ImuInterval, wheels: Wheels) -> bool:
         """Wheels stood for long enough, at both ends of the interval, and so did the body."""
         since = wheels.still_since_s
-        if since is None or track.wheels.still_since_s is None or interval.longest_gap_s > self._config.max_imu_gap_s:
+        if track.displaced or since is None or track.wheels.still_since_s is None or interval.longest_gap_s > self._config.max_imu_gap_s:
             return False
         still_s = interval.end_stamp_s - max(since, track.rocked_s)
-        return still_s >= self._config.still_delay_s and self._quiet(track, interval)
+        return still_s >= self._config.still_delay_s and self._quiet(track, interval) and not self._accelerates(track.state, interval)
 
     def _quiet(self, track: Track, interval: ImuInterval) -> bool:
         """The body turns no faster than `still_gyro_rate`, or than the gyroscope's noise and its bias, as far as known, explain."""
         variance = np.trace(track.state.covariance[GYRO_BIAS, GYRO_BIAS]) + 3.0 * self._config.gyro_noise**2 / interval.duration_s
         limit = max(self._config.still_gyro_rate, 3.0 * math.sqrt(variance))
         return float(np.linalg.norm(interval.mean_rate - track.state.gyro_bias)) < limit
+
+    def _accelerates(self, state: State, interval: ImuInterval) -> bool:
+        """Something other than gravity is felt: who is pushed does not stand."""
+        if interval.mean_accel is None:
+            return False
+        up = self._config.gravity_mps2 * state.R_odom_base[2]
+        return float(np.linalg.norm(interval.mean_accel - state.accel_bias - up)) > self._config.quiet_accel_mps2
 
     def _driven(self, state: State, interval: ImuInterval) -> State:
         turning = abs(float(interval.mean_rate[2] - state.gyro_bias[2]))
@@ -230,6 +258,7 @@ class OdometryFilter:
             standing=standing,
             up_in_base=up,
             up_sigma_rad=up_sigma,
+            displaced=track.displaced,
         )
 
     def _twist_covariance(self, state: State) -> FloatArray:

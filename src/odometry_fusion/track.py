@@ -42,7 +42,8 @@ class Anchor:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """All that is known at the latest processed instant; `rocked_s`: when the body last moved."""
+    """All that is known at the latest processed instant; `rocked_s`: when the body last moved; `displaced`: why odometry knows nothing of
+    the way, "" where it does."""
 
     state: State
     wheels: Wheels
@@ -50,6 +51,7 @@ class Track:
     rocked_s: float
     rest: Rest | None
     anchor: Anchor | None
+    displaced: str = ""
 
 
 def anchored(track: Track) -> Track:

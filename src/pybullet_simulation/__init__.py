@@ -4,6 +4,7 @@
 """
 
 from pybullet_simulation.config import SimulationConfig
+from pybullet_simulation.disturbances import DISTURBANCES_FILE, KINDS, disturbances_csv
 from pybullet_simulation.lidar_config import SpinningLidarConfig
 from pybullet_simulation.open_ground import crowd_in
 from pybullet_simulation.realism import HARDWARE_OR_IDEAL, IDEAL, IDEAL_TIMING, realistic
@@ -26,9 +27,11 @@ from pybullet_simulation.worlds import WORLDS, load_world
 from world_files import HeightField, MeshFrame, WorldDescription
 
 __all__ = [
+    "DISTURBANCES_FILE",
     "HARDWARE_OR_IDEAL",
     "IDEAL",
     "IDEAL_TIMING",
+    "KINDS",
     "SENSOR_TOPICS",
     "TICK_S",
     "WORLDS",
@@ -51,6 +54,7 @@ __all__ = [
     "WorldDescription",
     "MeshFrame",
     "crowd_in",
+    "disturbances_csv",
     "load_world",
     "realistic",
 ]

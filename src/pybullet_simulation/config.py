@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from pybullet_simulation.disturbances import disturbances_of
 from stage_config import check_ranges, parameter
 
 
@@ -144,6 +145,12 @@ class SimulationConfig:
         high=0.5,
     )
     contact_force_min_n: float = parameter(1.0, "N", "weaker touches are not reported", low=0.0, high=1000.0)
+    disturbances: str = parameter(
+        "",
+        "-",
+        "what somebody does to the robot, for tests: KIND AT AMOUNT, more after commas; AT in seconds since the simulator's start, "
+        "AMOUNT of lift and push in m, of tilt in deg, of ice in s: push 40 0.5, lift 60 2",
+    )
 
     def validate(self) -> list[str]:
         """All violations, as sentences; empty when the configuration can be used."""
@@ -154,4 +161,8 @@ class SimulationConfig:
             problems.append(f"sweep_min_rate_rps = {self.sweep_min_rate_rps} is above sweep_max_rate_rps = {self.sweep_max_rate_rps}")
         if self.range_min_m >= self.range_max_m:
             problems.append(f"range_min_m = {self.range_min_m} is not below range_max_m = {self.range_max_m}")
+        try:
+            disturbances_of(self.disturbances)
+        except ValueError as error:
+            problems.append(str(error))
         return problems

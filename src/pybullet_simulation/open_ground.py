@@ -6,6 +6,8 @@ import open3d as o3d
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pybullet_simulation.config import SimulationConfig
+from pybullet_simulation.disturbances import Hands, disturbances_of
 from pybullet_simulation.world import World, raycasting_scene
 from robot_body import RobotBody
 from simulated_movers import Crowd, OpenGround, RobotSeen
@@ -27,6 +29,15 @@ def crowd_in(world: World, robot: RobotBody, seed: int) -> Crowd | None:
     x, y, yaw = world.start_xyyaw
     at_start = RobotSeen(x, y, yaw, 0.0, robot.half_length_m, robot.half_width_m)
     return Crowd([spec.relative_to(world.origin) for spec in world.movers], open_ground(world), at_start, seed)
+
+
+def hands_in(world: World, config: SimulationConfig, robot: RobotBody, rng: np.random.Generator) -> Hands | None:
+    """Who does to the robot what the script says, None where it is empty."""
+    script = disturbances_of(config.disturbances)
+    if not script:
+        return None
+    ground = open_ground(world) if any(one.kind in ("lift", "push") for one in script) else None
+    return Hands(script, ground, robot.base_height_m, rng)
 
 
 def open_ground(world: World) -> OpenGround:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pybullet_simulation.config import SimulationConfig
+from pybullet_simulation.disturbances import Guided
 from pybullet_simulation.records import Contact
 from pybullet_simulation.robot_model import RobotModel
 from pybullet_simulation.simulated_urdf import write_simulated_urdf
@@ -79,7 +80,7 @@ class Physics:
         self._steep_z = self._steepest(body)
         self._let_casters_roll()
         self._com = np.array(pybullet.getDynamicsInfo(self._robot, -1, physicsClientId=self._client)[3])
-        self.set_sideways_friction(config.lateral_friction_ratio)
+        self.set_grip(config.lateral_friction_ratio)
 
     def close(self) -> None:
         """Ends this instance's pybullet."""
@@ -157,15 +158,15 @@ class Physics:
             except pybullet.error as error:
                 raise ValueError(f"pybullet cannot load the robot {robot.urdf_path}: {error}") from error
 
-    def set_sideways_friction(self, ratio: float) -> None:
-        """Friction across the tyres as a share of the one along them, from the next step on."""
+    def set_grip(self, sideways_ratio: float, share: float = 1.0) -> None:
+        """Friction across the tyres as a share of the one along them, and both as a share of what they are, from the next step on."""
         for wheel in self._wheels:
             pybullet.changeDynamics(
                 self._robot,
                 wheel,
-                lateralFriction=1.0,
+                lateralFriction=share,
                 rollingFriction=0.0,
-                anisotropicFriction=[1.0, ratio, 1.0],
+                anisotropicFriction=[1.0, sideways_ratio, 1.0],
                 physicsClientId=self._client,
             )
 
@@ -197,6 +198,16 @@ class Physics:
         linear, angular = pybullet.getBaseVelocity(self._robot, physicsClientId=self._client)
         R = np.array(pybullet.getMatrixFromQuaternion(quat)).reshape(3, 3)
         return BodyState(R, np.array(com) - R @ self._com, np.array(com), np.array(linear), np.array(angular))
+
+    def put(self, guided: Guided) -> BodyState:
+        """Puts the robot where hands have it, and the state then; wheels and mount turn on."""
+        R = guided.T_world_base[:3, :3]
+        com = guided.T_world_base[:3, 3] + R @ self._com
+        quat = quat_xyzw_from_transform(guided.T_world_base).tolist()
+        velocity = guided.linear + np.cross(guided.angular, com - guided.T_world_base[:3, 3])
+        pybullet.resetBasePositionAndOrientation(self._robot, com.tolist(), quat, physicsClientId=self._client)
+        pybullet.resetBaseVelocity(self._robot, velocity.tolist(), guided.angular.tolist(), physicsClientId=self._client)
+        return self.state()
 
     def wheel_angles(self) -> Array:
         """(W,) angles of the wheels in rad, in the order of the model's."""

@@ -1,7 +1,7 @@
 """What one tick of the simulation delivers: plain, frozen records that a node turns into messages."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -182,3 +182,13 @@ class TickData:
 
     def _of(self, kind: type[S]) -> tuple[S, ...]:
         return tuple(d.sample for d in self.deliveries if isinstance(d.sample, kind))
+
+
+def strongest(contacts: list[Contact]) -> tuple[Contact, ...]:
+    """One contact of each link with the world and each mover, in the order of first touch: the fastest and the strongest of the tick."""
+    best: dict[tuple[str, str], Contact] = {}
+    for one in contacts:
+        known = best.get((one.link, one.other), one)
+        speed, force = max(known.speed_mps, one.speed_mps), max(known.force_n, one.force_n)
+        best[one.link, one.other] = replace(one, speed_mps=speed, force_n=force)
+    return tuple(best.values())

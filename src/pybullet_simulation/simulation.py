@@ -5,19 +5,21 @@ out, and the truth, which only the evaluation may see. The same world, seed and 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pybullet_simulation.config import SimulationConfig
+from pybullet_simulation.disturbances import Done
 from pybullet_simulation.drive import Drive, SlipModel
 from pybullet_simulation.ground import Ground
 from pybullet_simulation.lidar_config import SpinningLidarConfig
 from pybullet_simulation.mount_drive import MountDrive
-from pybullet_simulation.open_ground import crowd_in
+from pybullet_simulation.open_ground import crowd_in, hands_in
 from pybullet_simulation.physics import BodyState, Physics
-from pybullet_simulation.records import Contact, ScanGeometry, TickData, Truth
+from pybullet_simulation.records import Contact, ScanGeometry, TickData, Truth, strongest
 from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.sensors import IMU_PERIOD_S, SensorParts, Sensors
 from pybullet_simulation.sweep_profile import nod_moves, spinning_sweep_profile, sweep_profile
@@ -36,7 +38,7 @@ TICKS_PER_S = 20
 TICK_NS = 50_000_000
 ENCODERS_PER_TICK = 2  # instants at which the wheels' angles are taken
 IMU_PER_TICK = round(TICK_S / IMU_PERIOD_S)
-_SLIP, _GROUND, _MOUNT = 13, 16, 17  # random streams of a seed, beside those of the sensors
+_SLIP, _GROUND, _MOUNT, _HANDS = 13, 16, 17, 18  # random streams of a seed, beside those of the sensors
 
 
 class Simulation:
@@ -72,7 +74,8 @@ class Simulation:
         self._tick = FIRST_TICK - 1 + round(config.clock_start_s * TICKS_PER_S)
         self._steps, self._dt_s = config.physics_rate_hz // TICKS_PER_S, 1.0 / config.physics_rate_hz
         self._command, self._command_age = (0.0, 0.0), 0
-        self._crowd = self._crowd_of(world, seed)
+        self._crowd, self._hands = self._crowd_of(world, seed), hands_in(world, config, body, np.random.default_rng([seed, _HANDS]))
+        self._begin_s = self.stamp_s
         self._settle()
         self._encoders, self._angles = np.zeros(len(self._robot.wheels)), self._physics.wheel_angles()
         self._trace = Trace(TICK_NS, config.physics_rate_hz)
@@ -101,6 +104,11 @@ class Simulation:
     def crowd(self) -> Crowd | None:
         """What moves beside the robot, for the judge; None where nothing does."""
         return self._crowd
+
+    @property
+    def disturbances(self) -> Sequence[Done]:
+        """What was done to the robot so far, for the judge."""
+        return self._hands.done if self._hands is not None else ()
 
     def _settle(self) -> None:
         self._physics.set_tilt(0.0)
@@ -206,14 +214,25 @@ class Simulation:
         for step in range(1, self._steps + 1):
             if movers is not None:
                 self._physics.place_movers(movers.at(step / self._steps))
-            states.append(self._physics.step())
-            if step % look == 0:
+            states.append(self._stepped(step))
+            if step % look == 0 and not (self._hands and self._hands.hold):
                 contacts += self._physics.contacts(states[-1 - look])
             if step % (self._steps // ENCODERS_PER_TICK) == 0:
                 before, self._angles = self._angles, self._physics.wheel_angles()
                 turns.append((self._angles - before) * slip)
         self._state = states[-1]
         return replace(self._physics_tick(states, tilts, np.array(turns), contacts), movers=movers)
+
+    def _stepped(self, step: int) -> BodyState:
+        """A step of the physics, or what hands make of it."""
+        state = self._physics.step()
+        if self._hands is None:
+            return state
+        now_s = self.stamp_s - self._begin_s + step * self._dt_s
+        speed_mps = float(state.linear @ state.R_world_base[:, 0])
+        self._hands.step(now_s, _pose(state), speed_mps)
+        guided = self._hands.guided(now_s)
+        return state if guided is None else self._physics.put(guided)
 
     def _moved_parts(self) -> MovingParts | None:
         """Movers go on by a tick, as they saw the robot at its begin."""
@@ -225,10 +244,10 @@ class Simulation:
 
     def _slip_of_ground(self, speeds: Array) -> Array:
         """(2,) added slip of both sides on this ground, whose sideways friction is set, too."""
-        if not self._ground.varies:
+        if not (self._ground.varies or self._hands):
             return np.zeros(2)
         R, place = self._state.R_world_base, self._state.position[:2]
-        self._physics.set_sideways_friction(self._ground.sideways_ratio(place))
+        self._physics.set_grip(self._ground.sideways_ratio(place), self._hands.grip if self._hands else 1.0)
         left = R[:2, 1] * self._body.track_m / 2.0
         return self._ground.slip(np.array([place + left, place - left]), float(R[2, 0] * np.sign(speeds.sum())))
 
@@ -245,7 +264,7 @@ class Simulation:
             tilts=tilts,
             encoders=encoders,
             turns=turns,
-            contacts=_strongest(contacts),
+            contacts=strongest(contacts),
         )
 
     def _stood(self) -> PhysicsTick:
@@ -273,13 +292,3 @@ def _velocity_at(state: BodyState, point_base: Array) -> Array:
 def _truth(stamp_s: float, state: BodyState) -> Truth:
     R_t = state.R_world_base.T
     return Truth(stamp_s, _pose(state), R_t @ _velocity_at(state, np.zeros(3)), R_t @ state.angular)
-
-
-def _strongest(contacts: list[Contact]) -> tuple[Contact, ...]:
-    """One contact of each link with the world and each mover, in the order of first touch: the fastest and the strongest of the tick."""
-    best: dict[tuple[str, str], Contact] = {}
-    for one in contacts:
-        known = best.get((one.link, one.other), one)
-        speed, force = max(known.speed_mps, one.speed_mps), max(known.force_n, one.force_n)
-        best[one.link, one.other] = replace(one, speed_mps=speed, force_n=force)
-    return tuple(best.values())

@@ -273,6 +273,11 @@ def covariance_ros_order(covariance: Floats) -> Floats:
     return covariance[np.ix_(swap, swap)]
 
 
+def position_variances(message: Odometry) -> tuple[float, float]:
+    """Of an odometry's pose, x and y in m^2."""
+    return float(message.pose.covariance[0]), float(message.pose.covariance[7])
+
+
 def odometry_twist(message: Odometry) -> tuple[float, float]:
     return message.twist.twist.linear.x, message.twist.twist.angular.z
 

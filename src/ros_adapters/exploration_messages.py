@@ -21,7 +21,7 @@ def outcome_of(message: MappedSweep) -> SweepOutcome:
 
 def plan_of(stamp_s: float, decision: Decision) -> StorePlanRequest:
     """The follower's path, or an empty one where there is no goal, and why it waits then (6.2.2)."""
-    plan = Path(header=header(stamp_s, frames().map))
+    plan = Path(header=header(stamp_s, frames().map))  # empty: the robot stands
     if decision.kind is DecisionKind.GOAL:
         assert decision.path is not None and decision.goal is not None
         plan = path_message(stamp_s, frames().map, decision.path, decision.goal[3])

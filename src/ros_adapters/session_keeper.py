@@ -79,11 +79,11 @@ class SessionKeeper:
 def found_in_map(
     mapper: PoseGraphMapper, cloud: tuple[Singles, Singles], up: NDArray[np.float64], match: Match, config: LocalisationConfig
 ) -> Placement:
-    """Where in the map of a session a sweep was made; ValueError when it does not tell."""
+    """Where in the map a sweep was made of which odometry knows nothing; ValueError when it does not tell."""
     placement = localise(mapper.graph, mapper.vertex_clouds(), PointCloud.of_finite(*cloud), match, config, up)
     if not placement.accepted:
-        raise ValueError(f"the robot was not found in the session's map: {placement.reason}")
-    rospy.loginfo("session: %s", placement.reason)
+        raise ValueError(f"the robot was not found in the map: {placement.reason}")
+    rospy.loginfo("localised: %s", placement.reason)
     return placement
 
 

@@ -1,12 +1,13 @@
 """What was seen in a short time while the robot moved, de-skewed by odometry: points in base_link as it stood at the end."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigid_geometry import interpolate_transforms, inverse
+from rigid_geometry import STAMP_TOLERANCE_S, interpolate_transforms, inverse
 from scan_tracking.config import ScanTrackingConfig
 from scan_tracking.local_map import thinned
 from sweep_assembly import TiltGeometry
@@ -37,6 +38,12 @@ class Samples:
 
     stamps_s: Array
     values: Array
+
+    def pause_s(self, begin_s: float, end_s: float) -> float:
+        """The longest time between two of them; infinite where they do not reach from `begin_s` to `end_s`."""
+        if not len(self.stamps_s) or self.stamps_s[0] > begin_s + STAMP_TOLERANCE_S or self.stamps_s[-1] < end_s - STAMP_TOLERANCE_S:
+            return math.inf
+        return float(np.diff(self.stamps_s).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,6 +54,10 @@ class ScanTrackingConfig:
     min_points: int = parameter(20, "-", "fewer partners are no match, and fewer new points no own surface", low=6)
     most_sigmas: float = parameter(5.0, "-", "a correction of more sigmas of the prior, in six dimensions, is refused", low=1.0, high=100.0)
 
+    most_contradicted: int = parameter(
+        10, "-", "so many such bundles in a row, a second of driving: the robot is not where odometry has it, and nobody knows where", low=2
+    )
+
     own_every_m: float = parameter(1.0, "m", "way after which surfaces that the map lacks are put down; 0: never", low=0.0, high=20.0)
     own_sigma_m: float = parameter(0.003, "m", "their own error in position, beside the pose's", low=1e-4, high=0.5)
     own_sigma_rad: float = parameter(0.001, "rad", "and in attitude", low=1e-5, high=0.1)
@@ -66,6 +70,10 @@ class ScanTrackingConfig:
         low=0.1,
         high=50.0,
     )
+    displaced_sigma_m: float = parameter(
+        5.0, "m", "of the position where odometry knows nothing of the way, until a sweep tells", low=1.0, high=1000.0
+    )
+    displaced_sigma_rad: float = parameter(1.8, "rad", "and of the heading: that of all headings", low=0.1, high=10.0)
     jump_back_s: float = parameter(0.5, "s", "a stamp this much older than its topic's latest is a jump of time: start afresh", low=0.0)
     buffer_s: float = parameter(5.0, "s", "oldest data kept while another topic is silent", low=1.0)
 

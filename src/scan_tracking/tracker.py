@@ -4,6 +4,7 @@ The tracked odometry frame goes on where odometry's would jump or drift: T_track
 moves T_tracked_odom a little. Inputs come in order within a topic and in any order between topics.
 """
 
+import math
 from collections import Counter
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mount_calibration import TiltDirection
-from rigid_geometry import Arrival, StampedBuffer, as_covariance, as_transform, inverse, rotation_angle
+from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer, as_covariance, as_transform, inverse, rotation_angle
 from scan_tracking.bundle import Bundle, Bundler, Motion, Samples
 from scan_tracking.config import ScanTrackingConfig
 from scan_tracking.estimate import Estimate
@@ -23,7 +24,7 @@ from sweep_assembly.beams import Sensor
 
 Array = NDArray[np.float64]
 
-STAMP_TOLERANCE_S = 1e-6
+_DISPLACED = "the robot was moved, and no sweep has told yet where it is"
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,9 @@ class ScanTracker:
         self._track: _Track | None = None
         self._newest: tuple[float, Array] | None = None
         self._looked_at: Array | None = None  # odometry there
+        self._displaced_s = -math.inf  # when odometry last knew nothing of the way
+        self._contradicted = 0  # bundles in a row
+        self._is_placed = True  # and whether a sweep has told since where the robot is
         self._longest_s = 0.0  # that a reading took so far
         self._reset()
 
@@ -89,23 +93,29 @@ class ScanTracker:
         self._bundler = Bundler(self._config, self._sensor, self._mount)
         self._backlash_rad, self._direction = backlash_rad, TiltDirection(backlash_rad)
 
-    def set_map(self, points: ArrayLike, normals: ArrayLike, T_map_odom: ArrayLike, covariance: ArrayLike | None = None) -> None:
+    def set_map(
+        self, points: ArrayLike, normals: ArrayLike, T_map_odom: ArrayLike, covariance: ArrayLike | None = None, swept_s: float = math.inf
+    ) -> None:
         """Takes the surfaces around the robot, (N, 3) points and normals in map, and (4, 4) where the tracked odometry frame lies in it.
 
         `covariance`: (6, 6) of the match that has just placed the robot, about the axes of map: in directions that it leaves open, what
-        was tracked stands. None: it stands in all. ValueError for wrong shapes, what is not finite or rigid, and a map without normals;
-        the old map stays then.
+        was tracked stands. None: it stands in all. `swept_s`: when the sweep of that match ended; a robot that was displaced later is not
+        placed by it, and is not matched to the map until one comes that does. ValueError for wrong shapes, what is not finite or rigid,
+        and a map without normals; the old map stays then.
         """
         T = as_transform(T_map_odom)
         match = None if covariance is None else rotated_covariance(T[:3, :3].T, as_covariance(covariance))
         self._around.set_map(points, normals, T)
+        if swept_s <= self._displaced_s:
+            match = None
+        self._is_placed = self._is_placed or match is not None
         if self._track is not None:
             self._track = replace(self._track, estimate=self._track.estimate.placed(match))
 
-    def add_odometry(self, stamp_s: float, T_odom_base: ArrayLike) -> None:
+    def add_odometry(self, stamp_s: float, T_odom_base: ArrayLike, *, displaced: bool = False) -> None:
         """Takes the (4, 4) pose of base_link at a time. What is not finite, not rigid, late or repeated is dropped and counted.
 
-        A jump is no motion: the tracked pose stays where it was.
+        A jump is no motion: the tracked pose stays where it was. `displaced`: odometry knows nothing of the way since the sample before.
         """
         try:
             pose = as_transform(T_odom_base)
@@ -119,6 +129,8 @@ class ScanTracker:
                 self._begin(stamp_s, pose)
             elif self._jumped(stamp_s, pose):
                 self._begin_again(stamp_s, pose)
+            elif displaced:
+                self._lose(_Track(stamp_s, pose, self._reached(pose)))
             self._newest = stamp_s, pose
             self._odometry.append(stamp_s, pose)
             self._due.append((stamp_s, pose))
@@ -192,6 +204,12 @@ class ScanTracker:
         self._T_tracked_odom = orthonormal(kept.T @ inverse(pose))
         self._track = _Track(stamp_s, pose, kept.widened(unseen), "odometry jumped")
 
+    def _lose(self, track: _Track) -> None:
+        """The robot is anywhere from here on, as upright as odometry says."""
+        sigmas = np.array([*[self._config.displaced_sigma_m] * 3, 0.0, 0.0, self._config.displaced_sigma_rad])
+        self._track = replace(track, estimate=track.estimate.widened(sigmas), refused=_DISPLACED)
+        self._displaced_s, self._is_placed, self._contradicted = track.stamp_s, False, 0
+
     def _placed(self, T_odom_base: Array) -> Array:
         """(4, 4) the tracked pose of an odometry pose; odometry itself, to the bit, as long as nothing corrected it."""
         return T_odom_base if self._T_tracked_odom is None else orthonormal(self._T_tracked_odom @ T_odom_base)
@@ -221,8 +239,8 @@ class ScanTracker:
         track, prior = self._track, self._reached(T_odom_base)
         assert track is not None
         looks = self._moved(T_odom_base) or self._is_unsure(prior)
-        bundle = self._bundle(track, end_s) if self._around.known and looks else None
-        self._track = _Track(end_s, T_odom_base, prior)
+        bundle = self._bundle(track, end_s) if self._around.known and looks and self._is_placed else None
+        self._track = _Track(end_s, T_odom_base, prior, "" if self._is_placed else _DISPLACED)
         if isinstance(bundle, str):
             self._refuse(bundle)
         elif bundle is None:
@@ -236,8 +254,13 @@ class ScanTracker:
     def _match(self, bundle: Bundle, track: _Track) -> None:
         found = self._around.match(bundle, track.estimate)
         self._track = replace(track, estimate=found.estimate)
+        contradicts = bool(found.refused) and found.partners >= self._config.min_points
+        self._contradicted = self._contradicted + 1 if contradicts else 0
         if found.refused:
             self._refuse(found.refused)
+            if self._contradicted >= self._config.most_contradicted:
+                self._counts["lost"] += 1
+                self._lose(self._track)
             return
         self._counts["bundle_matched"] += 1
         self._T_tracked_odom = orthonormal(found.estimate.T @ inverse(track.T_odom_base))
@@ -268,17 +291,9 @@ class ScanTracker:
         stamps, readings = self._scans.between(track.stamp_s - self._longest_s, end_s)
         if not len(readings):
             return None
-        if _pause(odometry, track.stamp_s, end_s) > self._config.most_gap_s:
+        if odometry.pause_s(track.stamp_s, end_s) > self._config.most_gap_s:
             return "odometry paused"
-        if _pause(tilts, track.stamp_s, end_s) > self._config.most_gap_s:
+        if tilts.pause_s(track.stamp_s, end_s) > self._config.most_gap_s:
             return "no tilt of the mount"
         bundle = self._bundler.bundle(stamps, readings, (track.stamp_s, end_s), Motion(odometry, tilts))
         return bundle if len(bundle) else None
-
-
-def _pause(samples: Samples, begin_s: float, end_s: float) -> float:
-    """The longest time between two samples around a bundle; infinite where they do not reach over it."""
-    stamps = samples.stamps_s
-    if not len(stamps) or stamps[0] > begin_s + STAMP_TOLERANCE_S or stamps[-1] < end_s - STAMP_TOLERANCE_S:
-        return np.inf
-    return float(np.diff(stamps).max(initial=0.0))

@@ -41,11 +41,13 @@ class SweepKind(enum.Enum):
 class Decision(enum.Enum):
     """What the planner says after a sweep: a new goal, the same goal, nothing left to explore, or no way anywhere.
 
+    LOOK: another sweep, for nobody knows where the robot is.
     ENDED: somebody or a budget has ended it. WAIT: until somebody asks for more; the follower is paused then.
     """
 
     GOAL = "goal"
     KEEP = "keep"
+    LOOK = "look"
     EXPLORED = "explored"
     TRAPPED = "trapped"
     ENDED = "ended"
@@ -62,8 +64,8 @@ class TickObservation:
     """All of one tick; None is "not known".
 
     `stamp_s`; `T_odom_base` (4, 4); measured `twist` (v m/s, w rad/s); `tilt_rad` of the laser, 0 horizontal; the follower's
-    `command` (v, w), its state by name and its reason; `pose_sigma_m`, sigma of the position, None when nobody tracks it; the
-    joystick's `teleop` (v, w), None when nobody drives by it.
+    `command` (v, w), its state by name and its reason; `pose_sigma_m`, sigma of the position, None when nobody tracks it; `displaced`:
+    odometry knows nothing of the way since the tick before; the joystick's `teleop` (v, w), None when nobody drives by it.
     """
 
     stamp_s: float
@@ -74,6 +76,7 @@ class TickObservation:
     follower_state: str
     follower_reason: str
     pose_sigma_m: float | None = None
+    displaced: bool = False
     teleop: tuple[float, float] | None = None
 
     @property

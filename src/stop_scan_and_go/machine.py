@@ -7,6 +7,7 @@ from stop_scan_and_go.interface import Decision, DriveState, SweepKind, TickActi
 from stop_scan_and_go.travel import TravelMeter, too_far
 from stop_scan_and_go.watches import HeldFor, RockingWatch, SweepWatch, leap_s
 
+_DISPLACED = "the robot was moved, or slid: it looks where it is"
 _STANDING = (DriveState.STARTING, DriveState.PAUSED, DriveState.FINISHED, DriveState.FAILED)
 
 
@@ -34,10 +35,9 @@ class StopScanAndGo:
         self._watch: SweepWatch | None = None
         self._early: tuple[Decision, str] | None = None
         self._before = self._state, self._reason  # what it did when the joystick took over
+        self._displaced_s: float | None = None  # since then nobody knows where it is
         self._is_over = False  # exploration has come to its end once
-        self._awaits_follower = False
-        self._sweeps = self._unsettled = self._ignored = 0
-        self._sweep_end_s: float | None = None
+        self._awaits_follower, self._sweeps, self._unsettled = False, 0, 0
         self._answers = {
             DriveState.STARTING: self._starting,
             DriveState.SETTLING: self._settling,
@@ -57,7 +57,7 @@ class StopScanAndGo:
 
     @property
     def sweep_kind(self) -> SweepKind | None:
-        """Why the sweep that is prepared, made or mapped is made; None while driving and at the end."""
+        """Why the sweep that is prepared, made or mapped is made; None otherwise."""
         return self._kind
 
     @property
@@ -69,11 +69,6 @@ class StopScanAndGo:
     def unsettled_sweeps(self) -> int:
         """Sweeps begun though the robot was not still in time."""
         return self._unsettled
-
-    @property
-    def ignored_decisions(self) -> int:
-        """Decisions that came while none was awaited, or were older than the sweep."""
-        return self._ignored
 
     @property
     def distance_m(self) -> float:
@@ -90,19 +85,17 @@ class StopScanAndGo:
         """Sum of turns since the last sweep, radians."""
         return self._travel.yaw_rad
 
-    @property
-    def sweep_end_stamp(self) -> float | None:
-        """Stamp of the tick at which the last sweep was seen to be over; None before the first."""
-        return self._sweep_end_s
-
     def step(self, tick: TickObservation) -> TickAction:
         """The answer to one tick, called once when all its data are there; ValueError when its stamp is not finite."""
         if not math.isfinite(tick.stamp_s):
             raise ValueError(f"stamp_s is a finite time, not {tick.stamp_s!r}")
         self._take_stamp(tick.stamp_s)
         self._measure(tick)
+        self._displaced_s = tick.stamp_s if tick.displaced else self._displaced_s
         if tick.teleop is not None:
             return self._taken_over(tick.teleop)
+        if tick.displaced and self._state not in _STANDING:
+            return self._prepare_sweep(SweepKind.IDLE, _DISPLACED)
         return self._answers[self._state](tick)
 
     @property
@@ -118,11 +111,10 @@ class StopScanAndGo:
         """Take the planner's decision about the sweep that ended at `stamp_s`; `refused`: its match was. ValueError for an unknown kind.
 
         Returns the answer to the tick that was held back, to be sent now. None when none was: a decision that overtakes the end
-        of its sweep waits for it, any other is counted and ignored.
+        of its sweep waits for it, any other is ignored.
         """
         decision = Decision(kind)
         if self._is_stale(stamp_s):
-            self._ignored += 1
             return None
         if self._state is DriveState.SWEEPING:
             self._early = (decision, reason)
@@ -132,9 +124,15 @@ class StopScanAndGo:
     def _is_stale(self, stamp_s: float) -> bool:
         if self._state not in (DriveState.SWEEPING, DriveState.MAPPING) or self._watch is None:
             return True
-        return not stamp_s > self._watch.begun_s
+        return self._is_before_displacement(stamp_s) or not stamp_s > self._watch.begun_s
+
+    def _is_before_displacement(self, stamp_s: float) -> bool:
+        return self._displaced_s is not None and stamp_s <= self._displaced_s
 
     def _decided(self, decision: Decision, reason: str) -> TickAction:
+        if decision is Decision.LOOK:
+            return self._prepare_sweep(SweepKind.IDLE, reason)
+        self._displaced_s = None
         if decision in (Decision.EXPLORED, Decision.TRAPPED, Decision.ENDED):
             self._is_over = True
             self._enter(DriveState.FINISHED, f"{decision.value}: {reason}")
@@ -143,6 +141,8 @@ class StopScanAndGo:
         return self._drive(f"{decision.value}: {reason}")
 
     def _drive(self, reason: str) -> TickAction:
+        if self._displaced_s is not None:
+            return self._prepare_sweep(SweepKind.IDLE, _DISPLACED)
         self._enter(DriveState.DRIVING, reason)
         self._awaits_follower = True
         self._idle = HeldFor(self._config.idle_limit_s)
@@ -197,9 +197,12 @@ class StopScanAndGo:
 
     def _settling(self, tick: TickObservation) -> TickAction:
         is_late = tick.stamp_s - self._entered_s > self._config.settle_limit_s
+        is_level = tick.tilt_rad is not None and abs(tick.tilt_rad) <= self._config.level_tilt_rad
         is_still = not self._is_moving(tick) and self._rocking <= self._config.still_rocking_radps
-        if not self._still.holds(tick.stamp_s, is_still):
-            if not is_late:
+        if not self._still.holds(tick.stamp_s, is_level and is_still):
+            if is_late and not is_level:
+                self._enter(DriveState.FAILED, f"the mount was not level within {self._config.settle_limit_s:.0f} s")
+            if not (is_late and is_level):
                 return self._answer()
             self._unsettled += 1
         self._watch, self._early = SweepWatch(self._config, tick.stamp_s), None
@@ -218,7 +221,6 @@ class StopScanAndGo:
 
     def _end_sweep(self, stamp: float) -> TickAction:
         self._sweeps += 1
-        self._sweep_end_s = stamp
         self._travel.restart()
         self._enter(DriveState.MAPPING, f"mapping sweep {self._sweeps}")
         early, self._early = self._early, None
@@ -249,7 +251,9 @@ class StopScanAndGo:
 
     def _end_of_drive(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
         end = tick.drive_end
-        if end is not None and not self._is_old_end(tick.stamp_s):
+        # The follower may still tell of its last path when the new one is just being stored.
+        is_old = self._awaits_follower and tick.stamp_s - self._entered_s < self._config.follower_grace_s
+        if end is not None and not is_old:
             return end, f"{tick.follower_state}: {tick.follower_reason}"
         if end is None and not tick.is_idle:
             self._awaits_follower = False
@@ -260,10 +264,6 @@ class StopScanAndGo:
     def _too_far(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
         reason = too_far(self._config, self._travel, tick)
         return (SweepKind.INTERMEDIATE, reason) if reason else None
-
-    def _is_old_end(self, stamp: float) -> bool:
-        # The follower may still tell of its last path when the new one is just being stored.
-        return self._awaits_follower and stamp - self._entered_s < self._config.follower_grace_s
 
     def _taken_over(self, teleop: tuple[float, float]) -> TickAction:
         if self._state is not DriveState.TAKEN_OVER:

@@ -44,6 +44,8 @@ class ScanWhileDriving(StopScanAndGo):
         self._refused = self._refused + 1 if refused else 0
         if not self.looks:
             return super().on_decision(stamp_s, decision, reason)
+        if self._is_before_displacement(stamp_s):
+            return None
         self._sweeps += 1
         self._travel.restart()
         if self._state is DriveState.DRIVING and self._is_over and decision is not Decision.GOAL:
@@ -57,15 +59,6 @@ class ScanWhileDriving(StopScanAndGo):
         before_m, self._sigma_m = self._sigma_m, tick.pose_sigma_m
         self._leap_m = 0.0 if before_m is None or self._sigma_m is None else self._sigma_m - before_m
         return super().step(tick)
-
-    def _settling(self, tick: TickObservation) -> TickAction:
-        """The mount comes to rest before a whole sweep begins."""
-        if tick.tilt_rad is not None and abs(tick.tilt_rad) <= self._config.level_tilt_rad:
-            return super()._settling(tick)
-        self._still.holds(tick.stamp_s, False)
-        if tick.stamp_s - self._entered_s > self._config.settle_limit_s:
-            self._enter(DriveState.FAILED, f"the mount was not level within {self._config.settle_limit_s:.0f} s")
-        return self._answer()
 
     def _end_drive(self, kind: SweepKind, reason: str) -> TickAction:
         here_m = self._travel.total_m

@@ -7,7 +7,7 @@ only: it is given out when everything up to its end is there.
 """
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -32,6 +32,7 @@ from sweep_assembly.geometry import FloatArray, TiltGeometry
 from sweep_assembly.stray_points import stray_points
 from sweep_assembly.sweep_window import NodWindowDetector, SweepWindow, SweepWindowDetector, TravelWindowDetector
 
+_MOST_BREAKS = 2000  # in the longest sweep: one a sample of the odometry
 NODE_SPACING_S = 0.002  # the laser's pose is exact at nodes and linear between them: 3 rad/s bends a 30 m beam by 0.1 mm
 
 
@@ -69,6 +70,7 @@ class SweepAssembler:
         self._config = config
         self._sensor = sensor
         self._longest_s = 0.0  # that a reading took so far
+        self._breaks_s: deque[float] = deque(maxlen=_MOST_BREAKS)
         self._tilt_geometry = tilt_geometry
         self._dropped: Counter[str] = Counter()
         self._reset()
@@ -111,8 +113,20 @@ class SweepAssembler:
             if isinstance(self._detector, TravelWindowDetector):
                 self._ends_with(self._detector.add(stamp_s, pose))
 
+    def break_at(self, stamp_s: float) -> None:
+        """How the robot came to where it is at a time cannot be told: sweeps over that are given up."""
+        self._breaks_s.append(stamp_s)
+        for window in [window for window in self._pending if self._is_torn(window)]:
+            self._pending.remove(window)
+            self._dropped["sweep_torn"] += 1
+
+    def _is_torn(self, window: SweepWindow) -> bool:
+        return any(window.start_stamp_s < at <= window.end_stamp_s for at in self._breaks_s)
+
     def _ends_with(self, window: SweepWindow | None) -> None:
-        if window:
+        if window and self._is_torn(window):
+            self._dropped["sweep_torn"] += 1
+        elif window:
             self._pending.append(window)
         self._trim()
 

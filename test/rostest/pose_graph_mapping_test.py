@@ -118,6 +118,24 @@ class PoseGraphMappingTest(unittest.TestCase):
         PoseGraphMappingTest.answer = staticmethod(matched_at_the_guess)
         self.assertFalse(self.mapped_sweep().match_refused)
 
+    def test_sweep_after_a_way_of_which_odometry_knows_nothing_is_looked_for_in_the_map(self) -> None:
+        before = self.mapped_sweep()
+        self.drive_to(self.clock_s + 1.0)
+        leap = odometry(self.clock_s + 1.05, x=3.0)
+        leap.pose.covariance = np.diag([25.0, 25.0, 25.0, 0.0, 0.0, 3.0]).ravel().tolist()
+        self.odometry.publish(leap)
+        PoseGraphMappingTest.answer = staticmethod(lambda _: refused_response("too little overlap"))
+        lost = self.mapped_sweep()
+        self.assertTrue(lost.lost)
+        self.assertIn("not found in the map", lost.failure)
+        self.assertEqual(lost.vertex_poses, before.vertex_poses)
+        PoseGraphMappingTest.answer = staticmethod(matched_at_the_guess)
+        found = self.mapped_sweep()
+        self.assertFalse(found.lost or found.failure or found.match_refused)
+        self.assertEqual(found.vertex_id, before.vertex_id + 1)
+        self.assertAlmostEqual(found.vertex_poses[-1].position.x, before.vertex_poses[-1].position.x, places=2)
+        self.assertFalse(self.mapped_sweep().lost)
+
     def test_match_that_takes_long_holds_up_no_transform(self) -> None:
         self.mapped_sweep()
         begun, goes_on = threading.Event(), threading.Event()

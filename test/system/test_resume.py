@@ -51,6 +51,6 @@ def test_robot_that_is_not_in_the_map_drives_nowhere(killed: Path, tmp_path: Pat
     arguments = ("--map", str(killed), "--world", "moon", "--seed", "1", "--out", str(out))
     with ExploreRun("--headless", *arguments) as run:
         assert run.wait(200.0) == 1, run.text
-    assert "not found in the session's map" in str(summary_of(out)["stop_reason"])
+    assert "not found in the map" in str(summary_of(out)["stop_reason"])
     assert summary_of(out)["distance_m"] < 0.1
     assert len(SessionStore(out).sweeps) == len(SessionStore(killed).sweeps)

@@ -166,15 +166,13 @@ class Explorer:
         self.know_sweep(len(observation.vertex_poses) - 1, observation.sweep is SweepOutcome.MATCHED)
 
     def _why_not_on(self, observation: Observation) -> Decision | None:
-        """The end of a robot that does not know where it is."""
-        if observation.sweep is SweepOutcome.LOST:
-            reason = observation.trouble
-        elif self._unplaced >= self.config.max_unplaced_sweeps:
-            reason = f"{self._unplaced} sweeps in a row could not be placed in the map"
-        else:
-            return None
+        """A robot that does not know where it is looks again, and again; then that is its end."""
+        is_lost, again = observation.sweep is SweepOutcome.LOST, self._unplaced < self.config.max_unplaced_sweeps
+        if again:
+            return Decision(DecisionKind.LOOK, observation.trouble) if is_lost else None
         self._state = State.TRAPPED
-        return Decision(DecisionKind.TRAPPED, reason)
+        in_a_row = f"{self._unplaced} sweeps in a row could not be placed in the map"
+        return Decision(DecisionKind.TRAPPED, f"{in_a_row}; {observation.trouble}" if is_lost else in_a_row)
 
     def _is_home_next(self, errand: Errand) -> bool:
         return errand is Errand.HOME or (errand is Errand.END and self.config.at_end == "home")

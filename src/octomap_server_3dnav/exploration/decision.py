@@ -20,6 +20,7 @@ class DecisionKind(Enum):
 
     GOAL = "goal"
     KEEP = "keep"
+    LOOK = "look"  # again, from where it stands: nobody knows where that is
     EXPLORED = "explored"
     TRAPPED = "trapped"
     ENDED = "ended"  # somebody or a budget has ended exploration

@@ -157,11 +157,21 @@ def test_sweep_that_was_placed_ends_the_row():
         assert run.sweep(ON, outcome).kind is GOAL
 
 
-def test_robot_that_is_lost_is_trapped_with_the_reason_and_nobody_asks_for_terrain():
+def test_robot_that_is_lost_looks_again_and_is_trapped_with_the_reason_after_the_third_sweep_and_nobody_asks_for_terrain():
     run = under_way()
+    for _ in range(2):
+        decision = run.sweep(ON, LOST, trouble="not found in the map")
+        assert (decision.kind, decision.reason, decision.path, run.asked) == (DecisionKind.LOOK, "not found in the map", None, [])
     decision = run.sweep(ON, LOST, trouble="not found in the map")
-    assert (decision.kind, decision.reason, run.state, run.asked) == (TRAPPED, "not found in the map", State.TRAPPED, [])
+    assert (decision.kind, run.state, run.asked) == (TRAPPED, State.TRAPPED, [])
+    assert decision.reason == "3 sweeps in a row could not be placed in the map; not found in the map"
     assert decision.terrain is None and decision.path is None
+
+
+def test_robot_that_was_displaced_and_found_itself_chooses_anew_from_where_it_is():
+    run = under_way()
+    run.sweep(ON, LOST, trouble="not found in the map")
+    assert run.sweep(ON, on_the_way=False).kind is GOAL
 
 
 # -- retreating
@@ -224,7 +234,9 @@ def test_explored_robot_goes_on_when_there_is_something_to_see_again():
 
 def test_trapped_robot_goes_on_when_a_sweep_was_placed_again():
     run = under_way()
-    run.sweep(ON, LOST, trouble="not found")
+    for _ in range(3):
+        run.sweep(ON, LOST, trouble="not found")
+    assert run.state is State.TRAPPED
     assert run.sweep(ON).kind is GOAL and run.state is State.UNDER_WAY
 
 

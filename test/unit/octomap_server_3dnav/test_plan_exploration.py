@@ -160,6 +160,20 @@ def test_robot_that_never_gets_near_ends_by_the_number_of_goals():
     assert kinds == [GOAL] * 4 + [EXPLORED]
 
 
+def test_robot_that_swings_between_two_goals_without_coming_nearer_to_either_sets_both_aside_and_ends():
+    states = opening(room())
+    states[0, 30:50] = UNKNOWN
+    planner, runs = Explorer(ExplorationConfig(max_goals=4)), runs_of(states)
+    swings, goals = [pose(2.4, 3.2, yaw=math.pi), pose(4.8, 3.2)], []
+    for k in range(40):
+        decision = decide(planner, runs, swings[k % 2])
+        if decision.kind is not GOAL:
+            break
+        goals.append(decision.frontier[0] > 3.6)
+    assert decision.kind is EXPLORED and goals[:6] == [False, True] * 3
+    assert len(goals) <= 8 and [reason for _, reason in planner.set_aside()] == ["no nearer after 4 goals"] * 2
+
+
 def test_far_frontier_chosen_anew_on_the_way_to_it_is_not_set_aside():
     planner, runs = Explorer(ExplorationConfig(max_goals=3)), runs_of(opening(room(150, 60), 20, 40))
     decisions = [decide(planner, runs, pose(1.6 + 0.7 * k, 2.4)) for k in range(10)]

@@ -13,7 +13,7 @@ from robot_body import RobotBody
 from ros_adapters.aliases import ALIASES
 from ros_adapters.costmap_topics import CostmapTopics, OccupancyGridUpdate, costmap_message
 from ros_adapters.counting_publisher import CountingPublisher
-from ros_adapters.recovery_status import RECOVERIES, RecoveryTopic
+from ros_adapters.recovery_status import Recovery, RecoveryTopic
 from ros_adapters.service_errors import reason_of
 
 RES = 0.1
@@ -108,8 +108,17 @@ def test_each_recovery_is_told_once_when_it_begins() -> None:
         topic.tell(1.0, FollowerOutput(0.0, 0.0, state, "in the test"), HERE)
     told = node.topics["/move_base/recovery_status"].messages
     assert [m.recovery_behavior_name for m in told] == ["waiting", "backing_off", "blocked", "waiting"]
-    assert [RECOVERIES[m.current_recovery_number].value for m in told] == ["waiting", "backing_off", "blocked", "waiting"]
-    assert {m.total_number_of_recoveries for m in told} == {len(RECOVERIES)}
+    assert [list(Recovery)[m.current_recovery_number].value for m in told] == ["waiting", "backing_off", "blocked", "waiting"]
+    assert {m.total_number_of_recoveries for m in told} == {len(Recovery)}
+
+
+def test_what_is_no_state_of_the_follower_is_told_too_but_by_a_robot_that_knows_its_place() -> None:
+    node = _Node()
+    topic = RecoveryTopic(node)  # type: ignore[arg-type]
+    for recovery, here in ((Recovery.LOCALISING, HERE), (Recovery.CLEARING, HERE), (Recovery.NEXT_GOAL, None)):
+        topic.tell_of(recovery, 1.0, here)
+    told = node.topics["/move_base/recovery_status"].messages
+    assert [m.recovery_behavior_name for m in told] == ["localising", "clearing"]
 
 
 def test_what_has_a_second_name_goes_out_under_both_and_counts_once(monkeypatch: pytest.MonkeyPatch) -> None:

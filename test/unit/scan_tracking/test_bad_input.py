@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from drive_in_a_box import ROOM, Drive, ahead, tracker_in, walls
+from drive_in_a_box import ROOM, Drive, Pose, ahead, tracker_in, walls
 
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy
 from scan_tracking import ScanTracker, ScanTrackingConfig
@@ -60,6 +60,45 @@ def test_a_map_that_lies_elsewhere_is_refused_and_odometry_stands_with_a_covaria
     assert all("sigmas of odometry" in pose.refused for pose in refused)
     assert all(np.array_equal(pose.T_odom_base, ahead(pose.stamp_s)) for pose in poses)
     assert refused[-1].covariance[1, 1] > 1.2 * refused[0].covariance[1, 1]
+
+
+def displaced_at_one(tracker: ScanTracker, pose: Pose) -> list:
+    """A drive in which odometry at 1 s says that it knows nothing of the way to there."""
+    before = Drive(pose=pose, end_s=1.0).into(tracker, without=(1.0,))
+    tracker.add_odometry(1.0, pose(1.0), displaced=True)
+    return [*before, *Drive(pose=pose, end_s=1.6).into(tracker, begin_s=1.025)]
+
+
+def test_robot_that_was_displaced_is_anywhere_and_is_not_matched_until_a_sweep_tells_where_it_is() -> None:
+    tracker = tracker_in(ROOM)
+    poses = displaced_at_one(tracker, ahead)
+    matched = tracker.counts["bundle_matched"]
+    assert all(np.sqrt(pose.covariance[1, 1]) < 0.1 for pose in poses if pose.stamp_s < 0.9)
+    lost = [pose for pose in poses if pose.stamp_s >= 1.0]
+    assert all(np.sqrt(pose.covariance[1, 1]) > 4.0 and "moved" in pose.refused for pose in lost)
+    assert np.abs(lost[-1].T_odom_base - ahead(1.6)).max() < 0.02
+    tracker.set_map(*walls(ROOM), np.eye(4))
+    Drive(end_s=2.0).into(tracker, begin_s=1.625)
+    assert tracker.counts["bundle_matched"] == matched
+    tracker.set_map(*walls(ROOM), np.eye(4), 1e-4 * np.eye(6), 2.0)
+    found = Drive(end_s=2.6).into(tracker, begin_s=2.025)[-1]
+    assert tracker.counts["bundle_matched"] > matched and found.refused == "" and np.sqrt(found.covariance[1, 1]) < 0.02
+
+
+def test_sweep_that_ended_before_the_robot_was_displaced_does_not_place_it() -> None:
+    tracker = tracker_in(ROOM)
+    displaced_at_one(tracker, ahead)
+    tracker.set_map(*walls(ROOM), np.eye(4), 1e-4 * np.eye(6), 0.9)
+    assert np.sqrt(Drive(end_s=2.0).into(tracker, begin_s=1.625)[-1].covariance[1, 1]) > 4.0
+
+
+def test_robot_that_the_map_contradicts_for_a_second_of_driving_says_that_it_is_lost() -> None:
+    tracker = tracker_in(None, start_sigma_m=0.002, start_sigma_rad=0.002, reach_m=0.5, gate_sigmas=100.0)
+    points, normals = walls(ROOM)
+    tracker.set_map(points + [0.25, 0.25, 0.2], normals, np.eye(4))
+    poses = Drive(end_s=2.0).into(tracker)
+    lost = [pose for pose in poses if pose.covariance[1, 1] > 4.0]
+    assert tracker.counts["lost"] == 1 and lost[-1] is poses[-1] and 0.9 < lost[0].stamp_s < 1.6
 
 
 def test_time_that_goes_back_starts_afresh_at_the_tracked_pose() -> None:

@@ -198,6 +198,23 @@ def test_odometry_that_starts_in_the_sweep_costs_the_scans_before_it():
     assert wall_error(sweep, still).max() < 1e-3
 
 
+@pytest.mark.parametrize(("at", "torn"), [(1.0, 0), (2.5, 1), (9.0, 0)], ids=["before", "within", "after"])
+@pytest.mark.parametrize("late", [False, True], ids=["told in time", "told when it has ended"])
+def test_sweep_of_a_robot_that_was_moved_by_hands_meanwhile_is_given_up(at, torn, late):
+    assembler = make()
+    if not late:
+        assembler.break_at(at)
+    inputs = messages()
+    for topic in ("odometry", "joint"):
+        for stamp, value in inputs[topic]:
+            feed(assembler, topic, stamp, value)
+    if late:
+        assembler.break_at(at)
+    for stamp, value in inputs["scan"]:
+        feed(assembler, "scan", stamp, value)
+    assert (assembler.poll() is None) == bool(torn) and assembler.dropped.get("sweep_torn", 0) == torn
+
+
 def test_sweep_without_any_usable_scan_is_counted():
     assembler = make()
     assert run(assembler, STILL, keep=lambda t, stamp: t != "scan" or stamp > 4.1) == []

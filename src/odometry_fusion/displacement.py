@@ -1,0 +1,127 @@
+"""Was the robot moved otherwise than by its wheels: lifted, pushed, tilted, or sliding? The IMU tells, against the wheels.
+
+What the accelerometer sums up to, less the filter's velocity, which the wheels hold, is what nobody drove. It is summed up over a short
+window only: there an error of the attitude makes centimetres. From when it is too much until the robot rests again, odometry knows nothing
+of the way.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from odometry_fusion.config import OdometryConfig
+from odometry_fusion.error_state import POSITION, State, exp_rotation
+from odometry_fusion.interval import ImuInterval
+from odometry_fusion.measurements import YAW
+from odometry_fusion.track import Wheels
+from robot_body import RobotBody
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class _Moment:
+    """Sums since the beginning. In axes of odom, (3,): what the accelerometer makes of the velocity, what of it the wheels do not explain,
+    and the way that this is; then yaw that they do not explain and their own, how far they rolled, and the robot's upward axis."""
+
+    stamp_s: float
+    felt: FloatArray
+    unexplained: FloatArray
+    way: FloatArray
+    unexplained_yaw: float
+    wheel_yaw: float
+    rolled_m: float
+    upward: FloatArray
+
+
+class DisplacementWatch:
+    """Takes in every interval of the filter, and says why odometry knows nothing of the way in it."""
+
+    def __init__(self, config: OdometryConfig, robot: RobotBody) -> None:
+        self._config, self._half_track_m = config, 0.5 * robot.track_m
+        self.position_base: FloatArray = np.zeros(3)
+        """Of the IMU, (3,) in base_link."""
+        self.begin_again()
+
+    def begin_again(self) -> None:
+        """Forgets what was, as after a jump of time."""
+        self._window: deque[_Moment] = deque()
+        self._reason = ""
+        self._moved_s = -math.inf  # when it was last felt to move, while it is displaced
+
+    def reason(self, state: State, interval: ImuInterval, wheels: Wheels) -> str:
+        """In words, "" where the wheels explain the way; `state` and `wheels` at the interval's end."""
+        if interval.mean_accel is None or interval.longest_gap_s > self._config.max_imu_gap_s:
+            self._window.clear()
+            return self._reason
+        rate, duration_s = interval.mean_rate - state.gyro_bias, interval.duration_s
+        R_midway = state.R_odom_base @ exp_rotation(-0.5 * duration_s * rate)
+        acceleration = R_midway @ (interval.mean_accel - state.accel_bias) - np.array([0.0, 0.0, self._config.gravity_mps2])
+        velocity = state.R_odom_base @ (state.velocity + np.cross(rate, self.position_base))
+        self._add(state, wheels, duration_s, (acceleration, velocity), float(rate[2]))
+        if self._reason:
+            self._rest(interval.end_stamp_s, acceleration, rate)
+        elif why := self._too_much():
+            self._reason, self._moved_s = why, interval.end_stamp_s
+        return self._reason
+
+    def _add(self, state: State, wheels: Wheels, duration_s: float, motion: tuple[FloatArray, FloatArray], yaw_rate: float) -> None:
+        (acceleration, velocity), now_s, upward = motion, wheels.stamp_s, state.R_odom_base[:, 2]
+        if not self._window:
+            self._window.append(_Moment(now_s, velocity, np.zeros(3), np.zeros(3), 0.0, 0.0, 0.0, upward))
+            return
+        last = self._window[-1]
+        felt = last.felt + duration_s * acceleration
+        unexplained = felt - velocity
+        rolled_m = duration_s * (abs(wheels.forward_mps) + self._half_track_m * abs(wheels.yaw_rate))
+        self._window.append(
+            _Moment(
+                now_s,
+                felt,
+                unexplained,
+                last.way + 0.5 * duration_s * (last.unexplained + unexplained),
+                last.unexplained_yaw + duration_s * (yaw_rate - wheels.yaw_rate),
+                last.wheel_yaw + duration_s * abs(wheels.yaw_rate),
+                last.rolled_m + rolled_m,
+                upward,
+            )
+        )
+        while self._window[0].stamp_s < now_s - self._config.displaced_window_s:
+            self._window.popleft()
+
+    def _too_much(self) -> str:
+        """Why the window is more than the wheels explain."""
+        config, first, last = self._config, self._window[0], self._window[-1]
+        seconds = last.stamp_s - first.stamp_s
+        way_m = float(np.linalg.norm(last.way - first.way - seconds * first.unexplained))
+        rolled_m = last.rolled_m - first.rolled_m
+        if way_m > config.displaced_m + config.displaced_share * rolled_m:
+            return f"moved {way_m:.2f} m otherwise than by its wheels"
+        turned = abs(last.unexplained_yaw - first.unexplained_yaw)
+        if turned > config.displaced_turn_rad + config.yaw_rate_slip * (last.wheel_yaw - first.wheel_yaw):
+            return f"turned {turned:.2f} rad otherwise than by its wheels"
+        tipped = math.acos(min(1.0, float(first.upward @ last.upward)))
+        if tipped > config.displaced_tilt_rad and rolled_m < config.displaced_standing_m:
+            return f"tilted {tipped:.2f} rad while its wheels stood"
+        return ""
+
+    def _rest(self, now_s: float, acceleration: FloatArray, rate: FloatArray) -> None:
+        """Over once it has rested long enough: neither accelerated nor turned."""
+        config = self._config
+        if float(np.linalg.norm(acceleration)) > config.displaced_rest_mps2 or float(np.linalg.norm(rate)) > config.displaced_rest_rate:
+            self._moved_s = now_s
+        if now_s - self._moved_s > config.still_delay_s:
+            self._reason = ""
+            self._window.clear()
+
+
+def displaced(state: State, config: OdometryConfig) -> State:
+    """The state after a way of which nothing is known."""
+    covariance = state.covariance.copy()
+    diagonal = np.einsum("ii->i", covariance)
+    diagonal[POSITION] += config.displaced_sigma_m**2
+    diagonal[YAW] += config.displaced_sigma_rad**2
+    return replace(state, covariance=covariance)
