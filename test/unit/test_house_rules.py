@@ -89,6 +89,7 @@ ROS = {
     "rospy",
     "tf2_ros",
     "actionlib",
+    "dynamic_reconfigure",
     "rosgraph",
     "genpy",
     "rosbag",

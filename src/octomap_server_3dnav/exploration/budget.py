@@ -15,10 +15,14 @@ class Budget:
 
     def __init__(self, config: ExplorationConfig, *, since_start: bool) -> None:
         """`since_start`: of the robot; else since the next sweep."""
-        self._limit: NDArray[np.float64] = np.array([config.budget_s, config.budget_m])
+        self.configure(config)
         self._last: NDArray[np.float64] | None = np.zeros(2) if since_start else None
         self._first: NDArray[np.float64] | None = None
         self._driving, self._dearest = np.zeros(2), np.zeros(2)
+
+    def configure(self, config: ExplorationConfig) -> None:
+        """Other limits; what was spent before counts."""
+        self._limit: NDArray[np.float64] = np.array([config.budget_s, config.budget_m])
 
     @property
     def is_set(self) -> bool:

@@ -125,6 +125,15 @@ class Explorer:
         if errand is Errand.EXPLORE and self._state not in (State.STARTING, State.UNDER_WAY, State.RETREATING):
             self._state, self._budget = State.STARTING, Budget(self.config, since_start=False)
 
+    def configure(self, config: ExplorationConfig, frontier: FrontierConfig, planner: PlannerConfig) -> None:
+        """From the next sweep on. ValueError lists every violation; nothing is changed then."""
+        if problems := [problem for c in (config, frontier, planner) for problem in c.validate()]:
+            raise ValueError("\n".join(problems))
+        self.config, self.frontier_config, self.planner_config = config, frontier, planner
+        self._goals.configure(config, frontier, planner)
+        self._homing.configure(config, planner)
+        self._budget.configure(config)
+
     def set_zones(self, zones: Zones) -> None:
         """Where the robot may drive, from the next sweep on. ValueError lists what is wrong with them; nothing is changed then."""
         if problems := zones.problems():
@@ -195,9 +204,9 @@ class Explorer:
         return self._go_home(observation) if self._state is State.GOING_HOME else None
 
     def _why_over(self, observation: Observation) -> str:
+        leg_m = self._budget.spend(observation.elapsed_s, observation.driven_m)
         if not self._budget.is_set:
             return ""
-        leg_m = self._budget.spend(observation.elapsed_s, observation.driven_m)
         return self._budget.why_over(self._homing.way_m(observation.vertex_poses, observation.terrain_within(None), leg_m))
 
     def _begin_homing(self, why: str, then: DecisionKind) -> None:

@@ -228,3 +228,33 @@ def test_where_no_way_home_is_known_the_last_one_and_what_was_driven_since_count
     assert 3.9 <= homing._way_m <= 4.4
     assert homing.way_m(np.array(run.poses), terrain, 2.0) == pytest.approx(homing._way_m)
     assert 5.9 <= homing._way_m <= 6.4
+
+
+def tuned(run: Run, **config: object) -> None:
+    e = run.explorer
+    e.configure(ExplorationConfig(**config), e.frontier_config, e.planner_config)  # type: ignore[arg-type]
+
+
+def test_budget_that_is_set_on_the_way_knows_what_was_spent_before_and_what_the_first_sweep_took() -> None:
+    run = Run()
+    run.sweep(HOME, s=20.0)
+    run.sweep(AWAY, s=20.0, m=4.0)
+    tuned(run, budget_s=200.0)
+    assert run.sweep(AWAY, s=20.0, m=4.0).kind is GOAL and run.explorer.state is State.UNDER_WAY
+    tuned(run, budget_s=90.0)
+    run.sweep(AWAY, s=20.0, m=4.0)
+    assert run.explorer.state is State.GOING_HOME
+
+
+def test_at_end_that_is_set_on_the_way_is_obeyed() -> None:
+    run = Run(room())
+    run.sweep(HOME)
+    tuned(run, at_end="home")
+    assert run.sweep(AWAY).kind is GOAL and run.explorer.state is State.GOING_HOME
+
+
+def test_configuration_that_contradicts_itself_is_refused_and_changes_nothing() -> None:
+    run = Run()
+    with pytest.raises(ValueError, match="max_goals"):
+        tuned(run, max_goals=1)
+    assert run.explorer.config == ExplorationConfig()
