@@ -90,6 +90,7 @@ ROS = {
     "tf2_ros",
     "actionlib",
     "dynamic_reconfigure",
+    "interactive_markers",
     "rosgraph",
     "genpy",
     "rosbag",
