@@ -20,6 +20,7 @@ from mount_calibration import RECORDED_FILE, TiltCalibration, write_calibration
 from rigid_geometry import quat_xyzw_from_transform
 from robot_body import DESCRIPTION, RobotBody, robot_mapping
 from ros_adapters.conversions import stamp_of, transform_from_pose
+from ros_adapters.mapping_mode import OFF
 
 VERSION = "0.1.0"
 _COUNTED = ("pose_graph_mapping_node", "octomap_server_3dnav_node")
@@ -159,7 +160,9 @@ class RunLog:
         return f"t={self.sim_time_s:.1f} s{factor}, {self._event.sweeps} sweeps, {self._distance_m:.0f} m{known} | {doing}"
 
     def wait_for_maps(self, timeout_s: float) -> None:
-        """Until the mapping and terrain nodes have written their maps, or the time is over."""
+        """Until the mapping and terrain nodes have written their maps, or the time is over; of a finished map nothing is written."""
+        if self._parameters.get("mapping") == OFF:
+            return
         deadline = time.monotonic() + timeout_s
         while self._out and time.monotonic() < deadline:
             if all((self._out / name).exists() and (self._out / name).stat().st_mtime > self._started for name in _MAP_FILES):
