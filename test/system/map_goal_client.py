@@ -3,13 +3,16 @@
 Prints after each goal "at X Y in map, X Y in world": where it was sent, and where it truly is.
 """
 
+import time
+
 import rospy
 from actionlib_msgs.msg import GoalStatus
+from dynamic_reconfigure.client import Client as Reconfigure
 from goal_client import expect, wait_until
 from nav_msgs.msg import Odometry
 from request_client import RequestClient
 
-GOALS = 3
+GOALS, SLOW_MPS = 3, 0.3
 
 
 class MapGoalClient(RequestClient):
@@ -44,9 +47,19 @@ class MapGoalClient(RequestClient):
         here = self.place()
         return max(self.reachable(), key=lambda p: (p[0] - here[0]) ** 2 + (p[1] - here[1]) ** 2)
 
+    def is_slowed(self) -> None:
+        """Between two ticks of lock-step, by dynamic_reconfigure's own client."""
+        answer = Reconfigure("move_base_node", timeout=20.0).update_configuration({"follower_max_speed_mps": SLOW_MPS})
+        expect(answer["follower_max_speed_mps"] == SLOW_MPS, "it is told to drive slower")
+
     def comes_home(self) -> None:
         expect(self.ask("return_home")[0], "it is asked home")
-        self.wait_for("home")
+        fastest = 0.0
+        while self.told[-1].state != "home":
+            fastest = max(fastest, self.wheels.linear.x)
+            self.wait_for("home", "going_home", "paused")
+            time.sleep(0.02)
+        expect(0.1 < fastest < SLOW_MPS + 0.01, f"it comes home, slower: at most {fastest:.2f} m/s")
 
 
 if __name__ == "__main__":
@@ -54,4 +67,5 @@ if __name__ == "__main__":
     client = MapGoalClient()
     client.finds_itself()
     client.drives_to_goals()
+    client.is_slowed()
     client.comes_home()

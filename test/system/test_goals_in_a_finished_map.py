@@ -75,6 +75,7 @@ def test_goals_are_driven_to_where_they_are_and_the_map_stays_as_it_is(mapped: P
     assert np.linalg.norm(true - reached[:, :2], axis=1).max() < NEAR_M
     told = summary(tmp_path / "run")
     assert (told["success"], told["mapping"], told["collisions"]) == (True, "off", 0), told
+    assert [(c["parameter"], c["value"]) for c in told["parameter_changes"]] == [("follower_max_speed_mps", 0.3)], told  # type: ignore[attr-defined]
 
 
 def test_map_s_own_folder_is_refused_for_the_results(mapped: Path) -> None:
