@@ -15,7 +15,7 @@ from exploration_evaluation import read_trajectory, trajectory_errors
 from rigid_geometry import inverse, transform_points
 
 PORT = 12630
-BUDGET_S = 90
+BUDGET_S = 54
 REACHED = re.compile(r"at (\S+) (\S+) in map, (\S+) (\S+) in world")
 NEAR_M = 0.1  # what the robot takes for its place is so near to it
 
@@ -37,7 +37,7 @@ def test_run_that_its_budget_brought_home_is_a_success_that_has_not_explored_all
     told = summary(mapped)
     assert told["success"] is True and not told["faults"] and str(told["stop_reason"]).startswith("ended: "), told
     assert float(str(told["sim_time_s"])) <= BUDGET_S and float(str(told["end_from_start_m"])) < 0.2, told
-    assert float(str(told["coverage"])) < 0.97, told
+    assert 0.3 < float(str(told["coverage"])) < 0.99, told
 
 
 def test_goals_are_driven_to_where_they_are_and_the_map_stays_as_it_is(mapped: Path, tmp_path: Path) -> None:
