@@ -46,6 +46,8 @@ A parameter is private to its node. To change it, in the order in which one over
 All nodes read the robot. Its values are in `config/robot.yaml`, or in a file like it: `./explore --robot FILE`. Single ones are set below
 `robot` in the same ways: `./explore --set robot/max_step_m=0.08`.
 
+Those with a star in the column *Allowed* may be changed while the node runs, by [dynamic_reconfigure](interfaces.md#dynamic_reconfigure).
+
 An unknown name, a wrong type or a value out of range ends the run before it starts. The message names the nearest valid name. `run.json`
 and `summary.json` keep what was set. Angles are in radians, lengths in metres, times in seconds of the robot's clock.
 """
@@ -129,7 +131,11 @@ def shown_value(value: Any, unit: str) -> str:
 
 
 def allowed(field: dataclasses.Field[Any]) -> str:
-    """The declared range or choices of a field in words."""
+    """The declared range or choices of a field in words, with a star where it may be changed while the node runs."""
+    return _range(field) + (" *" if field.metadata.get("at_runtime") else "")
+
+
+def _range(field: dataclasses.Field[Any]) -> str:
     low, high, choices = (field.metadata.get(key) for key in ("low", "high", "choices"))
     if choices:
         return ", ".join(choices)

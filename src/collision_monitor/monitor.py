@@ -41,10 +41,20 @@ class CollisionMonitor:
 
     def __init__(self, config: CollisionMonitorConfig, robot: RobotBody) -> None:
         """ValueError lists what is wrong with `config`."""
+        self.configure(config)
+        self._half = np.array([robot.half_length_m, robot.half_width_m])
+        self._share, self._stamp_s = 1.0, -math.inf
+
+    def configure(self, config: CollisionMonitorConfig) -> None:
+        """From the next command on. ValueError lists what is wrong with `config`."""
         if problems := config.validate():
             raise ValueError("; ".join(problems))
-        self._config, self._half = config, np.array([robot.half_length_m, robot.half_width_m])
-        self._share, self._stamp_s = 1.0, -math.inf
+        self._config = config
+
+    @property
+    def memory_s(self) -> float:
+        """For so long what was met is a stranger."""
+        return self._config.memory_s
 
     def limited(self, stamp_s: float, v: float, w: float, strangers: ArrayLike) -> Limited:
         """As much of `v` m/s and `w` rad/s as is safe beside `strangers` (N, 2) in base_link, m: points that the map does not explain."""

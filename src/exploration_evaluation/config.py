@@ -97,6 +97,7 @@ class EvaluationConfig:
     outside_m: float = parameter(0.05, "m", "by which the outline may come to where the robot may not be", low=0.0)
     home_m: float = parameter(0.2, "m", "one that was to end at home is there within this distance", low=0.0)
     home_rad: float = parameter(0.2, "rad", "and this heading", low=0.0, high=3.2)
+    budget_share: float = parameter(1.05, "-", "of its budget that a run may have spent: odometry counts the metres", low=1.0)
     contact_gap_s: float = parameter(1.0, "s", "pause after which a contact counts as another collision", low=0.0)
     own_touch_mps: float = parameter(
         0.05, "m/s", "speed of the robot above which a touch with a mover is its own; slower, the mover has touched it", low=0.0, high=1.0

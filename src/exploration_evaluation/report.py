@@ -53,6 +53,7 @@ def _fault(fault: str, s: Mapping[str, Any]) -> str:
         Fault.MISSED: f"{_share(s, 'coverage')} of the reachable ground seen, {missed} missed in one piece",
         Fault.STAYED: "it never left its start",
         Fault.OUTSIDE: f"it came {_value(s, 'outside_m', '.2f', ' m')} to where it may not be",
+        Fault.LATE: "it spent more than its budget",
         Fault.NOT_HOME: f"it ended {_value(s, 'end_from_start_m', '.2f', ' m')} and {_degrees(s, 'end_from_start_rad')} from its start",
     }
     return known.get(Fault(fault), fault) if fault in set(Fault) else fault

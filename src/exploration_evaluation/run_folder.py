@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from exploration_evaluation.activity import ActivityTimes, activity_times, time_spent
+from exploration_evaluation.asked import budget_share, was_to_explore
 from exploration_evaluation.config import EvaluationConfig, RobotShape
 from exploration_evaluation.curves import coverage_curve, driven_distances, placed_sweeps, swept_ground
 from exploration_evaluation.graph_edges import read_edges, wrong_edges
@@ -145,11 +146,12 @@ class _Judgement:
                 scores |= self._try("coverage curve", lambda: self._swept(reported, estimate, truth, errors, ground)) or {}
                 scores |= self._way(poses, truth, ground)
                 scores |= surface_scores(self._folder, self._mesh, ground, errors.T_world_map, self._robot, self._config.cell_m, self._try)
-        outcome = self._outcome(reported.get("stop_reason"), scores, truth)
+        outcome = self._outcome(reported, scores, truth)
         verdict = {"success": succeeded(outcome, self._config), "faults": [str(fault) for fault in faults(outcome, self._config)]}
         return {**verdict, **reported, **scores, "missing": self._missing}
 
-    def _outcome(self, stop_reason: Any, scores: Mapping[str, Any], truth: Trajectory | None) -> Outcome:
+    def _outcome(self, reported: JsonObject, scores: Mapping[str, Any], truth: Trajectory | None) -> Outcome:
+        stop_reason = reported.get("stop_reason")
         return Outcome(
             stop_reason=None if stop_reason is None else str(stop_reason),
             fell=scores["fell"],
@@ -159,6 +161,8 @@ class _Judgement:
             missed_piece_m2=scores["missed_piece_m2"],
             start=None if truth is None else StartDistance.of(truth[1]),
             outside_m=scores["outside_m"],
+            explores=was_to_explore(reported),
+            budget_share=budget_share(reported, scores["distance_m"]),
         )
 
     def _try(self, what: str, get: Callable[[], V]) -> V | None:

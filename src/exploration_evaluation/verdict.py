@@ -1,7 +1,9 @@
 """Whether a run succeeded, and what speaks against it.
 
-Last in the judge: a success is a run that the robot ended because all was explored, whose map is there and holds what can be reached,
-and that did no harm. A robot that stayed where it began and saw all from there has succeeded, too.
+Last in the judge: a success is a run that did as it was asked, and no harm. Asked to explore, it ended because all was explored, and its
+map is there and holds what can be reached. A robot that stayed where it began and saw all from there has succeeded, too. One that somebody
+told to end, or that had a budget, may have explored less; a budget is kept, with the way home. One that was only to drive to goals in a
+finished map has explored nothing.
 """
 
 from dataclasses import dataclass
@@ -16,6 +18,8 @@ from scipy.spatial import cKDTree
 from exploration_evaluation.config import EvaluationConfig
 from exploration_evaluation.start_distance import StartDistance
 
+ENDED = "ended"  # begins a stop reason: somebody asked for it, or the budget was spent
+
 
 class Fault(StrEnum):
     """What speaks against a run; stands in the summary's "faults"."""
@@ -28,6 +32,7 @@ class Fault(StrEnum):
     STAYED = "stayed"
     NOT_HOME = "not home"
     OUTSIDE = "outside"
+    LATE = "over budget"
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,7 @@ class Outcome:
 
     coverage: share of the reachable ground in the map. missed_piece_m2: the largest connected piece that it lacks.
     start: how far the robot was from its start. outside_m: by how much it came to where it may not be, None where it may be everywhere.
+    explores: False for a robot that was only to drive to goals. budget_share: what it spent of its budget, None without one.
     """
 
     stop_reason: str | None
@@ -46,20 +52,28 @@ class Outcome:
     missed_piece_m2: float | None
     start: StartDistance | None
     outside_m: float | None = None
+    explores: bool = True
+    budget_share: float | None = None
+
+    @property
+    def is_to_be_whole(self) -> bool:
+        """Whether nothing may be missing: nobody ended exploration before it was done."""
+        return self.explores and not (self.stop_reason or "").startswith(ENDED)
 
 
 def faults(outcome: Outcome, config: EvaluationConfig) -> tuple[Fault, ...]:
     """All that is known to speak against a run."""
-    o = outcome
+    o, whole = outcome, outcome.is_to_be_whole
     against = {
-        Fault.NOT_EXPLORED: o.stop_reason is not None and not o.stop_reason.startswith("explored"),
+        Fault.NOT_EXPLORED: whole and o.stop_reason is not None and not o.stop_reason.startswith("explored"),
         Fault.FELL: o.fell is True,
         Fault.TOUCHED: o.collisions is not None and o.collisions > 0,
-        Fault.NOT_SAVED: not o.map_saved,
-        Fault.MISSED: _is_missed(o.coverage, o.missed_piece_m2, config),
-        Fault.STAYED: _has_stayed(o, config),
+        Fault.NOT_SAVED: o.explores and not o.map_saved,
+        Fault.MISSED: whole and _is_missed(o.coverage, o.missed_piece_m2, config),
+        Fault.STAYED: whole and _has_stayed(o, config),
         Fault.NOT_HOME: _is_not_home(o, config),
         Fault.OUTSIDE: o.outside_m is not None and o.outside_m > config.outside_m,
+        Fault.LATE: o.budget_share is not None and o.budget_share > config.budget_share,
     }
     return tuple(fault for fault, holds in against.items() if holds)
 
@@ -69,14 +83,17 @@ def succeeded(outcome: Outcome, config: EvaluationConfig) -> bool | None:
     if faults(outcome, config):
         return False
     o = outcome
-    needed = (o.stop_reason, o.fell, o.collisions, o.coverage, o.missed_piece_m2, o.start)
+    needed = (o.stop_reason, o.fell, o.collisions, *((o.coverage, o.missed_piece_m2, o.start) if o.is_to_be_whole else ()))
     return None if any(part is None for part in needed) else True
 
 
 def succeeded_alone(stop_reason: str, driven_m: float, set_aside: int, config: EvaluationConfig | None = None) -> bool:
-    """Success as the robot itself knows it, without a true world: explored, and not just given up on all that it never drove to."""
+    """Success as the robot itself knows it, without a true world: ended as somebody asked for, or explored, and not just given up on all
+    that it never drove to."""
     stayed_m = (config or EvaluationConfig()).stayed_m
-    return stop_reason.startswith("explored") and (driven_m >= stayed_m or set_aside == 0)
+    if "; not home, " in stop_reason:
+        return False
+    return stop_reason.startswith(ENDED) or stop_reason.startswith("explored") and (driven_m >= stayed_m or set_aside == 0)
 
 
 def largest_piece_m2(cells: ArrayLike, cell_m: float) -> float:

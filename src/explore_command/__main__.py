@@ -42,7 +42,7 @@ def _prepare(arguments: ExploreArguments) -> float:
             return clock_start_s
         clock_start_s = clock_after(arguments.map, "--map") if arguments.map else 0.0
         prepare_out(arguments.out, arguments.force)
-        if arguments.map:
+        if arguments.map and not arguments.goals:
             from pose_graph_mapping.session.session_store import copy_session  # loads gtsam: only when it is asked for
 
             copy_session(arguments.map, arguments.out)

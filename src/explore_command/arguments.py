@@ -1,22 +1,23 @@
 """Arguments of ./explore, and what is wrong with them before anything is started."""
 
 import argparse
-import math
 import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
+from explore_command.argument_checks import NAMED_WORLDS as NAMED_WORLDS
+from explore_command.argument_checks import check_movers as check_movers
+from explore_command.argument_checks import check_numbers, check_world, check_zones
 from explore_command.results_folder import ArgumentProblem as ArgumentProblem
 from explore_command.sessions import NO_RUN, earlier_run
 
-NAMED_WORLDS = ("rooms", "doors", "ramp", "moon")
 SENSORS = ("tilting", "spinning")
 UPS = ("x", "y", "z")
 REALISMS = ("hardware", "ideal")
 MAPPINGS = ("driving", "stop_and_go")
-MOST_BUDGET = 10_000  # minutes or metres
 AT_ENDS = ("stay", "home")
+_FOREVER_S = 1e9
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -50,6 +51,7 @@ class ExploreArguments:
     may_be_elsewhere: bool
     resume: bool
     map: Path | None
+    goals: bool
     force: bool
     headless: bool
     rate: float
@@ -136,17 +138,21 @@ def parser() -> argparse.ArgumentParser:
         "--resume", type=Path, metavar="DIR", help="go on with the run in DIR, however it ended; the robot may have been moved"
     )
     go_on.add_argument("--map", type=Path, metavar="DIR", help="start somewhere in the finished map of DIR, and explore what it lacks")
+    p.add_argument("--goals", action="store_true", help="with --map: only drive to goals in it, until Ctrl-C; the map stays as it is")
     p.add_argument("--force", action="store_true", help="overwrite an earlier run in --out")
     view = p.add_mutually_exclusive_group()
     view.add_argument("--headless", action="store_true", help="no rviz, also where there is a display")
     view.add_argument("--rviz", action="store_true", help="rviz, also where DISPLAY is not set")
     p.add_argument(
-        "--rate", type=float, metavar="R", help="at most R times real time, 0: as fast as the machine can; default 0, with --free 1"
+        "--rate",
+        type=float,
+        metavar="R",
+        help="at most R times real time, 0: as fast as the machine can; default 0, with --free, --goals 1",
     )
     p.add_argument("--free", action="store_true", help="no lock-step: for a teleop or node of your own beside it")
     p.add_argument("--record", action="store_true", help="write run.bag: what the mapping and terrain nodes heard")
     p.add_argument("--port", type=int, metavar="N", help="port of the ROS master; default 11311, or one near it when that is taken")
-    p.add_argument("--max-sim-time", type=float, default=3600.0, metavar="S", help="stop after S simulated seconds; default 3600")
+    p.add_argument("--max-sim-time", type=float, metavar="S", help="stop after S simulated seconds; default 3600, with --goals never")
     p.add_argument(
         "--at-end", choices=AT_ENDS, default=AT_ENDS[0], help="stay where nothing is left to explore, or drive home; default stay"
     )
@@ -190,14 +196,17 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
     a.realism = a.realism or (earlier.realism if earlier.realism in REALISMS else REALISMS[0])
     a.mapping = a.mapping or (earlier.mapping if earlier.mapping in MAPPINGS else None)
     a.movers = a.movers if a.movers is not None else earlier.movers or ""
-    a.rate = float(a.free) if a.rate is None else a.rate
+    a.rate = float(a.free or a.goals) if a.rate is None else a.rate
+    a.max_sim_time = (_FOREVER_S if a.goals else 3600.0) if a.max_sim_time is None else a.max_sim_time
+    if a.goals and not a.map:
+        raise ArgumentProblem("--goals drives in a finished map: --map DIR names it")
     if a.resume and a.out:
         raise ArgumentProblem("--resume goes on in the folder of the earlier run: --out cannot be another")
-    _check_world(a.world, a.size)
-    _check_numbers(a)
+    check_world(a.world, a.size)
+    check_numbers(a)
     check_movers(a.movers, a.seed)
     if a.zones:
-        _check_zones(a.zones)
+        check_zones(a.zones)
     out = (a.resume or a.out or Path("runs") / f"{Path(a.world).stem}-{a.seed}").absolute()
     if a.map and a.map.resolve() == out.resolve():
         raise ArgumentProblem(
@@ -221,6 +230,7 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         may_be_elsewhere=not (a.out or a.resume),
         resume=a.resume is not None,
         map=a.map.absolute() if a.map else None,
+        goals=a.goals,
         force=a.force or a.out is None,
         headless=a.headless or not (a.rviz or os.environ.get("DISPLAY")),
         rate=a.rate,
@@ -244,57 +254,3 @@ def _robot_file(name_or_file: str) -> Path:
     from robot_body import robot_file  # loads numpy: not for who only asks for help
 
     return robot_file(name_or_file).absolute()
-
-
-def _check_world(world: str, size: list[float] | None) -> None:
-    if world in NAMED_WORLDS:
-        return
-    if not Path(world).is_file():
-        raise ArgumentProblem(
-            f"--world {world}: no such world or file; worlds are {', '.join(NAMED_WORLDS)}, or a mesh, .sdf, .world, .png or .yaml file"
-        )
-    if Path(world).suffix.lower() == ".png" and size is None:
-        raise ArgumentProblem(f"--world {world}: a height map needs --size X Y Z, the metres that it covers")
-
-
-def check_movers(movers: str, seed: int = 0) -> None:
-    """ArgumentProblem for what is neither a number of movers nor a file of them."""
-    from simulated_movers import asked_movers  # loads numpy: not for who only asks for help
-
-    try:
-        asked_movers(movers, seed)
-    except ValueError as error:
-        raise ArgumentProblem(f"--movers {error}") from error
-
-
-def _check_zones(path: Path) -> None:
-    from map_zones import read_zones  # loads numpy: not for who only asks for help
-
-    try:
-        zones = read_zones(path)
-    except ValueError as error:
-        raise ArgumentProblem(f"--zones {error}") from error
-    if why := zones.why_closed((0.0, 0.0, 0.0)):
-        raise ArgumentProblem(f"--zones {path}: the robot starts at 0 0 of map, and {why}")
-
-
-def _check_numbers(a: argparse.Namespace) -> None:
-    if a.port is not None and not 1024 <= a.port <= 65535:
-        raise ArgumentProblem(f"--port {a.port}: expected 1024 to 65535")
-    if a.rate < 0 or a.max_sim_time <= 0 or a.seed < 0:
-        raise ArgumentProblem("--rate must not be negative, --max-sim-time must be positive, --seed must not be negative")
-    for name, budget in (("--budget", a.budget), ("--budget-m", a.budget_m)):
-        if not 0.0 <= budget <= MOST_BUDGET:
-            raise ArgumentProblem(f"{name} {budget:g}: expected 0, for none, to {MOST_BUDGET}")
-    if a.start is not None and len(a.start) not in (3, 4):
-        raise ArgumentProblem(f"--start: {len(a.start)} numbers where X Y YAW or X Y Z YAW are wanted")
-    if a.scale is not None and not 0.0 < a.scale < math.inf:
-        raise ArgumentProblem(f"--scale {a.scale:g}: expected a positive number of metres a unit")
-    if (a.scale is not None or a.up) and (a.world in NAMED_WORLDS or Path(a.world).suffix.lower() == ".png"):
-        raise ArgumentProblem(f"--scale and --up are for meshes: {a.world} is in metres with z up")
-    for name in ("size", "area"):
-        if any(v <= 0 for v in getattr(a, name) or ()):
-            raise ArgumentProblem(f"--{name}: lengths must be positive")
-    for text in a.set:
-        if "/" not in text.partition("=")[0] or "=" not in text:
-            raise ArgumentProblem(f"--set {text}: expected NODE/PARAMETER=VALUE, for example octomap_server_3dnav_node/local_radius_m=8")

@@ -17,11 +17,11 @@ class CostmapConfig:
         0.08, "m", "side of a cell; the octree's keeps the terrain layer free of resampling", low=0.01, high=0.5
     )
     obstacle_range_m: float = parameter(
-        2.5, "m", "hits of the horizontal scan farther than this mark nothing: they may be a ramp", low=0.0, high=30.0
+        2.5, "m", "hits of the horizontal scan farther than this mark nothing: they may be a ramp", low=0.0, high=30.0, at_runtime=True
     )
     clearing_range_m: float = parameter(3.0, "m", "beams clear cells up to this range", low=0.0, high=30.0)
     ground_tolerance_m: float = parameter(
-        0.25, "m", "a hit this close to known traversable ground is that ground (robot pitched)", low=0.0, high=1.0
+        0.25, "m", "a hit this close to known traversable ground is that ground (robot pitched)", low=0.0, high=1.0, at_runtime=True
     )
     overhead_margin_m: float = parameter(
         0.2, "m", "a hit so much higher than the robot over known traversable ground is passed under", low=0.0, high=5.0
@@ -31,7 +31,11 @@ class CostmapConfig:
         1.0, "s", "what was met is not taken back before: the next lines pass just over it, or beside it", low=0.0, high=60.0
     )
     keep_s: float = parameter(
-        10.0, "s", "what lines met is forgotten when they did not meet it again for so long; a mount that nods looks every 2.75 s", low=0.1
+        10.0,
+        "s",
+        "what lines met is forgotten when they did not meet it again for so long; a mount that nods looks every 2.75 s",
+        low=0.1,
+        at_runtime=True,
     )
     ground_reach_m: float = parameter(
         0.32,
@@ -40,9 +44,16 @@ class CostmapConfig:
         low=0.0,
         high=2.0,
     )
-    inflation_radius_m: float = parameter(0.90, "m", "cells farther than this from every lethal cell cost nothing", low=0.0, high=5.0)
+    inflation_radius_m: float = parameter(
+        0.90, "m", "cells farther than this from every lethal cell cost nothing", low=0.0, high=5.0, at_runtime=True
+    )
     cost_scaling_factor: float = parameter(
-        5.0, "1/m", "rate of the exponential fall of the cost beyond half the robot's width, within which it is 253", low=0.0, high=100.0
+        5.0,
+        "1/m",
+        "rate of the exponential fall of the cost beyond half the robot's width, within which it is 253",
+        low=0.0,
+        high=100.0,
+        at_runtime=True,
     )
 
     def validate(self) -> list[str]:

@@ -1,6 +1,7 @@
 """The costmap: three layers over one rolling window, put together when somebody asks."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,16 +21,20 @@ class LocalCostmap:
 
     def __init__(self, config: CostmapConfig, robot: RobotBody) -> None:
         """A window around the map's origin in which nothing is known; ValueError lists what is wrong with `config`."""
-        problems = config.validate() + config.contradictions(robot)
-        if problems:
-            raise ValueError("; ".join(problems))
-        self._config, self._contact_m = config, robot.half_width_m
+        self._config, self._robot, self._contact_m = _checked(config, robot), robot, robot.half_width_m
         self._cells = round(config.size_m / config.resolution_m)
         self._window = Window.centred(0.0, 0.0, self._cells, config.resolution_m)
         self._terrain = TerrainLayer(self._window)
         self._obstacles = ObstacleLayer(config, robot, self._window)
         self._lines = LineLayer(config, robot, self._window)
         self._view: CostmapView | None = None
+
+    def configure(self, config: CostmapConfig) -> None:
+        """From the next scan on; the window stays as it is. ValueError lists what is wrong with `config`."""
+        self._config = replace(_checked(config, self._robot), size_m=self._config.size_m, resolution_m=self._config.resolution_m)
+        self._obstacles.configure(self._config)
+        self._lines.configure(self._config)
+        self._view = None
 
     def recenter(self, x: float, y: float) -> None:
         """Move the window so that its middle cell contains (x, y) m in map; every layer's cells keep their ground."""
@@ -124,6 +129,12 @@ class LocalCostmap:
         to_mark, to_cell = (distance_to_lethal(cost, self._config.resolution_m) for cost in (marks, self._terrain.cost))
         exact = self._terrain.distance
         return np.minimum(to_mark, np.where(np.isnan(exact), to_cell, exact))
+
+
+def _checked(config: CostmapConfig, robot: RobotBody) -> CostmapConfig:
+    if problems := config.validate() + config.contradictions(robot):
+        raise ValueError("; ".join(problems))
+    return config
 
 
 def _points(values: ArrayLike, name: str, axes: int) -> NDArray[np.float64]:

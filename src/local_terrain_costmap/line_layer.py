@@ -40,6 +40,10 @@ class LineLayer:
         self._know(TerrainLayer(window))
         self.clear()
 
+    def configure(self, config: CostmapConfig) -> None:
+        """From the next line on."""
+        self._config = config
+
     def clear(self) -> None:
         """Forget all evidence."""
         shape = self._layers, self._window.cells, self._window.cells

@@ -23,6 +23,10 @@ class ObstacleLayer:
         self._window = window
         self.clear()
 
+    def configure(self, config: CostmapConfig) -> None:
+        """From the next scan on."""
+        self._config = config
+
     def clear(self) -> None:
         """Forget every mark."""
         n = self._window.cells

@@ -10,25 +10,33 @@ from stage_config import check_ranges, parameter
 class FollowerConfig:
     """Limits, tolerances and patience of the path follower."""
 
-    max_speed_mps: float = parameter(0.5, "m/s", "fastest forward speed, or the robot's own where that is less", low=0.05, high=2.0)
+    max_speed_mps: float = parameter(
+        0.5, "m/s", "fastest forward speed, or the robot's own where that is less", low=0.05, high=2.0, at_runtime=True
+    )
     min_speed_mps: float = parameter(0.08, "m/s", "slowest speed commanded while on the way", low=0.01, high=0.5)
-    max_turn_rate_radps: float = parameter(0.9, "rad/s", "fastest turn, or the robot's own", low=0.1, high=3.0)
+    max_turn_rate_radps: float = parameter(0.9, "rad/s", "fastest turn, or the robot's own", low=0.1, high=3.0, at_runtime=True)
     min_turn_rate_radps: float = parameter(0.25, "rad/s", "slowest turn in place that still moves a skid-steered robot", low=0.0, high=1.0)
-    max_acceleration_mps2: float = parameter(0.8, "m/s^2", "how fast the speed may grow", low=0.05, high=10.0)
+    max_acceleration_mps2: float = parameter(0.8, "m/s^2", "how fast the speed may grow", low=0.05, high=10.0, at_runtime=True)
     max_deceleration_mps2: float = parameter(1.5, "m/s^2", "how fast the speed may fall; a blocked way stops at once", low=0.05, high=10.0)
     max_turn_acceleration_radps2: float = parameter(3.0, "rad/s^2", "how fast the turn rate may change", low=0.1, high=20.0)
-    min_lookahead_m: float = parameter(0.35, "m", "distance of the point steered for, when slow", low=0.1, high=3.0)
-    max_lookahead_m: float = parameter(0.50, "m", "the same at full speed; longer is smoother and cuts corners more", low=0.1, high=3.0)
+    min_lookahead_m: float = parameter(0.35, "m", "distance of the point steered for, when slow", low=0.1, high=3.0, at_runtime=True)
+    max_lookahead_m: float = parameter(
+        0.50, "m", "the same at full speed; longer is smoother and cuts corners more", low=0.1, high=3.0, at_runtime=True
+    )
     smoothing_m: float = parameter(0.20, "m", "the path is averaged over this much to each side: steps of a grid vanish", low=0.0, high=1.0)
-    turn_in_place_above_rad: float = parameter(0.87, "rad", "heading errors above this are turned away standing", low=0.2, high=3.2)
+    turn_in_place_above_rad: float = parameter(
+        0.87, "rad", "heading errors above this are turned away standing", low=0.2, high=3.2, at_runtime=True
+    )
     turn_in_place_until_rad: float = parameter(0.15, "rad", "a turn in place towards the path ends below this error", low=0.01, high=0.8)
     slow_below_radius_m: float = parameter(0.9, "m", "curves tighter than this are driven slower in proportion", low=0.0, high=5.0)
-    slowest_share_near_obstacles: float = parameter(0.4, "-", "share of the speed left where the cost is 252", low=0.05, high=1.0)
+    slowest_share_near_obstacles: float = parameter(
+        0.4, "-", "share of the speed left where the cost is 252", low=0.05, high=1.0, at_runtime=True
+    )
     max_input_age_s: float = parameter(
         0.3, "s", "the robot stands when its scan or map->odom is older than this; a lidar of 5 Hz needs more", low=0.05, high=5.0
     )
-    goal_tolerance_m: float = parameter(0.15, "m", "the goal is reached within this distance", low=0.02, high=1.0)
-    goal_yaw_tolerance_rad: float = parameter(0.2, "rad", "and this heading, when one is asked for", low=0.02, high=3.2)
+    goal_tolerance_m: float = parameter(0.15, "m", "the goal is reached within this distance", low=0.02, high=1.0, at_runtime=True)
+    goal_yaw_tolerance_rad: float = parameter(0.2, "rad", "and this heading, when one is asked for", low=0.02, high=3.2, at_runtime=True)
     max_off_path_m: float = parameter(1.0, "m", "farther than this from the path the follower gives up", low=0.2, high=10.0)
     turn_margin_m: float = parameter(
         0.08,
@@ -40,10 +48,16 @@ class FollowerConfig:
     turn_slide_factor: float = parameter(
         1.2, "-", "room wanted for what the robot slides aside in a turn on a slope, over what it slides on the average", low=0.0, high=5.0
     )
-    check_ahead_m: float = parameter(0.6, "m", "so far ahead the footprint must be free along the arc", low=0.1, high=3.0)
-    max_detour_m: float = parameter(0.4, "m", "an arc round an obstacle may end this far beside the path", low=0.0, high=3.0)
-    detour_speed_mps: float = parameter(0.2, "m/s", "speed of such an arc, and of making room for a turn", low=0.02, high=1.0)
-    passage_speed_mps: float = parameter(0.25, "m/s", "fastest speed where the path leads straight through a passage", low=0.05, high=2.0)
+    check_ahead_m: float = parameter(0.6, "m", "so far ahead the footprint must be free along the arc", low=0.1, high=3.0, at_runtime=True)
+    max_detour_m: float = parameter(
+        0.4, "m", "an arc round an obstacle may end this far beside the path", low=0.0, high=3.0, at_runtime=True
+    )
+    detour_speed_mps: float = parameter(
+        0.2, "m/s", "speed of such an arc, and of making room for a turn", low=0.02, high=1.0, at_runtime=True
+    )
+    passage_speed_mps: float = parameter(
+        0.25, "m/s", "fastest speed where the path leads straight through a passage", low=0.05, high=2.0, at_runtime=True
+    )
     passage_turn_rad: float = parameter(
         0.3, "rad", "heading errors above this are turned away standing before a passage, where that is free", low=0.05, high=1.6
     )
@@ -64,10 +78,10 @@ class FollowerConfig:
     ground_patience_s: float = parameter(
         4.0, "s", "wait this long for ground ahead to become known: half a nod of the mount, and the time to map it", low=0.0, high=60.0
     )
-    blocked_patience_s: float = parameter(2.0, "s", "wait this long for a blocked way to become free", low=0.0, high=60.0)
+    blocked_patience_s: float = parameter(2.0, "s", "wait this long for a blocked way to become free", low=0.0, high=60.0, at_runtime=True)
     progress_distance_m: float = parameter(0.10, "m", "progress is this much along the path", low=0.01, high=1.0)
     progress_angle_rad: float = parameter(0.15, "rad", "or this much of a turn", low=0.01, high=1.0)
-    progress_patience_s: float = parameter(6.0, "s", "no progress for this long starts a recovery", low=0.5, high=120.0)
+    progress_patience_s: float = parameter(6.0, "s", "no progress for this long starts a recovery", low=0.5, high=120.0, at_runtime=True)
     back_off_distance_m: float = parameter(0.4, "m", "a recovery drives back so far, if that is free", low=0.05, high=2.0)
     back_off_speed_mps: float = parameter(0.15, "m/s", "speed of a recovery", low=0.02, high=1.0)
     recovery_turn_rad: float = parameter(0.6, "rad", "a recovery turns so far where driving back is not free", low=0.05, high=3.0)

@@ -28,7 +28,19 @@ class PathFollower:
     """
 
     def __init__(self, config: FollowerConfig, robot: RobotBody) -> None:
-        """An idle follower; ValueError lists what is wrong with `config`, its speeds and accelerations cut to what the robot can."""
+        """An idle follower; ValueError as `configure`."""
+        self._robot = robot
+        self.configure(config)
+        self._ground = KnownGround.under(robot)
+        self._trail = Trail()
+        self._task: Task | None
+        self._doing: Doing
+        self._command: Motion
+        self.clear("no path yet")
+
+    def configure(self, config: FollowerConfig) -> None:
+        """From the next step on, its speeds and accelerations cut to what the robot can. ValueError lists what is wrong with it."""
+        robot = self._robot
         config = replace(
             config,
             max_speed_mps=min(config.max_speed_mps, robot.max_speed_mps),
@@ -43,12 +55,6 @@ class PathFollower:
         self._config, self._slide_m = config, config.turn_slide_factor * robot.turning_slide_m
         length, width, more = robot.length_m, robot.width_m, 2 * config.turn_margin_m
         self._footprints = footprint_lattice(length, width, 0.05), footprint_lattice(length + more, width + more, 0.05)
-        self._ground = KnownGround.under(robot)
-        self._trail = Trail()
-        self._task: Task | None
-        self._doing: Doing
-        self._command: Motion
-        self.clear("no path yet")
 
     @property
     def state(self) -> FollowerState:

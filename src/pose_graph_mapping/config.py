@@ -81,19 +81,23 @@ class RegistrationConfig:
     verdict: str = parameter(
         "checked", "-", "checked: overlap, free space, degeneracy; match_ratio: that alone (thesis)", choices=("checked", "match_ratio")
     )
-    min_match_ratio: float = parameter(0.5, "-", "least match ratio where it alone decides", low=0.0, high=1.0)
+    min_match_ratio: float = parameter(0.5, "-", "least match ratio where it alone decides", low=0.0, high=1.0, at_runtime=True)
     min_points: int = parameter(200, "-", "fewest points of a cloud after voxelling", low=10)
     overlap_distance_m: float = parameter(0.2, "m", "a reading point with a reference point this near overlaps", low=0.01)
-    min_overlap: float = parameter(0.2, "-", "least share of overlapping reading points", low=0.0, high=1.0)
+    min_overlap: float = parameter(0.2, "-", "least share of overlapping reading points", low=0.0, high=1.0, at_runtime=True)
     min_overlap_unguided: float = parameter(
-        0.5, "-", "the same where nothing is known of the guess: the truth may lie where no match looks", low=0.0, high=1.0
+        0.5, "-", "the same where nothing is known of the guess: the truth may lie where no match looks", low=0.0, high=1.0, at_runtime=True
     )
     misfit_m: float = parameter(0.05, "m", "an overlapping point so far off the reference's surface does not lie on it", low=0.001)
-    max_misfit: float = parameter(0.15, "-", "largest share of such points: similar ground is not the same", low=0.0, high=1.0)
+    max_misfit: float = parameter(
+        0.15, "-", "largest share of such points: similar ground is not the same", low=0.0, high=1.0, at_runtime=True
+    )
     max_misfit_ratio: float = parameter(
         2.0, "-", "or so many times the share of a cloud's own points that lie so far off their neighbours' planes", low=0.0
     )
-    max_contradiction: float = parameter(0.012, "-", "largest share of points in space the other cloud saw free", low=0.0, high=1.0)
+    max_contradiction: float = parameter(
+        0.012, "-", "largest share of points in space the other cloud saw free", low=0.0, high=1.0, at_runtime=True
+    )
     max_changed: float = parameter(
         0.1,
         "-",
@@ -114,7 +118,12 @@ class RegistrationConfig:
         35.0, "-", "least number of different surfaces that agree where nothing is known of the guess: twin rooms share few", low=0.0
     )
     max_rival_share: float = parameter(
-        0.5, "-", "largest part of what it explains that another placement may explain, where the guess allows one", low=0.0, high=1.0
+        0.5,
+        "-",
+        "largest part of what it explains that another placement may explain, where the guess allows one",
+        low=0.0,
+        high=1.0,
+        at_runtime=True,
     )
     free_space_margin_m: float = parameter(0.15, "m", "a point contradicts when it is nearer than seen by more than this ..", low=0.0)
     free_space_margin_ratio: float = parameter(0.02, "-", ".. plus this share of the range", low=0.0, high=1.0)
@@ -139,7 +148,7 @@ class RegistrationConfig:
     chain_reduction: str = parameter("voxel", "-", "density filter", choices=("voxel", "random"))
     chain_random_ratio: float = parameter(0.15, "-", "share of points a random reduction keeps", low=0.001, high=1.0)
     chain_random_seed: int = parameter(1, "-", "seed of the random reduction, the same in every match", low=0)
-    chain_trim_ratio: float = parameter(0.7, "-", "share of nearest matches that are used", low=0.01, high=1.0)
+    chain_trim_ratio: float = parameter(0.7, "-", "share of nearest matches that are used", low=0.01, high=1.0, at_runtime=True)
     chain_max_distance_m: float = parameter(1.0, "m", "matches farther apart are outliers", low=0.01)
     chain_max_normal_angle_rad: float = parameter(
         math.radians(50), "rad", "matches whose normals differ by more are outliers", low=0.0, high=math.pi

@@ -41,6 +41,10 @@ class CloudInput:
         self._node, self._transforms, self._config, self._min_range_m = node, transforms, config, min_range_m
         self._waiting: deque[tuple[float, PointCloud2]] = deque()
 
+    def configure(self, config: OctomapServerConfig, min_range_m: float) -> None:
+        """From the next cloud on."""
+        self._config, self._min_range_m = config, min_range_m
+
     def add(self, message: PointCloud2) -> None:
         """Takes a cloud. Of more than five that wait the oldest is dropped. ValueError for a stamp that would end tf's C++."""
         stamp_of(message)

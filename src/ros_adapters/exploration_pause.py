@@ -23,9 +23,10 @@ class ExplorationPause:
     what is decided after it. ~replan drops the path only, when there is one: goal and pause stay.
     """
 
-    def __init__(self, node: Node, stand: Callable[[str], None], drives: Callable[[], bool]) -> None:
-        """`stand` has the robot stand for a reason until the next plan; `drives`: whether it has a path."""
-        self._node, self._stand, self._drives = node, stand, drives
+    def __init__(self, node: Node, stand: Callable[[str], None], drives: Callable[[], bool], *, explores: bool = True) -> None:
+        """`stand` has the robot stand for a reason until the next plan; `drives`: whether it has a path. Without `explores` there is
+        nothing to go on with."""
+        self._node, self._stand, self._drives, self._explores = node, stand, drives, explores
         self._goals: GoalAction | None = None
         self.reason = ""  # why exploration is paused; empty: it is not
         self._recalled = ""
@@ -43,7 +44,8 @@ class ExplorationPause:
 
     def begin(self, why: str) -> None:
         """The robot stands, and drives nothing but goals until exploration is told to go on."""
-        self.reason, self._recalled = f"{why}; /explore/resume lets exploration go on", ""
+        how = "/explore/resume lets exploration go on" if self._explores else "goals are driven to"
+        self.reason, self._recalled = f"{why}; {how}", ""
         self._stand(self.reason)
 
     def end(self, why: str) -> None:
@@ -71,7 +73,7 @@ class ExplorationPause:
         """A goal that is driven to stays, whichever it says."""
         if not message.data:
             self._hold()
-        elif self.reason:
+        elif self.reason and self._explores:
             self.end("exploration goes on")
 
     def _hold(self) -> None:
@@ -89,8 +91,8 @@ class ExplorationPause:
 
     def _answer_resume(self) -> TriggerResponse:
         with self._node.lock:
-            if not self.reason:
-                return TriggerResponse(False, "exploration is not paused")
+            if not self.reason or not self._explores:
+                return TriggerResponse(False, "exploration is not paused" if self._explores else f"there is none: {self.reason}")
             self.end("exploration goes on")
             return TriggerResponse(True, "exploration goes on")
 

@@ -102,6 +102,8 @@ class ExplorationRequests:
         state, is_over = self._told.state, self._event.state in _OVER
         if self._event.state == "failed":
             return f"the robot has failed: {self._event.reason}"
+        if errand is not Errand.HOME and not self._explorer.explores:
+            return "exploration is off: the robot is localised in a finished map (mapping:=off)"
         if errand is Errand.EXPLORE:
             return "exploring already" if state == _EXPLORING else ""
         if not self._decided:

@@ -111,8 +111,8 @@ class MapTopics:
     """Latched topics whose messages are made when somebody listens, or begins to."""
 
     def __init__(self, node: Node, shown_z_m: tuple[float, float] = (-np.inf, np.inf)) -> None:
-        """`shown_z_m`: least and greatest height of the voxels that are shown one by one."""
-        self._shown_z_m = shown_z_m
+        """`shown_z_m`: least and greatest height of the voxels that are shown one by one, from the next map on."""
+        self.shown_z_m = shown_z_m
         self._not_made: dict[str, Callable[[], object]] = {}
         self._publishers = {
             topic: node.publisher(topic, message_type, large=True, latch=True, listener=_Latecomers(partial(self._catch_up, topic)))
@@ -158,6 +158,6 @@ class MapTopics:
 
     def _shown(self, voxels: Voxels) -> Voxels:
         centers, sizes = voxels
-        low, high = self._shown_z_m
+        low, high = self.shown_z_m
         shown = (centers[:, 2] >= low) & (centers[:, 2] <= high)
         return centers[shown], sizes[shown]

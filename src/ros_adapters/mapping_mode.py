@@ -1,15 +1,16 @@
-"""Whether the robot maps while it drives and is tracked on the map, and when the results of a sweep take effect then."""
+"""Whether the robot maps, while it drives or not, and is tracked on the map, and when the results of a sweep take effect then."""
 
 import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import rospy
 
 from stage_config import ConfigError, check_ranges, load_config, parameter
 
-STOP_AND_GO, DRIVING = MODES = ("stop_and_go", "driving")
+STOP_AND_GO, DRIVING, OFF = MODES = ("stop_and_go", "driving", "off")
 
 
 @dataclass(frozen=True)
@@ -46,8 +47,22 @@ def mapping_mode(node: str) -> str:
 
 
 def maps_while_driving(node: str) -> bool:
-    """Whether `mapping_mode` is driving."""
-    return mapping_mode(node) == DRIVING
+    """Whether sweeps are made while the robot drives; those of a robot that is only localised are, too."""
+    return mapping_mode(node) != STOP_AND_GO
+
+
+def only_localises(node: str) -> bool:
+    """Whether `mapping_mode` is off: the robot is localised in a finished map, which stays as it is, and explores nothing."""
+    return mapping_mode(node) == OFF
+
+
+def finished_map(node: str) -> Path:
+    """The folder that /finished_map names, for a robot that is only localised; one that holds no map ends the node with exit code 2."""
+    folder = Path(str(rospy.get_param("/finished_map", "")))
+    if not (folder / "sweeps/index.json").is_file():
+        sys.stderr.write(f"{node}: wrong parameter: /finished_map {str(folder)!r} holds no sweeps/index.json: name the folder of a run\n")
+        sys.exit(2)
+    return folder
 
 
 def is_tracking() -> bool:

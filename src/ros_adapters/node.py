@@ -22,6 +22,7 @@ from ros_adapters.conversions import header
 from ros_adapters.counting_publisher import CountingPublisher
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.inputs import InputWatch
+from ros_adapters.results_folder import results_folder
 from ros_adapters.urdf_mount import robot_of_parameters
 from stage_config import ConfigError, load_config
 
@@ -90,11 +91,7 @@ class Node:
 
     def run_folder(self) -> Path | None:
         """The folder of ~out, made when it is not there; None when nothing is to be written."""
-        out = str(rospy.get_param("~out", ""))
-        if not out:
-            return None
-        Path(out).mkdir(parents=True, exist_ok=True)
-        return Path(out)
+        return results_folder(self.name)
 
     def acts(
         self,

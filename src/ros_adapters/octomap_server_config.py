@@ -11,10 +11,9 @@ _NO_LIMIT_M = 1e6
 _CROPS = ("max_range_m", "crop_half_m", "crop_below_m", "crop_above_m")
 
 
-def _limit(low: bool, what: str) -> float:
-    return parameter(
-        -_NO_LIMIT_M if low else _NO_LIMIT_M, "m", f"{'least' if low else 'greatest'} {what}", low=-_NO_LIMIT_M, high=_NO_LIMIT_M
-    )
+def _limit(low: bool, what: str, *, at_runtime: bool = False) -> float:
+    default, meaning = (-_NO_LIMIT_M, f"least {what}") if low else (_NO_LIMIT_M, f"greatest {what}")
+    return parameter(default, "m", meaning, low=-_NO_LIMIT_M, high=_NO_LIMIT_M, at_runtime=at_runtime)
 
 
 @dataclass(frozen=True)
@@ -28,10 +27,12 @@ class OctomapServerConfig(MapConfig):
     pointcloud_max_x: float = _limit(False, "x")
     pointcloud_min_y: float = _limit(True, "y")
     pointcloud_max_y: float = _limit(False, "y")
-    pointcloud_min_z: float = _limit(True, "z")
-    pointcloud_max_z: float = _limit(False, "z")
-    occupancy_min_z: float = _limit(True, "z of the voxels' middles in occupied_cells_vis_array, free_cells_vis_array and the centres")
-    occupancy_max_z: float = _limit(False, "z of them")
+    pointcloud_min_z: float = _limit(True, "z", at_runtime=True)
+    pointcloud_max_z: float = _limit(False, "z", at_runtime=True)
+    occupancy_min_z: float = _limit(
+        True, "z of the voxels' middles in occupied_cells_vis_array, free_cells_vis_array and the centres", at_runtime=True
+    )
+    occupancy_max_z: float = _limit(False, "z of them", at_runtime=True)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
@@ -52,6 +53,7 @@ class OctomapServerSensorModel(SensorModel):
         "if positive, in place of max_range_m and of what the cloud is cropped to: octomap_server's only limit",
         low=-1.0,
         high=100.0,
+        at_runtime=True,
     )
     min_range: float = parameter(0.0, "m", "points of cloud_in that are nearer to their sensor are left out", low=-1.0, high=100.0)
 

@@ -25,8 +25,8 @@ class PlanServices:
 
     def __init__(self, node: Node, explorer: Explorer, transforms: TransformsWhenAsked) -> None:
         """Serves ~make_plan and ~plan_path, with the explorer's configurations."""
-        self._planner, self._transforms = explorer.planner_config, transforms
-        self._approach = Approach(explorer.config, self._planner.trim_m)  # how far the robot may drive before it is swept again
+        self._explorer, self._transforms = explorer, transforms
+        self._approach = Approach(explorer.config, explorer.planner_config.trim_m)  # how far the robot may drive before it is swept again
         node.serve("~make_plan", GetPlan, self.make_plan)
         node.serve("~plan_path", PlanPath, self.plan_path)
         self._newest: tuple[float, Terrain] | None = None
@@ -67,6 +67,7 @@ class PlanServices:
         path = self._path(terrain, request, from_robot=moved_m <= _NOT_MOVED_M)
         if path is None:
             return PlanPathResponse()
+        self._approach.configure(self._explorer.config, self._explorer.planner_config.trim_m)
         part, yaw, is_whole = self._approach.towards(path, T_map_base, _yaw_of(request.goal))
         straight = [] if part.straight is None else part.straight.tolist()
         return PlanPathResponse(path_message(stamp_s, frames().map, part.points, yaw), straight, is_whole)
@@ -84,7 +85,7 @@ class PlanServices:
         source = None if from_robot else _ground_at(terrain, request.start, request.tolerance)
         if goal is None or (source is None and not from_robot):
             return None
-        return plan_path(terrain, goal, self._planner, source)
+        return plan_path(terrain, goal, self._explorer.planner_config, source)
 
 
 def _ground_at(terrain: Terrain, pose: PoseStamped, tolerance_m: float) -> int | None:

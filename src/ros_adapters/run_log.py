@@ -20,6 +20,7 @@ from mount_calibration import RECORDED_FILE, TiltCalibration, write_calibration
 from rigid_geometry import quat_xyzw_from_transform
 from robot_body import DESCRIPTION, RobotBody, robot_mapping
 from ros_adapters.conversions import stamp_of, transform_from_pose
+from ros_adapters.mapping_mode import OFF
 
 VERSION = "0.1.0"
 _COUNTED = ("pose_graph_mapping_node", "octomap_server_3dnav_node")
@@ -52,6 +53,8 @@ class RunLog:
         self._event = RunEvent(state="starting")
         self._decision: ExplorationDecision | None = None
         self._counts: dict[str, str] = {}
+        self._runtime: dict[str, dict[str, object]] = {}  # by node
+        self._changes: list[dict[str, object]] = []
         self._distance_m = 0.0
         self._last_xy: NDArray[np.float64] | None = None
         self._truth_file = self._contacts_file = self._events_file = None
@@ -79,7 +82,7 @@ class RunLog:
         told = {key: own.get(key) for key in (("world", "seed", "profile") if self._judged else ("profile",))}
         told["sensor"] = self._parameters.get("sensor")
         told["mapping"] = self._parameters.get("mapping", "stop_and_go")
-        return {**told, "started": started, "version": VERSION, "config": config}
+        return {**told, "started": started, "version": VERSION, "config": config, "parameter_changes": self._changes}
 
     @property
     def sim_time_s(self) -> float:
@@ -121,6 +124,20 @@ class RunLog:
             if status.name in _COUNTED:
                 self._counts.update({v.key: v.value for v in status.values})
 
+    def knows_parameters_of(self, node: str) -> bool:
+        """Whether a node has told of its parameters."""
+        return node in self._runtime
+
+    def parameters_of(self, node: str, values: dict[str, object]) -> None:
+        """What a node says of its parameters; what is not as it was before goes to run.json, with the time of the newest odometry."""
+        before = self._runtime.setdefault(node, values)
+        self._runtime[node] = values
+        at = {"stamp_s": self._last_stamp_s, "node": node}
+        new = [{**at, "parameter": name, "before": before.get(name), "value": v} for name, v in values.items() if before.get(name) != v]
+        self._changes += new
+        if self._out and new and not self.finished:
+            write_json(self._out / "run.json", self._run_description())
+
     def odometry(self, message: Odometry) -> None:
         stamp_s, xy = stamp_of(message), transform_from_pose(message.pose.pose)[:2, 3]
         if self._is_over(stamp_s):
@@ -143,7 +160,9 @@ class RunLog:
         return f"t={self.sim_time_s:.1f} s{factor}, {self._event.sweeps} sweeps, {self._distance_m:.0f} m{known} | {doing}"
 
     def wait_for_maps(self, timeout_s: float) -> None:
-        """Until the mapping and terrain nodes have written their maps, or the time is over."""
+        """Until the mapping and terrain nodes have written their maps, or the time is over; of a finished map nothing is written."""
+        if self._parameters.get("mapping") == OFF:
+            return
         deadline = time.monotonic() + timeout_s
         while self._out and time.monotonic() < deadline:
             if all((self._out / name).exists() and (self._out / name).stat().st_mtime > self._started for name in _MAP_FILES):

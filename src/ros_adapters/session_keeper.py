@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
 from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.graph.finished_map import Mapper
 from pose_graph_mapping.graph.localisation import LocalisationConfig, Placement, localise
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
@@ -28,7 +29,9 @@ _SERVICE, _WAIT_S = "octomap_server_3dnav_node/restore_sweep", 30.0
 class SessionKeeper:
     """What the node does with its run's folder; without a folder nothing is kept."""
 
-    def __init__(self, folder: Path | None, diagnostics: Diagnostics) -> None:
+    def __init__(self, folder: Path | None, diagnostics: Diagnostics, *, is_finished: bool = False) -> None:
+        """`is_finished`: what is there is read, and nothing is written."""
+        self._is_finished = is_finished
         self._store = SessionStore(folder) if folder else None
         self._diagnostics = diagnostics
         self._saved_vertices = 0
@@ -53,7 +56,7 @@ class SessionKeeper:
         measured: Measured,
     ) -> None:
         """Puts the newest vertex's sweep on disk; a disk that takes nothing stops nobody, and is named."""
-        if not self._store:
+        if not self._store or self._is_finished:
             return
         try:
             beams = PointCloud.of_finite(*free_arrays(free))
@@ -62,8 +65,10 @@ class SessionKeeper:
             self._diagnostics.dropped("sweep not on disk", str(error))
         self._diagnostics.values["sweeps not on disk"] = self._store.not_on_disk
 
-    def save(self, mapper: PoseGraphMapper) -> tuple[bool, str]:
+    def save(self, mapper: Mapper) -> tuple[bool, str]:
         """Writes graph, trajectory and cloud when there are vertices that the last save did not have."""
+        if self._is_finished:
+            return True, "the map is finished: nothing is saved"
         vertices = len(mapper.stamps_s)
         if not self._store or vertices == self._saved_vertices:
             return True, "nothing new to save"
@@ -77,7 +82,7 @@ class SessionKeeper:
 
 
 def found_in_map(
-    mapper: PoseGraphMapper, cloud: tuple[Singles, Singles], up: NDArray[np.float64], match: Match, config: LocalisationConfig
+    mapper: Mapper, cloud: tuple[Singles, Singles], up: NDArray[np.float64], match: Match, config: LocalisationConfig
 ) -> Placement:
     """Where in the map a sweep was made of which odometry knows nothing; ValueError when it does not tell."""
     placement = localise(mapper.graph, mapper.vertex_clouds(), PointCloud.of_finite(*cloud), match, config, up)

@@ -5,7 +5,8 @@ import rospy
 from explore_3dnav.srv import SetLocalMap
 from numpy.typing import NDArray
 
-from pose_graph_mapping.graph.mapper import MappingUpdate, PoseGraphMapper
+from pose_graph_mapping.graph.finished_map import Mapper
+from pose_graph_mapping.graph.mapping_update import MappingUpdate
 from ros_adapters.conversions import cloud_message, pose_message
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.frames import frames
@@ -26,7 +27,7 @@ def pose_covariance(update: MappingUpdate) -> NDArray[np.float64]:
 class LocalMapService:
     """Calls scan_tracking_node/set_map; it is a service, so that the map is there before anybody acts on the sweep."""
 
-    def __init__(self, mapper: PoseGraphMapper) -> None:
+    def __init__(self, mapper: Mapper) -> None:
         """`mapper` has the clouds."""
         self._mapper = mapper
         self._call = rospy.ServiceProxy("scan_tracking_node/set_map", SetLocalMap, persistent=True)

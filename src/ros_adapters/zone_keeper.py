@@ -5,9 +5,8 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import rospy
-from explore_3dnav.msg import Zone as ZoneMessage
+from explore_3dnav.msg import ZoneList
 from explore_3dnav.srv import SetZones, SetZonesRequest, SetZonesResponse
 from geometry_msgs.msg import Point, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA
@@ -19,6 +18,7 @@ from rigid_geometry.transforms import Transform
 from ros_adapters.conversions import header
 from ros_adapters.frames import frames
 from ros_adapters.node import Node
+from ros_adapters.zone_messages import zone_list, zones_of
 
 FILE, REPLAN = "zones.yaml", "/move_base_node/replan"
 _BOUNDS, _NO_GO = ColorRGBA(0.2, 0.9, 0.3, 1.0), ColorRGBA(0.95, 0.2, 0.2, 1.0)
@@ -26,13 +26,17 @@ _WIDTH_M = 0.05
 
 
 class ZoneKeeper:
-    """Serves /explore/set_zones, publishes /explore/zones (MarkerArray, latched), reads ~zones; wrong ones end the node, exit code 2."""
+    """Serves /explore/set_zones, publishes /explore/zones (MarkerArray) and /explore/zone_list (ZoneList), latched, reads ~zones.
+
+    Wrong ones end the node with exit code 2.
+    """
 
     def __init__(self, node: Node, use: Callable[[Zones], None], robot: Callable[[], Transform | None]) -> None:
         """`use` takes new zones; `robot` tells where it was last, T_map_base, None while that is not known."""
         self._node, self._use, self._robot, self._folder = node, use, robot, node.run_folder()
         self._replan = rospy.ServiceProxy(REPLAN, Trigger)
         self._markers = node.publisher("/explore/zones", MarkerArray, latch=True)
+        self._list = node.publisher("/explore/zone_list", ZoneList, latch=True)
         try:
             zones = zones_from_mapping(rospy.get_param("~zones", {}))
         except ValueError as error:
@@ -47,6 +51,7 @@ class ZoneKeeper:
             path = Path(self._folder) / FILE
             write_zones(zones, path) if zones.are_set else path.unlink(missing_ok=True)
         self._markers.publish(zone_markers(zones))
+        self._list.publish(zone_list(zones))
 
     def _tell_follower(self) -> None:
         """A robot that drives stands now, and a sweep decides anew."""
@@ -59,7 +64,7 @@ class ZoneKeeper:
         frame, expected = request.header.frame_id.lstrip("/"), frames().map
         if frame not in ("", expected):
             return SetZonesResponse(False, f"zones in frame {frame!r}, expected {expected!r}")
-        zones = Zones(tuple(map(_zone_of, request.bounds)), tuple(map(_zone_of, request.no_go)))
+        zones = zones_of(request.bounds, request.no_go)
         with self._node.lock:
             problems, at = zones.problems(), self._robot()
             if not problems and at is not None and (why := zones.why_closed(at[:3, 3])):
@@ -69,12 +74,6 @@ class ZoneKeeper:
             self._keep(zones)
             self._tell_follower()
         return SetZonesResponse(True, f"{len(zones.bounds)} bounds, {len(zones.no_go)} no-go zones")
-
-
-def _zone_of(message: ZoneMessage) -> Zone:
-    polygon = np.array([[p.x, p.y] for p in message.polygon.points], dtype=np.float64).reshape(-1, 2)
-    low, high = (message.low, message.high) if message.low or message.high else (-math.inf, math.inf)
-    return Zone(polygon, low, high)
 
 
 def zone_markers(zones: Zones) -> MarkerArray:

@@ -13,7 +13,18 @@ def main() -> int:
     except ArgumentProblem as error:
         print(f"./replay: {error}", file=sys.stderr)
         return 2
-    return run_launch(arguments)
+    if arguments.export is None:
+        return run_launch(arguments)
+    from run_replay.export import export  # loads numba: only when it is asked for
+
+    assert arguments.run is not None
+    try:
+        count = export(arguments.run, arguments.export)
+    except (ValueError, OSError) as error:
+        print(f"./replay: {arguments.run}: {error}", file=sys.stderr)
+        return 2
+    print(f"{count} messages of {arguments.run} written to {arguments.export}")
+    return 0
 
 
 if __name__ == "__main__":

@@ -24,12 +24,14 @@ class ReplayArguments:
     other: Path | None
     speed: float
     headless: bool
+    export: Path | None = None
 
 
 def parser() -> argparse.ArgumentParser:
     p = OneLineParser(
         prog="./replay",
-        usage="./replay DIR|BAG [--speed X] [--headless]\n       ./replay --compare A B [--headless]",
+        usage="./replay DIR|BAG [--speed X] [--headless]\n       ./replay --compare A B [--headless]\n"
+        "       ./replay DIR --export FILE.mcap",
         description="Shows a finished run in rviz as it happened: the robot, its path, and the map as it grew sweep by sweep, at the end "
         "classified. No simulator runs, and the run's folder is only read.",
         epilog="What was played stays on screen until Ctrl-C or until rviz is closed. "
@@ -38,6 +40,7 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("source", nargs="?", type=Path, metavar="DIR|BAG", help="folder of a run of ./explore, or a bag of one, like run.bag")
     p.add_argument("--speed", type=float, metavar="X", help=f"times real time; default {_DEFAULT_SPEED:g}; 0: as fast as it goes")
     p.add_argument("--compare", nargs=2, type=Path, metavar=("A", "B"), help="the maps and paths of two runs, A's in orange, B's in blue")
+    p.add_argument("--export", type=Path, metavar="FILE", help="writes the run into one MCAP file instead, for Foxglove or another reader")
     p.add_argument("--headless", action="store_true", help="no rviz: publishes all the same, and ends after the last message")
     return p
 
@@ -52,10 +55,22 @@ def parse(argv: Sequence[str] | None = None) -> ReplayArguments:
     speed = _DEFAULT_SPEED if a.speed is None else a.speed
     if not (math.isfinite(speed) and speed >= 0):
         raise ArgumentProblem(f"--speed {speed:g}: expected 0 or more")
+    if a.export is not None:
+        return _to_export(a.source, a.export, a.speed)
     found = _found(a.source, a.compare, speed, a.headless)
     if not (a.headless or os.environ.get("DISPLAY")):
         raise ArgumentProblem("there is no display (DISPLAY is not set) to open rviz on; --headless plays without it")
     return found
+
+
+def _to_export(source: Path | None, target: Path, speed: float | None) -> ReplayArguments:
+    if source is None or source.is_file():
+        raise ArgumentProblem("--export: expected the folder of a run; bags can be opened as they are")
+    if speed is not None:
+        raise ArgumentProblem("--speed: an export has the run's own times, without --speed")
+    if target.suffix != ".mcap" or target.is_dir() or not target.absolute().parent.is_dir():
+        raise ArgumentProblem(f"--export {target}: expected a file that ends with .mcap, in a folder that is there")
+    return ReplayArguments(_run_folder(source, PLAYED_FILES), None, None, 0.0, True, target.absolute())
 
 
 def _found(source: Path, compared: Sequence[Path] | None, speed: float, headless: bool) -> ReplayArguments:

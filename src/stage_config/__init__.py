@@ -1,5 +1,17 @@
 """Configuration of a stage: one frozen dataclass is the only home of its defaults; this module checks and fills it."""
 
-from stage_config.loading import ConfigError, check_ranges, documented, load_config, parameter, to_mapping
+from stage_config.loading import ConfigError, Configuration, check_ranges, documented, load_config, parameter, to_mapping
+from stage_config.runtime import RuntimeParameter, changed_sections, runtime_parameters
 
-__all__ = ["ConfigError", "check_ranges", "documented", "load_config", "parameter", "to_mapping"]
+__all__ = [
+    "ConfigError",
+    "Configuration",
+    "RuntimeParameter",
+    "changed_sections",
+    "check_ranges",
+    "documented",
+    "load_config",
+    "parameter",
+    "runtime_parameters",
+    "to_mapping",
+]

@@ -23,10 +23,20 @@ class ConfigError(ValueError):
 
 
 def parameter(
-    default: V, unit: str, meaning: str, *, low: float | None = None, high: float | None = None, choices: tuple[str, ...] = ()
+    default: V,
+    unit: str,
+    meaning: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
+    at_runtime: bool = False,
 ) -> V:
-    """A dataclass field with its default, unit ("m", "rad", "-"), meaning and inclusive range or choices."""
-    metadata = {"unit": unit, "meaning": meaning, "low": low, "high": high, "choices": choices}
+    """A dataclass field with its default, unit ("m", "rad", "-"), meaning and inclusive range or choices.
+
+    `at_runtime`: it may be changed while the stage runs (`runtime`).
+    """
+    metadata = {"unit": unit, "meaning": meaning, "low": low, "high": high, "choices": choices, "at_runtime": at_runtime}
     return dataclasses.field(default=default, metadata=metadata)
 
 

@@ -13,9 +13,11 @@ class StopScanAndGoConfig:
         0.3, "s", "the robot stands when odometry, joint states or the follower's command are older than this", low=0.05, high=5.0
     )
     teleop_topic: str = parameter("/joy_teleop/cmd_vel", "-", "a Twist here drives the robot in place of the follower's command")
-    teleop_hold_s: float = parameter(0.5, "s", "for so long after it came", low=0.05, high=10.0)
+    teleop_hold_s: float = parameter(0.5, "s", "for so long after it came", low=0.05, high=10.0, at_runtime=True)
     start_delay_s: float = parameter(1.0, "s", "odometry must have been there for so long before the first sweep", low=0.0, high=60.0)
-    max_distance_m: float = parameter(2.5, "m", "distance since the last sweep that asks for the next", low=0.2, high=100.0)
+    max_distance_m: float = parameter(
+        2.5, "m", "distance since the last sweep that asks for the next", low=0.2, high=100.0, at_runtime=True
+    )
     looked_within_m: float = parameter(
         0.5, "m", "while driving: where it looked so near before, it stands for a whole sweep", low=0.0, high=10.0
     )
@@ -30,7 +32,9 @@ class StopScanAndGoConfig:
         high=1.0,
     )
     max_refused: int = parameter(2, "-", "while driving: so many refused matches in a row ask for a whole sweep", low=1, high=100)
-    max_yaw_rad: float = parameter(3.5, "rad", "sum of turns since the last sweep that asks for the next", low=0.3, high=100.0)
+    max_yaw_rad: float = parameter(
+        3.5, "rad", "sum of turns since the last sweep that asks for the next", low=0.3, high=100.0, at_runtime=True
+    )
     max_slope_turn_rad: float = parameter(
         2.0,
         "rad",
@@ -38,6 +42,7 @@ class StopScanAndGoConfig:
         "slides downhill, by up to a quarter of a metre for every radian, and its odometry knows that roughly",
         low=0.1,
         high=100.0,
+        at_runtime=True,
     )
     max_pose_sigma_m: float = parameter(
         0.03, "m", "where motion is tracked against the map: sigma of the position that asks for the next sweep", low=0.001, high=1.0
@@ -50,7 +55,7 @@ class StopScanAndGoConfig:
         high=100.0,
     )
     slope_rad: float = parameter(0.035, "rad", "ground that tilts the robot more than this is a slope", low=0.0, high=1.6)
-    still_time_s: float = parameter(0.5, "s", "the robot must have been still so long before a sweep", low=0.0, high=10.0)
+    still_time_s: float = parameter(0.5, "s", "the robot must have been still so long before a sweep", low=0.0, high=10.0, at_runtime=True)
     still_speed_mps: float = parameter(0.02, "m/s", "slower than this is still", low=0.0, high=0.5)
     still_turn_rate_radps: float = parameter(0.02, "rad/s", "turning slower than this is still", low=0.0, high=0.5)
     still_rocking_radps: float = parameter(

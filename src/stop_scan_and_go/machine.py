@@ -19,10 +19,7 @@ class StopScanAndGo:
 
     def __init__(self, config: StopScanAndGoConfig) -> None:
         """A machine before its first tick; ValueError lists what is wrong with `config`."""
-        problems = config.validate()
-        if problems:
-            raise ValueError("; ".join(problems))
-        self._config = config
+        self.configure(config)
         self._state, self._reason = DriveState.STARTING, "waiting for odometry and laser"
         self._kind: SweepKind | None = SweepKind.INITIAL
         self._stamp: float | None = None
@@ -47,8 +44,14 @@ class StopScanAndGo:
             DriveState.PAUSED: self._paused,
             DriveState.TAKEN_OVER: self._let_go,
             DriveState.FINISHED: self._finished,
-            DriveState.FAILED: self._standing,
+            DriveState.FAILED: lambda _: self._answer(),
         }
+
+    def configure(self, config: StopScanAndGoConfig) -> None:
+        """From the next tick on. ValueError lists what is wrong with `config`."""
+        if problems := config.validate():
+            raise ValueError("; ".join(problems))
+        self._config = config
 
     @property
     def state(self) -> DriveState:
@@ -294,7 +297,4 @@ class StopScanAndGo:
             return self._drive("to a goal after exploration")
         if is_new and tick.is_recalled:
             return self._end_drive(SweepKind.IDLE, tick.follower_reason)
-        return self._answer()
-
-    def _standing(self, tick: TickObservation) -> TickAction:
         return self._answer()

@@ -6,6 +6,7 @@ import unittest
 
 import numpy as np
 import rospy
+from dynamic_reconfigure.client import Client
 from explore_3dnav.srv import MatchClouds, MatchCloudsResponse
 from geometry_msgs.msg import Transform
 from node_testing import DiagnosticsOf, floor_and_walls, one_line_of, run_misconfigured, wait_for_node
@@ -95,6 +96,17 @@ class IcpMatcherTest(unittest.TestCase):
         code, stderr = run_misconfigured(NODE, "voxel:=0.1")
         self.assertEqual(code, 2, stderr)
         self.assertIn("unknown parameter voxel", one_line_of(stderr))
+
+    def test_limits_are_changed_by_dynamic_reconfigure(self) -> None:
+        client = Client(NODE, timeout=10.0)
+        client.update_configuration({"max_contradiction": 0.0, "min_overlap": 1.0})
+        try:
+            response = self.match(self.reference, self.reading(), transform_message(np.eye(4)), [])
+            self.assertNotEqual(response.verdict, "accepted")
+            self.assertIn("overlap", response.reason)
+        finally:
+            client.update_configuration({"max_contradiction": 0.012, "min_overlap": 0.2})
+        self.assert_matches()
 
 
 if __name__ == "__main__":

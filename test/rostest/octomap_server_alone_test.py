@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import rosbag
 import rospy
+from dynamic_reconfigure.client import Client
 from explore_3dnav.srv import LoadMap
 from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import OccupancyGrid
@@ -295,6 +296,23 @@ class OctomapServerAloneTest(unittest.TestCase):
             tree.write_bt(bt)
             subprocess.run(["bt2vrml", str(bt)], check=True, capture_output=True, timeout=60.0)
             self.assertGreater(wrl.stat().st_size, 1000)
+
+    def test_sensor_model_is_changed_by_octomap_server_s_names(self) -> None:
+        client = Client(NODE, timeout=10.0)
+        before = client.get_configuration(timeout=10.0)
+        self.assertTrue({"sensor_model_hit", "sensor_model_min", "sensor_model_max_range", "occupancy_max_z"} <= before.keys())
+        first, _ = self.mapped().occupied_voxels()
+        tuned = {"sensor_model_max_range": 2.0, "occupancy_min_z": -1.0, "occupancy_max_z": 0.5}
+        client.update_configuration(dict(tuned))
+        try:
+            self.reset()
+            OctomapServerAloneTest.clock_s += 1.0
+            tree, shown = self.mapped(), self.newest(self.occupied)
+        finally:
+            client.update_configuration({name: before[name] for name in tuned})
+        self.assertLess(len(tree.occupied_voxels()[0]), 0.5 * len(first))
+        heights = [p.z for m in shown.markers for p in m.points]
+        self.assertTrue(min(heights) < 0.0 and max(heights) < 0.5, heights)
 
     def test_topics_are_there_for_who_comes_late(self) -> None:
         self.mapped()

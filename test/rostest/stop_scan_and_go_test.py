@@ -6,6 +6,7 @@ import time
 import unittest
 
 import rospy
+from dynamic_reconfigure.client import Client
 from explore_3dnav.msg import ExplorationDecision, FollowerCommand, RunEvent
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
@@ -129,6 +130,15 @@ class StopScanAndGoTest(unittest.TestCase):
         self.assertEqual(self.velocities.messages[-1].linear.x, 0.0)
         self.tick_until("sweeping")
         self.assertEqual(self.sweeps_asked_for, asked + 1)
+
+    def test_4_distance_is_changed_on_the_way(self) -> None:
+        client = Client(NODE, timeout=10.0)
+        self.drive()
+        before = self.x
+        client.update_configuration({"max_distance_m": 0.5})
+        self.tick_until("settling", v=0.5, moving=0.5, limit=150)
+        client.update_configuration({"max_distance_m": 2.5})
+        self.assertLess(self.x - before, 0.7)
 
     def test_5_failure_of_the_follower_is_passed_on(self) -> None:
         self.drive()

@@ -123,6 +123,11 @@ class Client:
 
     def farthest(self) -> tuple[float, float]:
         """A place in the map that make_plan leads to, as far away as it finds one."""
+        return self.reachable()[0]
+
+    def reachable(self) -> list[tuple[float, float]]:
+        """Places around the map's origin that make_plan leads to, the farthest first."""
+        found = []
         make_plan = rospy.ServiceProxy("/move_base/make_plan", GetPlan)
         for radius_m in (6.0, 4.0, 3.0, 2.0):
             for k in range(8):
@@ -130,8 +135,9 @@ class Client:
                 goal.header.frame_id = "map"
                 goal.pose.position.x, goal.pose.position.y = radius_m * math.cos(k * math.pi / 4), radius_m * math.sin(k * math.pi / 4)
                 if make_plan(PoseStamped(), goal, 0.3).plan.poses:
-                    return goal.pose.position.x, goal.pose.position.y
-        sys.exit("make_plan leads nowhere")
+                    found.append((goal.pose.position.x, goal.pose.position.y))
+        expect(bool(found), "make_plan leads somewhere")
+        return found
 
 
 if __name__ == "__main__":

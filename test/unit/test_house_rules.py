@@ -77,7 +77,7 @@ ORDER: dict[str, set[str]] = {
     | MAPPING
     | {"explore_command", "mount_calibration", "odometry_fusion", "point_cloud2", "sensor_checks", "sweep_assembly"},
     "terrain_tools": BASE | TERRAIN | {"explore_command", "finished_maps", "mapping_tools", "pose_graph_mapping.session"},
-    "run_replay": BASE | MAPPING | {"exploration_evaluation", "explore_command", "octomap_server_3dnav.terrain", "roslaunch_process"},
+    "run_replay": BASE | MAPPING | TERRAIN | {"exploration_evaluation", "explore_command", "roslaunch_process"},
     "evaluation_report": BASE | {"exploration_evaluation"},
     "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "roslaunch_process"},
 }
@@ -89,6 +89,8 @@ ROS = {
     "rospy",
     "tf2_ros",
     "actionlib",
+    "dynamic_reconfigure",
+    "interactive_markers",
     "rosgraph",
     "genpy",
     "rosbag",

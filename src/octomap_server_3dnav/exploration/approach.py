@@ -23,8 +23,12 @@ class Approach:
 
     def __init__(self, config: ExplorationConfig, trim_m: float) -> None:
         """`trim_m`: distance from a frontier that is no potential cliff at which a path ends."""
-        self._config, self._trim_m = config, trim_m
+        self.configure(config, trim_m)
         self._entry: tuple[float, float] | None = None  # of the passage that the robot was last sent to
+
+    def configure(self, config: ExplorationConfig, trim_m: float) -> None:
+        """From the next path on."""
+        self._config, self._trim_m = config, trim_m
 
     def part_of(self, path: Path, terrain: Terrain, T_map_base: Transform, frontier: Frontier, before_m: float) -> Path | None:
         """The path up to `before_m` from the frontier, from where the robot looks at it, and never beside floor that was not seen.

@@ -15,19 +15,30 @@ class Budget:
 
     def __init__(self, config: ExplorationConfig, *, since_start: bool) -> None:
         """`since_start`: of the robot; else since the next sweep."""
-        self._limit: NDArray[np.float64] = np.array([config.budget_s, config.budget_m])
+        self.configure(config)
         self._last: NDArray[np.float64] | None = np.zeros(2) if since_start else None
+        self._xyz: NDArray[np.floating] | None = None
+        self._way_m = 0.0
         self._first: NDArray[np.float64] | None = None
         self._driving, self._dearest = np.zeros(2), np.zeros(2)
+
+    def configure(self, config: ExplorationConfig) -> None:
+        """Other limits; what was spent before counts."""
+        self._limit: NDArray[np.float64] = np.array([config.budget_s, config.budget_m])
 
     @property
     def is_set(self) -> bool:
         """Whether there is a limit at all."""
         return bool(self._limit.any())
 
-    def spend(self, elapsed_s: float, driven_m: float) -> float:
-        """After a sweep, `elapsed_s` since the start and `driven_m` by odometry: the metres of the leg before it."""
-        now = np.array([elapsed_s, driven_m])
+    def spend(self, elapsed_s: float, driven_m: float, xyz: NDArray[np.floating]) -> float:
+        """After a sweep, `elapsed_s` since the start, `driven_m` by odometry, and at (3,) `xyz` in map: the metres of the leg before it.
+
+        While the robot drives, what odometry tells is as old as the last event: the leg is as long as the way is straight, at least.
+        """
+        straight_m = 0.0 if self._xyz is None else float(np.linalg.norm(xyz - self._xyz))
+        self._xyz, self._way_m = xyz.copy(), max(driven_m, self._way_m + straight_m)
+        now = np.array([elapsed_s, self._way_m])
         leg, self._last = now - (now if self._last is None else self._last), now
         if self._first is None:
             self._first = leg

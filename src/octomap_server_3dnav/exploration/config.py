@@ -13,9 +13,11 @@ class ExplorationConfig:
     local_radius_m: float = parameter(6.0, "m", "terrain that is searched for frontiers before the whole map is", low=1.0, high=100.0)
     place_radius_m: float = parameter(0.6, "m", "frontiers within this distance of each other are the same place", low=0.05, high=5.0)
     near_m: float = parameter(1.6, "m", "a sweep taken within this distance of a frontier was a look at it", low=0.1, high=10.0)
-    max_looks: int = parameter(2, "-", "looks that did not change a frontier before it is set aside", low=1, high=20)
-    max_failures: int = parameter(2, "-", "failed drives to a frontier before it is set aside", low=1, high=20)
-    max_goals: int = parameter(6, "-", "goals at one frontier that brought the robot no nearer before it is set aside", low=1, high=100)
+    max_looks: int = parameter(2, "-", "looks that did not change a frontier before it is set aside", low=1, high=20, at_runtime=True)
+    max_failures: int = parameter(2, "-", "failed drives to a frontier before it is set aside", low=1, high=20, at_runtime=True)
+    max_goals: int = parameter(
+        6, "-", "goals at one frontier that brought the robot no nearer before it is set aside", low=1, high=100, at_runtime=True
+    )
     nearer_m: float = parameter(0.5, "m", "a frontier this much nearer over the ground than ever before is progress", low=0.05, high=10.0)
     edge_trim_m: float = parameter(
         1.2,
@@ -54,11 +56,17 @@ class ExplorationConfig:
         "-",
         "when nothing is left to explore the robot stays there or drives home, to where it began; end: as stay, and the launch ends",
         choices=("stay", "home", "end"),
+        at_runtime=True,
     )
     budget_s: float = parameter(
-        0.0, "s", "after so long the robot is home again, with what it knows by then; 0: it takes the time that it needs", low=0.0, high=1e6
+        0.0,
+        "s",
+        "after so long the robot is home again, with what it knows by then; 0: it takes the time that it needs",
+        low=0.0,
+        high=1e6,
+        at_runtime=True,
     )
-    budget_m: float = parameter(0.0, "m", "the same in metres driven; 0: as many as it needs", low=0.0, high=1e6)
+    budget_m: float = parameter(0.0, "m", "the same in metres driven; 0: as many as it needs", low=0.0, high=1e6, at_runtime=True)
     home_tolerance_m: float = parameter(
         0.15, "m", "home is where it began within this distance, as a sweep there tells", low=0.02, high=2.0
     )

@@ -92,8 +92,11 @@ class Explorer:
         terrain: TerrainSettings | None = None,
         frontier: FrontierConfig | None = None,
         planner: PlannerConfig | None = None,
+        *,
+        explores: bool = True,
     ) -> None:
-        """ValueError lists every violation of the four configurations."""
+        """Without `explores` it waits after every sweep, and only leads home. ValueError lists every violation of the configurations."""
+        self.explores = explores
         self.config = config or ExplorationConfig()
         self.terrain_settings = terrain or TerrainSettings()
         self.frontier_config = frontier or FrontierConfig()
@@ -125,6 +128,15 @@ class Explorer:
         if errand is Errand.EXPLORE and self._state not in (State.STARTING, State.UNDER_WAY, State.RETREATING):
             self._state, self._budget = State.STARTING, Budget(self.config, since_start=False)
 
+    def configure(self, config: ExplorationConfig, frontier: FrontierConfig, planner: PlannerConfig) -> None:
+        """From the next sweep on. ValueError lists every violation; nothing is changed then."""
+        if problems := [problem for c in (config, frontier, planner) for problem in c.validate()]:
+            raise ValueError("\n".join(problems))
+        self.config, self.frontier_config, self.planner_config = config, frontier, planner
+        self._goals.configure(config, frontier, planner)
+        self._homing.configure(config, planner)
+        self._budget.configure(config)
+
     def set_zones(self, zones: Zones) -> None:
         """Where the robot may drive, from the next sweep on. ValueError lists what is wrong with them; nothing is changed then."""
         if problems := zones.problems():
@@ -152,10 +164,14 @@ class Explorer:
         """What to do after a sweep. ValueError for poses that are none; nothing is changed then."""
         as_transforms(observation.vertex_poses)
         self._count(observation)
-        decision = self._why_not_on(observation) or self._homeward(observation)
-        decision = decision or self._kept(observation) or self._back(observation) or self._onward(observation)
+        decision = self._why_not_on(observation) or self._homeward(observation) or self._goes_on(observation)
         self._plan = replace(decision, kind=DecisionKind.GOAL) if decision.path is not None else None
         return replace(decision, set_aside=len(self.set_aside()))
+
+    def _goes_on(self, observation: Observation) -> Decision:
+        if not self.explores:
+            return Decision(DecisionKind.WAIT, "exploration is off")
+        return self._kept(observation) or self._back(observation) or self._onward(observation)
 
     def _count(self, observation: Observation) -> None:
         if observation.sweep in (SweepOutcome.UNPLACED, SweepOutcome.LOST):
@@ -193,9 +209,9 @@ class Explorer:
         return self._go_home(observation) if self._state is State.GOING_HOME else None
 
     def _why_over(self, observation: Observation) -> str:
+        leg_m = self._budget.spend(observation.elapsed_s, observation.driven_m, observation.T_map_base[:3, 3])
         if not self._budget.is_set:
             return ""
-        leg_m = self._budget.spend(observation.elapsed_s, observation.driven_m)
         return self._budget.why_over(self._homing.way_m(observation.vertex_poses, observation.terrain_within(None), leg_m))
 
     def _begin_homing(self, why: str, then: DecisionKind) -> None:

@@ -24,8 +24,10 @@ from stage_config import check_ranges, parameter
 class FrontierConfig:
     """Which frontiers are worth a look, and which one first."""
 
-    min_voxels: int = parameter(6, "voxels", "smaller clusters are ignored", low=1, high=1000)
-    min_inflated_voxels: int = parameter(15, "voxels", "the same for clusters beside inflated ground only", low=1, high=1000)
+    min_voxels: int = parameter(6, "voxels", "smaller clusters are ignored", low=1, high=1000, at_runtime=True)
+    min_inflated_voxels: int = parameter(
+        15, "voxels", "the same for clusters beside inflated ground only", low=1, high=1000, at_runtime=True
+    )
     least_last_gain_m2: float = parameter(
         2.5, "m2", "smaller ones of these, down to min_voxels, are looked at last, if a look may show this much ground", low=0.0, high=100.0
     )
@@ -34,11 +36,18 @@ class FrontierConfig:
     )
     approach_m: float = parameter(1.0, "m", "farthest traversable ground from which such a cluster is looked at", low=0.0, high=5.0)
     target_radius_m: float = parameter(1.0, "m", "extent of one target: larger clusters are split", low=0.1, high=10.0)
-    angle_weight_m_per_rad: float = parameter(0.5, "m/rad", "cost of turning to a frontier", low=0.0, high=20.0)
+    angle_weight_m_per_rad: float = parameter(0.5, "m/rad", "cost of turning to a frontier", low=0.0, high=20.0, at_runtime=True)
     gain_weight_m_per_m2: float = parameter(
-        0.1, "m/m2", "way that is worth a square metre of ground that a look may show; 0: none, as in the thesis", low=0.0, high=10.0
+        0.1,
+        "m/m2",
+        "way that is worth a square metre of ground that a look may show; 0: none, as in the thesis",
+        low=0.0,
+        high=10.0,
+        at_runtime=True,
     )
-    gain_radius_m: float = parameter(3.0, "m", "ground around a frontier of which a look may show something", low=0.5, high=20.0)
+    gain_radius_m: float = parameter(
+        3.0, "m", "ground around a frontier of which a look may show something", low=0.5, high=20.0, at_runtime=True
+    )
     frontier_distance: str = parameter("path", "-", "distance over the ground, or straight as in the thesis", choices=("path", "euclidean"))
 
     def validate(self) -> list[str]:

@@ -37,12 +37,19 @@ class GoalSearch:
     """Chooses a goal in a terrain; remembers what was tried where, and how the robot went to where it cannot turn."""
 
     def __init__(self, config: ExplorationConfig, terrain: TerrainSettings, frontier: FrontierConfig, planner: PlannerConfig) -> None:
-        self._config, self._terrain_settings, self._frontier_config, self._planner_config = config, terrain, frontier, planner
+        self._terrain_settings = terrain
         self._tried = TriedPlaces(config)
         self._approach = Approach(config, planner.trim_m)
+        self.configure(config, frontier, planner)
         self._way_out = WayOut(terrain)
         self._begun: tuple[float, float, float] | None = None  # the frontier on the way to which it was sent to where a passage begins
         self._sent_to: Lookout | None = None  # before whose way it was sent
+
+    def configure(self, config: ExplorationConfig, frontier: FrontierConfig, planner: PlannerConfig) -> None:
+        """From the next search on."""
+        self._config, self._frontier_config, self._planner_config = config, frontier, planner
+        self._tried.configure(config)
+        self._approach.configure(config, planner.trim_m)
 
     def set_aside(self) -> list[tuple[tuple[float, float, float], str]]:
         """Frontiers given up so far, each with the reason."""

@@ -23,13 +23,19 @@ class Homing:
 
     def __init__(self, config: ExplorationConfig, planner: PlannerConfig, base_height_m: float) -> None:
         """`base_height_m`: of base_link above the ground."""
-        self._config, self._planner, self._base_height_m = config, planner, base_height_m
         self._approach = Approach(config, planner.trim_m)
+        self.configure(config, planner)
+        self._base_height_m = base_height_m
         self._vertex: int | None = None  # whose sweep was the first
         self._way_m = 0.0  # the last that was known
         self._why, self._then = "", DecisionKind.EXPLORED
         self._sent_whole: bool | None = None  # whether its goal is home itself; None: it was not sent yet
         self._failures = 0
+
+    def configure(self, config: ExplorationConfig, planner: PlannerConfig) -> None:
+        """From the next step on."""
+        self._config, self._planner = config, planner
+        self._approach.configure(config, planner.trim_m)
 
     def notice(self, vertex_id: int) -> None:
         """A sweep is in the map; home is where the robot stood at the first."""

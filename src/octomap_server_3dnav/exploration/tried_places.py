@@ -31,6 +31,10 @@ class TriedPlaces:
         self._config = config
         self._places: list[Place] = []
 
+    def configure(self, config: ExplorationConfig) -> None:
+        """Places are judged by it from now on, also those that were tried before."""
+        self._config = config
+
     def known(self, xyz: Point) -> Place | None:
         """The place at a point; None where nothing was tried yet."""
         near = [(math.dist(p.xyz, xyz), i) for i, p in enumerate(self._places)]

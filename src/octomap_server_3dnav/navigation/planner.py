@@ -26,13 +26,14 @@ _NOT_KNOWN = np.empty(0)  # what is left to the goal
 class PlannerConfig:
     """What a path costs and how it is handed on."""
 
-    climb_weight: float = parameter(0.3, "-", "extra cost of a metre of height, up or down", low=0.0, high=50.0)
+    climb_weight: float = parameter(0.3, "-", "extra cost of a metre of height, up or down", low=0.0, high=50.0, at_runtime=True)
     passage_weight: float = parameter(
         5.0,
         "-",
         "cost factor of a metre straight through a passage without room to turn: other ground is looked at first",
         low=1.0,
         high=1e3,
+        at_runtime=True,
     )
     escape_cost: float = parameter(5.0, "-", "cost factor of inflated ground on the way out of it", low=1.0, high=1000.0)
     far_m: float = parameter(
@@ -40,7 +41,7 @@ class PlannerConfig:
     )
     far_weight: float = parameter(1.2, "-", "but costs at most so many times as much, and is found sooner", low=1.0, high=5.0)
     waypoint_spacing_m: float = parameter(0.15, "m", "distance between the points of a path", low=0.02, high=2.0)
-    trim_m: float = parameter(0.9, "m", "distance from the frontier at which a path ends", low=0.0, high=5.0)
+    trim_m: float = parameter(0.9, "m", "distance from the frontier at which a path ends", low=0.0, high=5.0, at_runtime=True)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""

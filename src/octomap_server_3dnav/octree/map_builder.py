@@ -5,18 +5,18 @@ graph moves by more than an eighth of a voxel is drawn anew. Clouds whose place 
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
+from octomap_server_3dnav.octree.map_config import MapConfig as MapConfig  # the map is made with one
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel, SweepVoxels
 from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
 from rigid_geometry import as_transforms, rotation_angles, transform_points
 from rigid_geometry.transforms import Transform
 from robot_body import RobotBody
-from stage_config import check_ranges, parameter
 
 _MOVED = 0.125  # voxels: of what is kept off things 1 cm is for errors, so sweeps must not lie farther off than that
 _LEVER_M = 4.0  # a turned sweep counts as moved by what its points at this distance move
@@ -25,32 +25,6 @@ _SUNK = 0.25  # voxels by which the ground under the robot is put lower: it must
 _UPRIGHT = 0.5  # of a robot that leans farther nobody knows what it stands on: 60 degrees
 
 RUNS_MARGIN_M = 2.25  # columns beyond a classified radius that inflation and the look for cliffs read
-
-
-@dataclass(frozen=True)
-class MapConfig:
-    """Octree and cropping; `resolution` is octomap_server's parameter."""
-
-    resolution: float = parameter(0.08, "m", "edge of a voxel", low=0.01, high=1.0)
-    max_range_m: float = parameter(12.0, "m", "rays free voxels up to this range", low=0.5, high=100.0)
-    crop_half_m: float = parameter(
-        7.0, "m", "half side of the cuboid around the robot in which a sweep is dense enough to be inserted", low=1.0, high=100.0
-    )
-    crop_below_m: float = parameter(4.0, "m", "how far below the robot the cuboid reaches", low=0.5, high=50.0)
-    crop_above_m: float = parameter(4.0, "m", "how far above the robot the cuboid reaches", low=0.5, high=50.0)
-    start_plane_half_m: float = parameter(
-        0.8, "m", "half side of the plane put under the robot at the start, where the laser is blind", low=0.0, high=3.0
-    )
-    start_plane_most_m: float = parameter(
-        2.0, "m", "it reaches as far as the nearest ground that the first sweep shows, but no farther than this", low=0.0, high=5.0
-    )
-
-    def validate(self) -> list[str]:
-        """All violations, as sentences."""
-        found = check_ranges(self)
-        if self.start_plane_most_m < self.start_plane_half_m:
-            found.append(f"start_plane_most_m = {self.start_plane_most_m} is below start_plane_half_m = {self.start_plane_half_m}")
-        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,6 +125,27 @@ class MapBuilder:
         self._insert(self._seen(points_map, origins_map, len(points_map), centre, stands))
         self._stays, self._knows_ground = self._stays or "clouds", self._knows_ground or stands is not None
 
+    def configure(self, config: MapConfig, sensor_model: SensorModel) -> None:
+        """Counts all beams so from now on, also those of the sweeps that are in the map: it becomes as if it had always been so.
+
+        What clouds and files have left stays as it is. ValueError lists what is wrong with the configuration; nothing is changed then.
+        """
+        if problems := config.validate() + sensor_model.validate():
+            raise ValueError("; ".join(problems))
+        self._redraw(list(self._moved))
+        before, self.config = self.config, replace(config, resolution=self.config.resolution)
+        if sensor_model == self._tree.sensor_model and _is_same(before, self.config):
+            return
+        if self._stays:
+            self._tree = OctreeMap.from_full(self._tree.to_full(), self.config.resolution, sensor_model)
+            return
+        self._tree, self.heights = OctreeMap(self.config.resolution, sensor_model), SurfaceHeights(self.config.resolution)
+        for sweep in self._sweeps:
+            sweep.seen = self._trace(sweep.beams, sweep.T_map_base, first=sweep is self._sweeps[0])
+            self._insert(sweep.seen)
+            for voxels in sweep.cleared:
+                self._tree.insert(voxels)
+
     def fix(self, what: str) -> None:
         """Takes the sweeps as they lie for good: clouds may be added from now on, and sweeps no more. `what` the map is of is told."""
         self._redraw(list(self._moved))
@@ -180,7 +175,7 @@ class MapBuilder:
 
     @property
     def tree(self) -> OctreeMap:
-        """The octree, with every sweep where it is now; the same object until the builder goes."""
+        """The octree, with every sweep where it is now; the same object until `configure`."""
         self._redraw(list(self._moved))
         return self._tree
 
@@ -279,6 +274,10 @@ class MapBuilder:
         height = below[2] - (middles[:, :2] - below[:2]) @ up[:2] / up[2]
         top = middles[:, 2] + 0.499 * c.resolution
         return middles, np.column_stack([middles[:, :2], np.minimum(height, top)]).astype(np.float32)
+
+
+def _is_same(a: MapConfig, b: MapConfig) -> bool:
+    return all(getattr(a, f.name) == getattr(b, f.name) for f in fields(MapConfig))
 
 
 def _beyond(ends: NDArray[np.float32], origins: NDArray[np.float32], max_range_m: float) -> NDArray[np.float32]:

@@ -10,7 +10,7 @@ class SensorModel:
     """What one sweep says about a voxel: octomap_server's `sensor_model/*` and what grazing rays may not erase."""
 
     hit: float = parameter(
-        0.7, "-", "probability of a voxel in which a beam ended; higher: one hit is worth more misses", low=0.5, high=0.999
+        0.7, "-", "probability of a voxel in which a beam ended; higher: one hit is worth more misses", low=0.5, high=0.999, at_runtime=True
     )
     miss: float = parameter(
         0.47,
@@ -18,6 +18,7 @@ class SensorModel:
         "probability of a voxel that beams only crossed: they may have passed over the floor in it; lower: more floor is lost again",
         low=0.001,
         high=0.5,
+        at_runtime=True,
     )
     through: float = parameter(
         0.28,
@@ -25,6 +26,7 @@ class SensorModel:
         "the same of a voxel where the sweep saw all that is beside it, too: what stood there has gone; as miss: off",
         low=0.001,
         high=0.5,
+        at_runtime=True,
     )
     min: float = parameter(
         0.45,
@@ -32,6 +34,7 @@ class SensorModel:
         "lower clamping probability: so free a voxel can get; lower: floor over which beams have passed often must be hit more often",
         low=0.001,
         high=0.5,
+        at_runtime=True,
     )
     min_through: float = parameter(
         0.06,
@@ -39,8 +42,11 @@ class SensorModel:
         "the same where sweeps saw all that is beside it, too: what steps in there later must be hit more often; as min: off",
         low=0.001,
         high=0.5,
+        at_runtime=True,
     )
-    max: float = parameter(0.97, "-", "upper clamping probability; lower: occupied voxels are revised sooner", low=0.5, high=0.999)
+    max: float = parameter(
+        0.97, "-", "upper clamping probability; lower: occupied voxels are revised sooner", low=0.5, high=0.999, at_runtime=True
+    )
     grazing_m: float = parameter(
         2.0,
         "m",

@@ -14,6 +14,7 @@ CONFIG = EvaluationConfig()
 GOOD = Outcome(
     "explored: all", fell=False, collisions=0, map_saved=True, coverage=0.999, missed_piece_m2=0.1, start=StartDistance(9.0, 5.0, 1.0)
 )
+HOME = "ended: 520 of 600 s are spent, and the way home of 9.0 m needs the rest; home, 0.05 m and 0.01 rad from the start"
 
 
 def test_good_run_succeeds() -> None:
@@ -41,6 +42,11 @@ def test_good_run_succeeds() -> None:
         ({"outside_m": 0.051}, Fault.OUTSIDE),
         ({"stop_reason": "explored: all; not home, 1.05 m and 0.01 rad from the start: a box"}, Fault.NOT_HOME),
         ({"coverage": None, "start": StartDistance(0.9, 0.9, 0.0)}, Fault.STAYED),
+        ({"stop_reason": "ended: 520 of 600 s are spent; not home, 3.00 m and 0.01 rad from the start: a box"}, Fault.NOT_HOME),
+        ({"stop_reason": HOME, "start": StartDistance(9.0, 0.21, 0.0)}, Fault.NOT_HOME),
+        ({"stop_reason": HOME, "start": StartDistance(9.0, 0.1, 0.0), "budget_share": 1.06}, Fault.LATE),
+        ({"stop_reason": HOME, "start": StartDistance(9.0, 0.1, 0.0), "map_saved": False}, Fault.NOT_SAVED),
+        ({"stop_reason": "interrupted", "explores": False, "collisions": 1}, Fault.TOUCHED),
     ],
 )
 def test_each_fault_alone_is_no_success(changed: dict[str, object], fault: Fault) -> None:
@@ -61,6 +67,25 @@ def test_what_is_just_enough_is_a_success(changed: dict[str, object]) -> None:
     assert succeeded(replace(GOOD, **changed), CONFIG) is True  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"stop_reason": HOME, "start": StartDistance(9.0, 0.1, 0.0), "budget_share": 0.98},
+        {"coverage": None, "missed_piece_m2": None},
+        {"start": StartDistance(0.0, 0.0, 0.0)},
+    ],
+)
+def test_run_that_was_to_end_before_all_is_explored_succeeds_with_less(changed: dict[str, object]) -> None:
+    little = replace(GOOD, stop_reason="ended: told to stop", coverage=0.4, missed_piece_m2=60.0)
+    assert succeeded(replace(little, **changed), CONFIG) is True  # type: ignore[arg-type]
+
+
+def test_robot_that_only_drove_to_goals_succeeds_without_a_map() -> None:
+    driven = replace(GOOD, stop_reason="interrupted", map_saved=False, coverage=None, missed_piece_m2=None, explores=False)
+    assert succeeded(driven, CONFIG) is True
+    assert succeeded(replace(driven, collisions=None), CONFIG) is None
+
+
 @pytest.mark.parametrize("unknown", ["stop_reason", "fell", "collisions", "coverage", "missed_piece_m2", "start"])
 def test_what_is_not_known_leaves_the_verdict_open(unknown: str) -> None:
     assert succeeded(replace(GOOD, **{unknown: None}), CONFIG) is None
@@ -72,6 +97,8 @@ def test_robot_alone_knows_whether_it_ever_left_its_start() -> None:
     assert succeeded_alone(reason, driven_m=0.5, set_aside=0)
     assert succeeded_alone(reason, driven_m=5.0, set_aside=12)
     assert not succeeded_alone("stuck", driven_m=5.0, set_aside=0)
+    assert succeeded_alone(HOME, driven_m=5.0, set_aside=12)
+    assert not succeeded_alone(HOME.replace("; home", "; not home"), driven_m=5.0, set_aside=12)
 
 
 def test_largest_piece_is_of_neighbouring_cells_of_one_level() -> None:

@@ -139,6 +139,11 @@ def test_clairvoyant_is_asked_only_where_one_says_so() -> None:
     assert [parse(words).clairvoyant for words in ([], ["--clairvoyant"])] == [False, True]
 
 
+def test_goals_need_a_map() -> None:
+    with pytest.raises(ArgumentProblem, match="--map DIR names it"):
+        parse(["--goals"])
+
+
 def test_realisms_are_the_simulator_s() -> None:
     assert REALISMS == HARDWARE_OR_IDEAL
 

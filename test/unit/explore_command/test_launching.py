@@ -35,6 +35,15 @@ def test_launch_file_gets_every_argument() -> None:
     assert (values["robot_file"], values["urdf"]) == (Path("/o/robot.yaml"), urdf_file(RobotBody()))
 
 
+def test_goals_in_a_finished_map_are_driven_to_without_mapping_in_real_time_and_without_an_end() -> None:
+    values = launched("--map", "/runs/mine", "--goals", "--out", "/o")
+    assert (values["mapping"], values["map"], values["resume"]) == ("off", Path("/runs/mine"), "false")
+    assert values["rate"] == 1.0 and float(str(values["max_sim_time"])) > 1e6
+    exploring = launched("--map", "/runs/mine", "--out", "/o")
+    assert (exploring["mapping"], exploring["map"], exploring["resume"]) == ("driving", "", "true")
+    assert (exploring["rate"], exploring["max_sim_time"]) == (0.0, 3600.0)
+
+
 def test_launch_file_is_told_the_sensor() -> None:
     assert launched()["sensor"] == "tilting"
     assert launched("--sensor", "spinning")["sensor"] == "spinning"

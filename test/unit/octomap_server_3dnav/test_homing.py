@@ -18,8 +18,8 @@ HOME, AWAY = (2.0, 2.0, 0.7), (5.0, 4.5, 0.0)  # x, y, yaw
 class Run:
     """A robot that is put somewhere for each sweep; `s` and `m` go on by what it is told."""
 
-    def __init__(self, world: np.ndarray | None = None, **config: object) -> None:
-        self.explorer = Explorer(ExplorationConfig(**config))  # type: ignore[arg-type]
+    def __init__(self, world: np.ndarray | None = None, *, explores: bool = True, **config: object) -> None:
+        self.explorer = Explorer(ExplorationConfig(**config), explores=explores)  # type: ignore[arg-type]
         self.runs = runs_of(opening(room()) if world is None else world)
         self.poses: list[np.ndarray] = []
         self.s = self.m = 0.0
@@ -228,3 +228,51 @@ def test_where_no_way_home_is_known_the_last_one_and_what_was_driven_since_count
     assert 3.9 <= homing._way_m <= 4.4
     assert homing.way_m(np.array(run.poses), terrain, 2.0) == pytest.approx(homing._way_m)
     assert 5.9 <= homing._way_m <= 6.4
+
+
+def tuned(run: Run, **config: object) -> None:
+    e = run.explorer
+    e.configure(ExplorationConfig(**config), e.frontier_config, e.planner_config)  # type: ignore[arg-type]
+
+
+def test_budget_that_is_set_on_the_way_knows_what_was_spent_before_and_what_the_first_sweep_took() -> None:
+    run = Run()
+    run.sweep(HOME, s=20.0)
+    run.sweep(AWAY, s=20.0, m=4.0)
+    tuned(run, budget_s=200.0)
+    assert run.sweep(AWAY, s=20.0, m=4.0).kind is GOAL and run.explorer.state is State.UNDER_WAY
+    tuned(run, budget_s=90.0)
+    run.sweep(AWAY, s=20.0, m=4.0)
+    assert run.explorer.state is State.GOING_HOME
+
+
+def test_way_of_a_robot_that_drives_counts_though_odometry_tells_of_it_a_leg_later() -> None:
+    run = Run(budget_m=9.0)
+    run.sweep(HOME)
+    run.sweep(AWAY)  # 3.9 m away, and 3.9 m are left for the way home, beside twice as much
+    assert run.explorer.state is State.GOING_HOME
+
+
+def test_at_end_that_is_set_on_the_way_is_obeyed() -> None:
+    run = Run(room())
+    run.sweep(HOME)
+    tuned(run, at_end="home")
+    assert run.sweep(AWAY).kind is GOAL and run.explorer.state is State.GOING_HOME
+
+
+def test_configuration_that_contradicts_itself_is_refused_and_changes_nothing() -> None:
+    run = Run()
+    with pytest.raises(ValueError, match="max_goals"):
+        tuned(run, max_goals=1)
+    assert run.explorer.config == ExplorationConfig()
+
+
+def test_robot_that_does_not_explore_waits_after_every_sweep_and_is_led_home_when_asked() -> None:
+    run = Run(explores=False)
+    assert [run.sweep(at).kind for at in (HOME, AWAY)] == [WAIT, WAIT]
+    run.explorer.ask(Errand.HOME, "asked for")
+    way = run.sweep(AWAY)
+    assert (way.kind, run.explorer.state) == (GOAL, State.GOING_HOME)
+    assert way.goal is not None
+    np.testing.assert_allclose(way.goal[:2], HOME[:2], atol=1e-6)
+    assert run.sweep(HOME, at_goal=True).kind is WAIT and run.explorer.state is State.HOME

@@ -300,3 +300,50 @@ def test_clearing_an_empty_map_or_no_box_is_no_harm():
         built.clear_box(BOX[1], BOX[0])
     with pytest.raises(ValueError, match="miss is 0.5"):
         MapBuilder(MapConfig(), SensorModel(miss=0.5), RobotBody()).clear_box(*BOX)
+
+
+def test_map_under_another_sensor_model_and_range_is_as_if_it_had_always_been_so():
+    rng = np.random.default_rng(7)
+    beams, poses = [random_beams(rng) for _ in range(4)], np.array([random_pose(rng) for _ in range(4)])
+    tuned = MapConfig(max_range_m=4.0), SensorModel(hit=0.6, miss=0.4, min=0.2)
+    built, fresh = from_scratch(beams[:2], poses[:2]), MapBuilder(*tuned, RobotBody())
+    built.configure(*tuned)
+    for i, sweep in enumerate(beams):
+        fresh.add_sweep(sweep, i, poses[: i + 1])
+    for i in (2, 3):
+        built.add_sweep(beams[i], i, poses[: i + 1])
+    assert built.tree.to_full() == fresh.tree.to_full() != from_scratch(beams, poses).tree.to_full()
+    assert same_heights(built, fresh)
+
+
+def test_box_that_was_cleared_stays_so_under_another_sensor_model():
+    built = builder()
+    built.add_sweep(wall(), 0, [pose()])
+    built.clear_box((2.5, -1.0, 0.0), (3.5, 1.0, 2.0))
+    built.configure(MapConfig(), SensorModel(hit=0.8))
+    assert state(built, 3.0, 0.0, 0.832) is VoxelState.FREE
+
+
+def test_map_of_clouds_keeps_what_it_has_and_counts_the_next_by_the_new_model():
+    points = np.array([[2.0, 0.0, 0.5]], np.float32)
+    built, origins = builder(), np.array([[0.0, 0.0, 0.5]], np.float32)
+    built.add_cloud(points, origins, None)
+    before = built.tree.to_full()
+    built.configure(MapConfig(), SensorModel(miss=0.05, min=0.01))
+    assert built.tree.to_full() == before
+    built.add_cloud(points + np.float32([1.0, 0.0, 0.0]), origins, None)
+    assert state(built, 2.0, 0.0, 0.5) is VoxelState.FREE
+    same = builder()
+    same.add_cloud(points, origins, None)
+    same.add_cloud(points + np.float32([1.0, 0.0, 0.0]), origins, None)
+    assert state(same, 2.0, 0.0, 0.5) is VoxelState.OCCUPIED
+
+
+def test_configuration_that_is_none_is_refused_and_changes_nothing():
+    built = builder()
+    built.add_sweep(wall(), 0, [pose()])
+    before = built.tree.to_full()
+    with pytest.raises(ValueError, match="max_range_m"):
+        built.configure(MapConfig(max_range_m=-1.0), SensorModel(hit=0.6))
+    built.configure(MapConfig(), SensorModel())
+    assert built.tree.to_full() == before and built.config == MapConfig()

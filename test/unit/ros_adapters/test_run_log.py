@@ -132,3 +132,15 @@ def test_clock_that_is_set_anew_does_not_count_as_time_driven(tmp_path: Path) ->
     for stamp_s in (1.0, 1.05, 1e9, 1e9 + 0.05, 50.0, 50.05):
         log.odometry(odometry(stamp_s, 0.0))
     assert log.sim_time_s == pytest.approx(0.15, abs=1e-6)
+
+
+def test_parameters_that_change_are_in_the_run_s_description_with_the_time(tmp_path: Path) -> None:
+    log = RunLog(tmp_path, {}, RobotBody(), judged=False)
+    log.parameters_of("move_base_node", {"follower_max_speed_mps": 0.5, "monitor_margin_m": 0.1})
+    assert json.loads((tmp_path / "run.json").read_text())["parameter_changes"] == []
+    log.odometry(odometry(12.5, 0.0))
+    log.parameters_of("move_base_node", {"follower_max_speed_mps": 0.3, "monitor_margin_m": 0.1})
+    told = {"stamp_s": 12.5, "node": "move_base_node", "parameter": "follower_max_speed_mps", "before": 0.5, "value": 0.3}
+    assert json.loads((tmp_path / "run.json").read_text())["parameter_changes"] == [told]
+    log.finish("explored: all")
+    assert read_summary(tmp_path)["parameter_changes"] == [told]

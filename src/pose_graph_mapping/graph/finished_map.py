@@ -1,0 +1,162 @@
+"""Localisation only: sweeps are placed in a finished map, whose graph and clouds stay as they are.
+
+`FinishedMap` answers what `PoseGraphMapper` answers, so that the mapping node need not know which of them it has.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.graph.dead_reckoning import odometry_covariance
+from pose_graph_mapping.graph.localisation import Placement, places
+from pose_graph_mapping.graph.loop_closure import Match, beyond_correction
+from pose_graph_mapping.graph.mapper import PoseGraphMapper
+from pose_graph_mapping.graph.mapping_update import MappingUpdate
+from pose_graph_mapping.graph.pose_graph import Edge
+from pose_graph_mapping.registration.cloud import PointCloud, merged, voxel_downsample
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
+from pose_graph_mapping.registration.seen_through import Gone
+from rigid_geometry import as_transform, inverse
+
+Array = NDArray[np.float64]
+
+_SPACING_M = 1.0  # of the sweeps that one is matched to; a robot that has moved by less is matched to the same
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Placed:
+    """Where a sweep was found, the odometry there, and how well that is known."""
+
+    stamp_s: float
+    T_map_base: Array
+    T_odom_base: Array
+    covariance: Array
+
+
+class FinishedMap:
+    """Places each sweep by a match against the clouds around where odometry has it; the first by a search of the whole map."""
+
+    def __init__(self, mapper: PoseGraphMapper, config: MappingConfig, match: Match) -> None:
+        """The map of `mapper`, which nothing is added to."""
+        self._mapper, self._config, self._match = mapper, config, match
+        self.graph = mapper.graph
+        self._poses, self._clouds = mapper.graph.poses(), mapper.vertex_clouds()
+        self._first: _Placed | None = None
+        self._last: _Placed | None = None
+        self._area: tuple[Array, PointCloud] | None = None  # around where
+
+    @property
+    def stamps_s(self) -> tuple[float, ...]:
+        """Of all vertex_poses of the newest update."""
+        return (*self._mapper.stamps_s, *(p.stamp_s for p in self._visits()))
+
+    def add_sweep(
+        self,
+        stamp_s: float,
+        points_base: ArrayLike,
+        origins_base: ArrayLike,
+        T_odom_base: ArrayLike,
+        _gravity_base: ArrayLike | None = None,
+        _gravity_sigma_rad: float | None = None,
+        placement: Placement | None = None,
+    ) -> MappingUpdate:
+        """Where a sweep was made; nothing becomes of it. Arguments and errors as of `PoseGraphMapper.add_sweep`.
+
+        vertex_poses of the answer are those of the map, then where the first sweep was made here, then where this one was.
+        """
+        sweep, T_odom = PointCloud.of_finite(points_base, origins_base), as_transform(T_odom_base)
+        self._check(stamp_s, sweep)
+        if placement is not None:
+            result, T_map_base = placement.result, as_transform(placement.result.T_reference_reading)
+        elif self._last is not None:
+            result, T_map_base = self._matched(voxel_downsample(sweep, self._config.vertex_voxel_m), T_odom)
+        else:
+            raise ValueError("the first sweep in a finished map is looked for in all of it")
+        covariance = result.covariance if result.usable else self._grown(T_odom)
+        self._last = _Placed(float(stamp_s), T_map_base, T_odom, covariance)
+        self._first = self._first or self._last
+        return self._update(result, placement.tries if placement else 1, sweep.dropped)
+
+    def surroundings(self) -> PointCloud:
+        """The map's clouds around where the robot was found last, in map; ValueError before it was."""
+        if self._last is None:
+            raise ValueError("the robot was not found in the map yet")
+        return self._around(self._last.T_map_base)
+
+    def vertex_clouds(self) -> tuple[PointCloud, ...]:
+        """The light cloud of every vertex, in its body frame."""
+        return self._clouds
+
+    def map_cloud(self) -> PointCloud:
+        """All of them in the map frame."""
+        return self._mapper.map_cloud()
+
+    def gone(self) -> Gone:
+        """What later sweeps of the map looked through."""
+        return self._mapper.gone()
+
+    def finish_cloud(self) -> None:
+        """Nothing is left to do."""
+
+    def solve(self) -> tuple[Edge, ...]:
+        """The graph stays as it is."""
+        return ()
+
+    def _check(self, stamp_s: float, sweep: PointCloud) -> None:
+        if not np.isfinite(stamp_s) or stamp_s <= self.stamps_s[-1]:
+            raise ValueError(f"stamps must increase: {stamp_s} after {self.stamps_s[-1]}")
+        if len(sweep) < self._config.min_sweep_points:
+            raise ValueError(f"a sweep of {len(sweep)} finite points ({sweep.dropped} dropped), {self._config.min_sweep_points} wanted")
+
+    def _matched(self, cloud: PointCloud, T_odom_base: Array) -> tuple[RegistrationResult, Array]:
+        """The match, and where the robot is: by it where it can be used, else by odometry."""
+        assert self._last is not None
+        T_guess, grown = self._last.T_map_base @ inverse(self._last.T_odom_base) @ T_odom_base, self._grown(T_odom_base)
+        result = self._match(self._around(T_guess), cloud, T_guess, grown)
+        if result.usable and (why := beyond_correction(T_guess, result.T_reference_reading, grown, self._config)):
+            result = dataclasses.replace(result, verdict=Verdict.REFUSED, reason=why)
+        return result, as_transform(result.T_reference_reading) if result.usable else T_guess
+
+    def _grown(self, T_odom_base: Array) -> Array:
+        """How well the pose is known after the way since the last sweep."""
+        assert self._last is not None
+        return self._last.covariance + odometry_covariance(inverse(self._last.T_odom_base) @ T_odom_base, self._config)
+
+    def _around(self, T_map_base: Array) -> PointCloud:
+        """The clouds of vertices within graph_dist_m, of those near each other one: a place that was visited often costs no more."""
+        here = T_map_base[:3, 3]
+        if self._area is None or np.linalg.norm(self._area[0] - here) > _SPACING_M:
+            gaps = np.linalg.norm(self._poses[:, :3, 3] - here, axis=1)
+            near = np.flatnonzero(gaps <= max(self._config.graph_dist_m, gaps.min()))
+            chosen = near[places(self._poses[near, :3, 3], int(np.argmin(gaps[near])), _SPACING_M)]
+            self._area = here.copy(), merged([self._clouds[k].transformed(self._poses[k]) for k in chosen.tolist()])
+        return self._area[1]
+
+    def _visits(self) -> tuple[_Placed, ...]:
+        found = (self._first,) if self._first is self._last else (self._first, self._last)
+        return tuple(p for p in found if p is not None)
+
+    def _update(self, result: RegistrationResult, tries: int, dropped: int) -> MappingUpdate:
+        assert self._last is not None
+        poses = np.concatenate([self._poses, [p.T_map_base for p in self._visits()]])
+        return MappingUpdate(
+            vertex_id=len(poses) - 1,
+            vertex_poses=poses,
+            T_map_odom=self._last.T_map_base @ inverse(self._last.T_odom_base),
+            result=result,
+            match_used=result.usable,
+            tries=tries,
+            last_vertex_correction_m=0.0,
+            loop_closures=0,
+            loop_results=(),
+            max_vertex_motion_m=0.0,
+            max_vertex_motion_rad=0.0,
+            points_dropped=dropped,
+        )
+
+
+Mapper = PoseGraphMapper | FinishedMap
