@@ -56,7 +56,7 @@ class LockstepSimTest(unittest.TestCase):
         """When so many commands belong to the tick."""
         type(self).sent += commands
         type(self).answered += 1
-        self.done.publish(SimulationTick(tick.header, ["/cmd_vel"], [self.sent]))
+        self.done.publish(SimulationTick(tick.header, ["/cmd_vel"], [self.sent], tick.recount))
 
     def go_on(self, ticks: int, *turn_rates: float) -> None:
         """Each tick with these commands."""
@@ -103,7 +103,7 @@ class LockstepSimTest(unittest.TestCase):
 
     def test_6_answer_that_counts_no_commands_is_dropped_and_told(self) -> None:
         tick = self.next_tick()
-        self.done.publish(SimulationTick(tick.header, [], []))
+        self.done.publish(SimulationTick(tick.header, [], [], tick.recount))
         time.sleep(QUIET_S)
         self.assertEqual(len(self.ticks.messages), self.answered + 1)
         self.go_on(30, 0.0)
