@@ -3,7 +3,8 @@
 `Life` is the node's side. `node_revival` stands above the node, and starts it again.
 """
 
+from node_life.journal import Journal
 from node_life.life import Life
 from node_life.watch import Deaths, RevivalConfig, Watch, processor_s
 
-__all__ = ["Deaths", "Life", "RevivalConfig", "Watch", "processor_s"]
+__all__ = ["Deaths", "Journal", "Life", "RevivalConfig", "Watch", "processor_s"]

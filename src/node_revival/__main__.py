@@ -34,7 +34,7 @@ class _Master:
         self._server = xmlrpc.client.ServerProxy(os.environ.get("ROS_MASTER_URI", "http://localhost:11311"))
 
     def tell(self, key: str, value: int | str) -> None:
-        """Sets /revival/NODE/KEY; without a master the terminal alone knows."""
+        """Sets /revival/NODE/KEY; where there is no master any more the terminal alone knows."""
         try:
             self._server.setParam("/node_revival", f"/revival/{self._node}/{key}", value)
         except (OSError, xmlrpc.client.Error):
@@ -74,7 +74,7 @@ class Revival:
         self._asked_to_end = True
 
     def _say(self, text: str) -> None:
-        sys.stderr.write(f"{self._node} {text}\n")
+        sys.stderr.write(f"[explore] {self._node} {text}\n")
         sys.stderr.flush()
 
     def _live(self) -> tuple[int, str]:

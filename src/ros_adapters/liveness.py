@@ -52,6 +52,13 @@ class Liveness:
         except (OSError, xmlrpc.client.Error):
             return {}
 
+    def restarts(self) -> dict[str, int]:
+        """How often each node was started again, of those that were."""
+        try:
+            return {name: int(above["times"]) for name, above in self.revived().items() if "times" in above}
+        except (OSError, xmlrpc.client.Error):
+            return {}
+
     def revived(self) -> Revived:
         """What the processes above nodes say on the parameter server."""
         try:

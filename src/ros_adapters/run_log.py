@@ -2,6 +2,7 @@
 
 import csv
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -169,7 +170,7 @@ class RunLog:
                 return
             time.sleep(0.1)
 
-    def _counters(self, reason: str) -> dict[str, Any]:
+    def _counters(self, reason: str, restarts: Mapping[str, int]) -> dict[str, Any]:
         d = self._decision
         return {
             "stop_reason": reason,
@@ -183,28 +184,33 @@ class RunLog:
             "global_classifications": d.global_classifications if d else 0,
             "global_classification_time_s": d.global_classification_time_s if d else 0.0,
             "set_aside_frontiers": d.set_aside_frontiers if d else 0,
+            "restarts": dict(restarts),
         }
 
-    def finish(self, reason: str, *, judge: bool = True) -> str:
-        """Writes the counters, has the run judged where there is a true world and `judge` says so; the text for the terminal."""
+    def finish(self, reason: str, *, judge: bool = True, restarts: Mapping[str, int] | None = None) -> str:
+        """Writes the counters, has the run judged where there is a true world and `judge` says so; the text for the terminal.
+
+        `restarts`: how often each node was started again, of those that were.
+        """
+        counters = self._counters(reason, restarts or {})
         if not self._out:
             return f"ended: {reason}"
         for file in (self._truth_file, self._contacts_file, self._events_file):
             if file:
                 file.close()
-        write_json(self._out / "counters.json", self._counters(reason))
+        write_json(self._out / "counters.json", counters)
         if self._judged:
             return judged_at_end(self._out) if judge else f"ended: {reason}"
-        summary = self._own_summary(self._out, reason)
+        summary = self._own_summary(self._out, counters)
         try:
             draw_pictures(self._out, summary)
         except ValueError as error:
             return f"{format_summary(summary)}\nno pictures: {error}"
         return format_summary(summary)
 
-    def _own_summary(self, out: Path, reason: str) -> dict[str, Any]:
+    def _own_summary(self, out: Path, counters: Mapping[str, Any]) -> dict[str, Any]:
         """What a robot knows of its run by itself; the distance is its odometry's."""
-        known = {**self._run_description(), **self._counters(reason), "distance_m": round(self._distance_m, 3)}
+        known, reason = {**self._run_description(), **counters, "distance_m": round(self._distance_m, 3)}, counters["stop_reason"]
         known["success"] = succeeded_alone(reason, self._distance_m, known["set_aside_frontiers"])
         known["faults"] = [] if known["success"] else [str(Fault.STAYED if reason.startswith("explored") else Fault.NOT_EXPLORED)]
         write_json(out / "summary.json", known)

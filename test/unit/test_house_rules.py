@@ -61,6 +61,7 @@ ORDER: dict[str, set[str]] = {
         "point_cloud2",
         "pybullet_simulation",
         "sensor_checks",
+        "stop_scan_and_go",
         "sweep_assembly",
     },
     # programs: they use stages, and no stage uses them
