@@ -19,6 +19,7 @@ from pose_graph_mapping.registration.cloud import PointCloud
 from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import DamagedSweepError, NotOnDiskError, SessionStore
+from ros_adapters.asking import AskedService
 from ros_adapters.conversions import Singles, cloud_message, free_arrays, header, pose_message
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.frames import frames
@@ -115,8 +116,7 @@ def _hand_over_map(store: SessionStore, graph: PoseGraph) -> list[str]:
     """
     problems: list[str] = []
     try:
-        rospy.wait_for_service(_SERVICE, _WAIT_S)
-        restore = rospy.ServiceProxy(_SERVICE, RestoreSweep, persistent=True)
+        restore = AskedService(_SERVICE, RestoreSweep, _WAIT_S)
         for stored in store.sweeps:
             try:
                 answer = restore(_message(store, graph, stored.vertex_id, stored.stamp_s))
