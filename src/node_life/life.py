@@ -21,6 +21,7 @@ class Life:
         given = os.environ if environment is None else environment
         self._pulse = int(given[PULSE]) if PULSE in given else None
         self._folder = Path(given[MEMORY]) if MEMORY in given else None
+        self.problem = ""  # why nothing is kept any more
         self.is_first = self._folder is None or not (self._folder / "lived").exists()
 
     def begun(self) -> None:
@@ -37,11 +38,19 @@ class Life:
                 self._pulse = None
 
     def keep(self, name: str, value: object) -> None:
-        """Remembers a value under a name. A process that is killed meanwhile leaves the one before."""
-        if self._folder is not None:
-            new = self._folder / f"{name}.new"
+        """Remembers a value under a name. A process that is killed meanwhile leaves the one before.
+
+        Where it cannot be written the node lives on, and `problem` says why: what is kept is old from then on.
+        """
+        if self._folder is None:
+            return
+        new = self._folder / f"{name}.new"
+        try:
             new.write_bytes(pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
             new.replace(self._folder / name)
+            self.problem = ""
+        except OSError as error:
+            self.problem = f"{name}: {error}"
 
     def kept(self, name: str, otherwise: V) -> V:
         """What the process before remembered last under a name; `otherwise`, of the same type, where there is nothing."""
@@ -52,9 +61,13 @@ class Life:
 
     def note(self, name: str, value: object) -> None:
         """Adds a value to those noted under a name."""
-        if self._folder is not None:
+        if self._folder is None:
+            return
+        try:
             with (self._folder / name).open("ab") as file:
                 file.write(pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
+        except OSError as error:
+            self.problem = f"{name}: {error}"
 
     def notes(self, name: str) -> list[object]:
         """All that was noted under a name, oldest first; one that was being written when the process died is left out."""

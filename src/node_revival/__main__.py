@@ -102,7 +102,8 @@ class Revival:
 
 def main(command: Sequence[str]) -> int:
     """Runs the command; its exit code."""
-    memory = Path(tempfile.mkdtemp(prefix="explore_3dnav_"))
+    ram = "/dev/shm"  # a node keeps its state at every step: on a disk that takes a millisecond
+    memory = Path(tempfile.mkdtemp(prefix=f"explore_3dnav_{os.getpid()}_", dir=ram if os.access(ram, os.W_OK) else None))
     try:
         return Revival(command, memory, RevivalConfig()).run()
     finally:

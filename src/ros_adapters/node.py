@@ -287,4 +287,5 @@ class Node:
             time.sleep(_WATCH_PERIOD_S)
             if not self.lockstep:
                 self.guarded(self._watchdog)(time.monotonic())
+            self.diagnostics.holds("nothing is kept for a restart", self.life.problem)
             self.dropping(lambda _: self.diagnostics.report_news())(None)

@@ -65,7 +65,7 @@ def test_killed_node_is_started_again_and_remembers(revive, tmp_path: Path) -> N
     os.killpg(process.pid, signal.SIGINT)
     assert process.wait(30.0) != 0  # python's own end by an interrupt
     assert "a_node died: killed by signal 9; it is started again" in process.stderr.read()
-    assert not list(tmp_path.glob("explore_3dnav_*"))
+    assert not [left for root in (Path("/dev/shm"), tmp_path) for left in root.glob(f"explore_3dnav_{process.pid}_*")]
 
 
 @pytest.mark.parametrize("code", [0, 2])
@@ -147,6 +147,17 @@ def test_what_was_being_written_at_death_is_left_out(tmp_path: Path) -> None:
     assert life.notes("calls") == [(1, "a")]
     life.forget("calls")
     assert life.notes("calls") == [] and life.kept("calls", None) is None
+
+
+def test_memory_that_cannot_be_written_is_told_and_stops_nobody(tmp_path: Path) -> None:
+    life = Life({MEMORY: str(tmp_path)})
+    life.keep("state", 1)
+    (tmp_path / "state.new").mkdir()
+    life.keep("state", 2)
+    assert "state" in life.problem and life.kept("state", 0) == 1
+    (tmp_path / "state.new").rmdir()
+    life.keep("state", 3)
+    assert not life.problem and life.kept("state", 0) == 3
 
 
 def test_without_a_process_above_it_nothing_is_kept() -> None:
