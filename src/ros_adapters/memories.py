@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import rospy
-from explore_3dnav.msg import RunEvent
+from explore_3dnav.msg import ExplorationDecision, RunEvent
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.exploration.decide import Explorer
@@ -43,6 +43,7 @@ class DecidingMemory:
     timing: StageTimes
     decided_s: float = -math.inf  # stamp of the last sweep about which was decided
     T_map_base: Transform | None = None  # where the robot was then
+    decision: ExplorationDecision | None = None
 
 
 @dataclass
