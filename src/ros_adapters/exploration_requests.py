@@ -13,7 +13,7 @@ from visualization_msgs.msg import MarkerArray
 
 from octomap_server_3dnav.exploration.decide import Errand, Explorer, State
 from octomap_server_3dnav.exploration.decision import Decision
-from ros_adapters.conversions import header, stamp_of
+from ros_adapters.conversions import header, plain, stamp_of
 from ros_adapters.frames import frames
 from ros_adapters.frontier_markers import frontier_markers
 from ros_adapters.node import Node
@@ -55,7 +55,7 @@ class ExplorationRequests:
         self._tell()
 
     def _on_event(self, heard: RunEvent) -> None:
-        event = RunEvent(*(getattr(heard, name) for name in RunEvent.__slots__))  # rospy's own, with arrays, cannot be kept
+        event = plain(heard, RunEvent)
         self._event = event
         self._began_s = stamp_of(event) if math.isnan(self._began_s) else self._began_s
         if event.state in ("sweeping", "looking"):

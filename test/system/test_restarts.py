@@ -25,6 +25,7 @@ KILLED = (
     "octomap_server_3dnav_local_node",
     "move_base_node",
     "stop_scan_and_go_node",
+    "exploration_monitor_node",
 )
 STOPPED = "scan_filter_node", "pose_graph_mapping_node"
 GOES_ON = re.compile(r"t=([0-9.]+) s")
