@@ -6,7 +6,7 @@ import genpy
 import rospy
 
 _AGAIN_S = 0.1
-_ANSWERED = "responded with an error"  # as rospy says of a server that is there, and does not want
+_FINAL = "responded with an error", "unavailable"  # as rospy says of a server that does not want, and of one that the master knows not
 _asking: list[str] = []
 
 
@@ -16,7 +16,10 @@ def is_asking() -> bool:
 
 
 class AskedService:
-    """A service over one persistent connection. Where nobody answers, it is asked again for as long as there is patience."""
+    """A service over one persistent connection. Where nobody answers, it is asked again for as long as there is patience.
+
+    The master goes on knowing a node that was killed. One that never was there, or ended by itself, is not waited for.
+    """
 
     def __init__(self, name: str, service_type: type, patience_s: float = 60.0) -> None:
         """`patience_s`: for a node that dies and is started again; a process takes seconds to be there."""
@@ -38,7 +41,7 @@ class AskedService:
                 self._proxy = self._proxy or rospy.ServiceProxy(self._name, self._type, persistent=True)
                 return self._proxy(*arguments)
             except (rospy.ServiceException, rospy.exceptions.TransportException, OSError) as error:
-                if _ANSWERED in str(error):
+                if any(words in str(error) for words in _FINAL):
                     raise
                 self._proxy = None
                 if time.monotonic() > deadline_s or rospy.core.is_shutdown_requested():

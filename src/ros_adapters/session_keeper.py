@@ -116,6 +116,7 @@ def _hand_over_map(store: SessionStore, graph: PoseGraph) -> list[str]:
     """
     problems: list[str] = []
     try:
+        rospy.wait_for_service(_SERVICE, _WAIT_S)
         restore = AskedService(_SERVICE, RestoreSweep, _WAIT_S)
         for stored in store.sweeps:
             try:
