@@ -5,8 +5,13 @@ import time
 import genpy
 import rospy
 
+from node_life import Life
+
 _AGAIN_S = 0.1
-_FINAL = "responded with an error", "unavailable"  # as rospy says of a server that does not want, and of one that the master knows not
+_UNWILLING, _UNKNOWN = (
+    "responded with an error",
+    "unavailable",
+)  # as rospy says of a server that is there, and of one that the master knows not
 _asking: list[str] = []
 
 
@@ -18,12 +23,13 @@ def is_asking() -> bool:
 class AskedService:
     """A service over one persistent connection. Where nobody answers, it is asked again for as long as there is patience.
 
-    The master goes on knowing a node that was killed. One that never was there, or ended by itself, is not waited for.
+    One that never was there is not waited for: a node may do without it.
     """
 
     def __init__(self, name: str, service_type: type, patience_s: float = 60.0) -> None:
         """`patience_s`: for a node that dies and is started again; a process takes seconds to be there."""
         self._name, self._type, self._patience_s = name, service_type, patience_s
+        self._is_known = not Life().is_first  # by this process or the one before
         self._proxy: rospy.ServiceProxy | None = None
 
     def __call__(self, *arguments: object) -> genpy.Message:
@@ -39,9 +45,11 @@ class AskedService:
         while True:
             try:
                 self._proxy = self._proxy or rospy.ServiceProxy(self._name, self._type, persistent=True)
-                return self._proxy(*arguments)
+                answer = self._proxy(*arguments)
+                self._is_known = True
+                return answer
             except (rospy.ServiceException, rospy.exceptions.TransportException, OSError) as error:
-                if any(words in str(error) for words in _FINAL):
+                if _UNWILLING in str(error) or (_UNKNOWN in str(error) and not self._is_known):
                     raise
                 self._proxy = None
                 if time.monotonic() > deadline_s or rospy.core.is_shutdown_requested():

@@ -64,6 +64,13 @@ def test_server_that_does_not_want_and_one_that_nobody_knows_are_asked_once(serv
     assert server.calls == 1 and not is_asking()
 
 
+def test_server_that_has_answered_is_waited_for_while_it_begins_anew(served) -> None:
+    """Its next process registers its name first, and then its services: in between the master does not know these."""
+    server = served("yes", rospy.ServiceException("service [/x] unavailable"), "yes again")
+    service = AskedService("x", object)
+    assert (service(), service(), server.calls) == ("yes", "yes again", 3)
+
+
 def test_patience_has_an_end(served) -> None:
     served(ABSENT)
     with pytest.raises(rospy.ServiceException, match="x does not answer: unable to connect"):
