@@ -16,7 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 
 DRIVES_MPS, STANDS_MPS = 0.15, 0.03
-SILENT_S = {signal.SIGSTOP: 3.0, signal.SIGKILL: 1.5}  # a node that was killed is not there again before
+SILENT_S = {signal.SIGSTOP: 3.0, signal.SIGKILL: 1.0}  # a node that was killed is not there again before
 BRAKES_WITHIN_S, NAMED_WITHIN_S, GOES_ON_WITHIN_S = 0.33, 1.5, 120.0
 DECELERATION_MPS2 = 3.0  # of config/robot.yaml
 
