@@ -74,14 +74,6 @@ class ScanTracker:
         self._longest_s = 0.0  # that a reading took so far
         self._reset()
 
-    def __getstate__(self) -> dict[str, Any]:
-        """All but the map, which is large and seldom changes: who keeps a tracker gives it its map again."""
-        return {name: value for name, value in self.__dict__.items() if name != "_around"}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._around = Surroundings(self._config)
-
     @property
     def counts(self) -> dict[str, int]:
         """How many bundles were matched or refused, and messages given up, by reason."""
