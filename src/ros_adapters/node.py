@@ -23,8 +23,8 @@ from ros_adapters.conversions import header
 from ros_adapters.counting_publisher import CountingPublisher
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.inputs import InputWatch
-from ros_adapters.results_folder import results_folder
 from ros_adapters.restarts import pulse, wait_for_listeners
+from ros_adapters.results_folder import results_folder
 from ros_adapters.urdf_mount import robot_of_parameters
 from stage_config import ConfigError, load_config
 

@@ -27,7 +27,10 @@ VERSION = "0.1.0"
 _COUNTED = ("pose_graph_mapping_node", "octomap_server_3dnav_node")
 _MAP_FILES = ("map.bt", "trajectory.txt", "cloud.ply")
 
-_KEPT = tuple(f"_{name}" for name in "started begun last_stamp_s elapsed_s first_wall_s event decision counts distance_m last_xy runtime changes".split())
+_KEPT = tuple(
+    f"_{name}"
+    for name in "started begun last_stamp_s elapsed_s first_wall_s event decision counts distance_m last_xy runtime changes".split()
+)
 _CLOCK_JUMP_S = 60.0  # no odometry is silent for so long: somebody set the clock
 
 
