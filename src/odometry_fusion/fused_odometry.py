@@ -15,6 +15,10 @@ from sensor_checks import ImuLimits
 FloatArray = NDArray[np.float64]
 
 
+def _in_the_middle(_frame: str) -> FloatArray:
+    return np.zeros(3)
+
+
 class FusedOdometry:
     """The wheels drive it: an estimate comes out at each of their stamps, once all inputs up to it are there."""
 
@@ -24,7 +28,7 @@ class FusedOdometry:
         limits: ImuLimits,
         robot: RobotBody,
         rotation_of: Callable[[str], FloatArray],
-        position_of: Callable[[str], FloatArray] = lambda _frame: np.zeros(3),
+        position_of: Callable[[str], FloatArray] = _in_the_middle,
     ) -> None:
         """ValueError when the configuration is wrong.
 

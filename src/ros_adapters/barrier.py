@@ -3,6 +3,9 @@
 The simulator says at the end of every tick how many messages it has sent on each topic, and each node of the chain says the same when it
 has acted: with what it heard, and what it sent itself. So the end of the chain knows of everything before it. The barrier decides when a
 node acts, never what it acts on.
+
+A node that was started again has lost what was sent meanwhile, and counts its own messages from zero. So the simulator then tells its
+last tick once more, as a recount: what was told before is taken as it is, and counted on from there.
 """
 
 from collections import Counter, deque
@@ -12,10 +15,14 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Tick:
-    """The end of a tick: its stamp, and how many messages were sent on each topic since the start, as far as the node heard."""
+    """The end of a tick: its stamp, and how many messages were sent on each topic since the start, as far as the node heard.
+
+    `recount`: how often the count has begun anew.
+    """
 
     stamp_s: float
     counts: Mapping[str, int] = field(default_factory=dict)
+    recount: int = 0
 
 
 class Barrier:
@@ -26,24 +33,34 @@ class Barrier:
         self._told: dict[str, deque[Tick]] = {name: deque() for name in after}
         self._topics = tuple(topics)
         self._received: Counter[str] = Counter()
+        self._recount = 0
 
     def received(self, topic: str) -> None:
         """A message of a topic is here."""
         self._received[topic] += 1
 
     def told(self, by: str, tick: Tick) -> None:
-        """Somebody tells of a tick."""
-        self._told[by].append(tick)
+        """Somebody tells of a tick; what he told before a recount is over, and a recount that is known is told once."""
+        ticks = self._told[by]
+        if tick.recount > self._recount and not any(t.recount == tick.recount for t in ticks):
+            ticks.clear()
+        ticks.append(tick)
 
     def next(self) -> Tick | None:
         """The oldest tick that all told of and whose messages are here, once, with the counts of all; None while there is none."""
+        newest = max((t.recount for ticks in self._told.values() for t in ticks), default=0)
+        for ticks in self._told.values():
+            while ticks and ticks[0].recount < newest:
+                ticks.popleft()
         if not all(self._told.values()):
             return None
         counts: dict[str, int] = {}
         for ticks in self._told.values():
             for topic, count in ticks[0].counts.items():
                 counts[topic] = max(count, counts.get(topic, 0))
-        if any(self._received[topic] < counts.get(topic, 0) for topic in self._topics):
+        if newest > self._recount:
+            self._recount, self._received = newest, Counter(counts)
+        elif any(self._received[topic] < counts.get(topic, 0) for topic in self._topics):
             return None
         stamp_s = max(ticks.popleft().stamp_s for ticks in self._told.values())
-        return Tick(stamp_s, counts)
+        return Tick(stamp_s, counts, self._recount)

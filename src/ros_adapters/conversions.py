@@ -2,6 +2,7 @@
 
 import functools
 import math
+from typing import TypeVar
 
 import numpy as np
 import rospy
@@ -17,6 +18,8 @@ from point_cloud2 import PointTable, read_points
 from rigid_geometry import quat_xyzw_from_transform, transform_from_quat, transform_from_rpy
 from ros_adapters.frames import frames
 from sweep_assembly import Scan, ScanGeometry
+
+M = TypeVar("M")
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -42,6 +45,11 @@ def ros_time(stamp_s: float) -> rospy.Time:
 
 def header(stamp_s: float, frame: str) -> Header:
     return Header(stamp=ros_time(stamp_s), frame_id=frame)
+
+
+def plain(message: M, kind: type[M]) -> M:
+    """The same as a message that can be kept: what rospy gives with arrays of numbers is of a class of its own."""
+    return kind(*(getattr(message, name) for name in kind.__slots__))  # type: ignore[attr-defined]
 
 
 def stamp_of(message: object) -> float:

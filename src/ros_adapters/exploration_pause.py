@@ -29,7 +29,7 @@ class ExplorationPause:
         self._node, self._stand, self._drives, self._explores = node, stand, drives, explores
         self._goals: GoalAction | None = None
         self.reason = ""  # why exploration is paused; empty: it is not
-        self._recalled = ""
+        self.recalled = ""  # why a sweep is to decide anew; empty: nobody asked for one
 
     def serve(self, goals: "GoalAction") -> None:
         """Begins to answer; `goals` are the user's."""
@@ -45,23 +45,23 @@ class ExplorationPause:
     def begin(self, why: str) -> None:
         """The robot stands, and drives nothing but goals until exploration is told to go on."""
         how = "/explore/resume lets exploration go on" if self._explores else "goals are driven to"
-        self.reason, self._recalled = f"{why}; {how}", ""
+        self.reason, self.recalled = f"{why}; {how}", ""
         self._stand(self.reason)
 
     def end(self, why: str) -> None:
         """Exploration goes on with a sweep; a goal that is driven to stays."""
         self.reason = ""
         if self._goals is None or not self._goals.is_active:
-            self._recalled = why
+            self.recalled = why
 
     def plan_came(self) -> None:
         """What a recall asked for is here."""
-        self._recalled = ""
+        self.recalled = ""
 
     def state_of_idle(self) -> tuple[str, str] | None:
         """State and reason of a follower without a path; None when they are its own."""
-        if self._recalled:
-            return RECALLED, self._recalled
+        if self.recalled:
+            return RECALLED, self.recalled
         return (PAUSED, self.reason) if self.reason else None
 
     def _on_cancel(self, cancelled: GoalID) -> None:
@@ -101,12 +101,12 @@ class ExplorationPause:
             if self._goals is not None:
                 self._goals.replace("exploration was asked for something else")
             self.end("exploration was asked for something else")
-            self._stand(self._recalled)
+            self._stand(self.recalled)
             return TriggerResponse(True, "")
 
     def _answer_replan(self) -> TriggerResponse:
         with self._node.lock:
             if self._drives():
-                self._recalled = "where the robot may drive has changed"
-                self._stand(self._recalled)
+                self.recalled = "where the robot may drive has changed"
+                self._stand(self.recalled)
             return TriggerResponse(True, "")

@@ -13,13 +13,14 @@ from visualization_msgs.msg import MarkerArray
 
 from octomap_server_3dnav.exploration.decide import Errand, Explorer, State
 from octomap_server_3dnav.exploration.decision import Decision
-from ros_adapters.conversions import header, stamp_of
+from ros_adapters.conversions import header, plain, stamp_of
 from ros_adapters.frames import frames
 from ros_adapters.frontier_markers import frontier_markers
 from ros_adapters.node import Node
 
 RECALL = "/move_base_node/recall"
 STATUS = "/explore/status"
+_MEMORY = "requests"
 _OVER = ("finished", "failed")
 _EXPLORING, _GOING_HOME, _HOME = ExploreStatus.EXPLORING, ExploreStatus.GOING_HOME, ExploreStatus.HOME
 
@@ -41,10 +42,9 @@ class ExplorationRequests:
 
     def __init__(self, node: Node, explorer: Explorer) -> None:
         self._node, self._explorer = node, explorer
-        self._event = RunEvent(state="starting", reason="waiting for the first sweep")
-        self._drive = RunEvent()  # to which the next sweep belongs
-        self._began_s = math.nan  # stamp of the first event
-        self._decided = ""
+        starting = RunEvent(state="starting", reason="waiting for the first sweep")
+        # The last event, that to which the next sweep belongs, the stamp of the first, and what was decided.
+        self._event, self._drive, self._began_s, self._decided = node.life.kept(_MEMORY, (starting, RunEvent(), math.nan, ""))
         self._told = ExploreStatus()
         self._status = node.publisher(STATUS, ExploreStatus, latch=True)
         self._frontiers = node.publisher("/explore/frontiers", MarkerArray, latch=True)
@@ -54,13 +54,15 @@ class ExplorationRequests:
         node.subscribe("/exploration/event", RunEvent, self._on_event)
         self._tell()
 
-    def _on_event(self, event: RunEvent) -> None:
+    def _on_event(self, heard: RunEvent) -> None:
+        event = plain(heard, RunEvent)
         self._event = event
         self._began_s = stamp_of(event) if math.isnan(self._began_s) else self._began_s
         if event.state in ("sweeping", "looking"):
             self._drive = event
         elif event.state == "driving":
             self._drive = RunEvent(state=event.state, intermediate=True, distance_m=event.distance_m)
+        self._remember()
         self._tell()
 
     def drive(self, stamp_s: float) -> tuple[bool, str, float, float, bool, bool]:
@@ -72,8 +74,12 @@ class ExplorationRequests:
     def on_decision(self, stamp_s: float, decision: Decision) -> None:
         """What was decided after a sweep."""
         self._decided = decision.reason
+        self._remember()
         self._frontiers.publish(frontier_markers(stamp_s, decision))
         self._tell()
+
+    def _remember(self) -> None:
+        self._node.life.keep(_MEMORY, (self._event, self._drive, self._began_s, self._decided))
 
     def _tell(self) -> None:
         event, explorer = self._event, self._explorer

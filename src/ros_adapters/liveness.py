@@ -1,15 +1,33 @@
-"""Which nodes do not answer: asked through their slave API, as rosnode ping does."""
+"""Which nodes do not answer: asked through their slave API, as rosnode ping does; and which of these are started again.
+
+`/revival/NODE`, set by the process above a node (`node_revival`): its pid, how many times it started the node again, and why it gave up.
+"""
 
 import socket
 import threading
 import time
 import xmlrpc.client
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import rosgraph
 import rospy
 
 _TIMEOUT_S = 3.0
+_AWAY_S = 60.0  # a process that takes longer to begin does not come
+Revived = Mapping[str, Mapping[str, int | str]]
+
+
+def why_it_stays_away(name: str, revived: Revived, away_s: float) -> str:
+    """Why nobody waits any longer for a node that has not answered for so long, as words; empty while it is being started again."""
+    above = revived.get(name)
+    if above is None:
+        return name  # nobody starts it again
+    if why := above.get("gave_up"):
+        return f"{name} ({why})"
+    if not Path(f"/proc/{above.get('pid')}").exists():
+        return f"{name}, and what starts it again"
+    return f"{name} (away for {away_s:.0f} s)" if away_s > _AWAY_S else ""
 
 
 class Liveness:
@@ -18,15 +36,36 @@ class Liveness:
     def __init__(self, names: Sequence[str], start_limit_s: float = 40.0) -> None:
         self._names = list(names)
         self._addresses: dict[str, tuple[str, int]] = {}
+        self._away_since_s: dict[str, float] = {}
         self._deadline = time.monotonic() + start_limit_s
         self._master = rosgraph.Master(rospy.get_name())
 
-    def gone(self) -> list[str]:
-        """Names of nodes whose process is gone or never came; empty when the master itself cannot be asked."""
+    def gone(self) -> dict[str, str]:
+        """Nodes that are gone for good or never came, each with why, as words; empty when the master itself cannot be asked."""
         try:
-            return [name for name in self._names if self._is_gone(name)]
+            away = [name for name in self._names if self._is_gone(name)]
+            now_s = time.monotonic()
+            self._away_since_s = {name: self._away_since_s.get(name, now_s) for name in away}
+            revived = self.revived() if away else {}
+            why = {name: why_it_stays_away(name, revived, now_s - since_s) for name, since_s in self._away_since_s.items()}
+            return {name: words for name, words in why.items() if words}
         except (OSError, xmlrpc.client.Error):
-            return []
+            return {}
+
+    def restarts(self) -> dict[str, int]:
+        """How often each node was started again, of those that were."""
+        try:
+            return {name: int(above["times"]) for name, above in self.revived().items() if "times" in above}
+        except (OSError, xmlrpc.client.Error):
+            return {}
+
+    def revived(self) -> Revived:
+        """What the processes above nodes say on the parameter server."""
+        try:
+            found = self._master.getParam("/revival")
+        except rosgraph.MasterError:
+            return {}
+        return found if isinstance(found, dict) else {}
 
     def _is_gone(self, name: str) -> bool:
         if name in self._addresses and self._answers(self._addresses[name]):

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
 from pose_graph_mapping.registration.matching import PointCloud, RegistrationResult, Verdict, refused
+from ros_adapters.asking import AskedService
 from ros_adapters.conversions import cloud_arrays_with_normals, cloud_message, transform_from_message, transform_message
 from ros_adapters.frames import frames
 
@@ -48,10 +49,10 @@ def refused_response(reason: str) -> MatchCloudsResponse:
 
 
 class MatchService:
-    """match_clouds seen from the mapper: arrays in, result out, over one persistent connection."""
+    """match_clouds seen from the mapper: arrays in, result out, asked again of a node that was started again."""
 
     def __init__(self) -> None:
-        self._call = rospy.ServiceProxy("match_clouds", MatchClouds, persistent=True)
+        self._call = AskedService("match_clouds", MatchClouds)
 
     def __call__(
         self, reference: PointCloud, reading: PointCloud, T_guess: NDArray[np.float64], covariance: NDArray[np.float64] | None
@@ -70,7 +71,6 @@ class MatchService:
         except rospy.ServiceException as error:
             if rospy.core.is_shutdown_requested():
                 raise
-            self._call = rospy.ServiceProxy("match_clouds", MatchClouds, persistent=True)
             return refused(T_guess, f"match_clouds did not answer: {error}")
         return _result(response, T_guess)
 

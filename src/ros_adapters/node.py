@@ -14,6 +14,7 @@ from explore_3dnav.msg import SimulationTick
 from rospy.numpy_msg import numpy_msg
 from std_msgs.msg import String
 
+from node_life import Life
 from robot_body import RobotBody
 from ros_adapters.aliases import ALIASES
 from ros_adapters.at_once import beside
@@ -22,6 +23,7 @@ from ros_adapters.conversions import header
 from ros_adapters.counting_publisher import CountingPublisher
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.inputs import InputWatch
+from ros_adapters.restarts import pulse, wait_for_listeners
 from ros_adapters.results_folder import results_folder
 from ros_adapters.urdf_mount import robot_of_parameters
 from stage_config import ConfigError, load_config
@@ -61,6 +63,7 @@ class Node:
     def __init__(self, name: str) -> None:
         rospy.init_node(name, disable_rostime=True)
         self.name = name
+        self.life = Life()
         self.lock = threading.RLock()
         self.lockstep = bool(rospy.get_param("/lockstep", False))
         self.diagnostics = Diagnostics(name)
@@ -121,7 +124,7 @@ class Node:
         with self.lock:
             assert self._barrier is not None
             counts = dict(zip(message.topics, message.counts, strict=True))
-            self._barrier.told(upstream, Tick(message.header.stamp.to_sec(), counts))
+            self._barrier.told(upstream, Tick(message.header.stamp.to_sec(), counts, message.recount))
             self._proceed(message)
 
     def received(self, topic: str) -> None:
@@ -156,7 +159,7 @@ class Node:
     def _pass_on(self, tick: Tick) -> None:
         counts = {**tick.counts, **{topic: p.sent for topic, p in self._sent.items()}, **self.sent_otherwise}
         assert self._tick_topic is not None
-        self._tick_topic.publish(SimulationTick(header(tick.stamp_s, ""), list(counts), list(counts.values())))
+        self._tick_topic.publish(SimulationTick(header(tick.stamp_s, ""), list(counts), list(counts.values()), tick.recount))
 
     def dropping(self, callback: Callable[[M], R], cause: object = None) -> Callable[[M], R | None]:
         """`callback`, which drops what it cannot use: a ValueError is counted under the type of its message, as is a service that fails."""
@@ -271,13 +274,18 @@ class Node:
 
     def run(self) -> None:
         """Waits for what it listens to, says that it is ready, and serves until shutdown."""
+        pulse(self.life, self.lock)
         ready = rospy.Publisher(READY_TOPIC, String, latch=True, queue_size=1)
         if self.lockstep:
             while not rospy.is_shutdown() and not all(holds() for holds in self._required):
                 time.sleep(0.02)
+        if not self.life.is_first:
+            wait_for_listeners([*self._sent.values(), *([self._tick_topic] if self._tick_topic else [])])
+        self.life.begun()
         ready.publish(String(self.name))
         while not rospy.core.is_shutdown_requested():
             time.sleep(_WATCH_PERIOD_S)
             if not self.lockstep:
                 self.guarded(self._watchdog)(time.monotonic())
+            self.diagnostics.holds("nothing is kept for a restart", self.life.problem)
             self.dropping(lambda _: self.diagnostics.report_news())(None)

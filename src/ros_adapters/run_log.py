@@ -2,6 +2,7 @@
 
 import csv
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +20,17 @@ from exploration_evaluation.verdict import Fault, succeeded_alone
 from mount_calibration import RECORDED_FILE, TiltCalibration, write_calibration
 from rigid_geometry import quat_xyzw_from_transform
 from robot_body import DESCRIPTION, RobotBody, robot_mapping
-from ros_adapters.conversions import stamp_of, transform_from_pose
+from ros_adapters.conversions import plain, stamp_of, transform_from_pose
 from ros_adapters.mapping_mode import OFF
 
 VERSION = "0.1.0"
 _COUNTED = ("pose_graph_mapping_node", "octomap_server_3dnav_node")
 _MAP_FILES = ("map.bt", "trajectory.txt", "cloud.ply")
 
+_KEPT = tuple(
+    f"_{name}"
+    for name in "started begun last_stamp_s elapsed_s first_wall_s event decision counts distance_m last_xy runtime changes".split()
+)
 _CLOCK_JUMP_S = 60.0  # no odometry is silent for so long: somebody set the clock
 
 
@@ -40,8 +45,12 @@ class RunLog:
         calibration: TiltCalibration | None = None,
         *,
         judged: bool,
+        memory: Mapping[str, object] | None = None,
     ) -> None:
-        """`calibration`: that of the mount, which the nodes apply; `judged`: there is a true world to judge the run by."""
+        """`calibration`: that of the mount, which the nodes apply; `judged`: there is a true world to judge the run by.
+
+        `memory`: of a log that goes on here, in the same folder.
+        """
         self.finished = False
         self._judged = judged
         self._out = out
@@ -57,22 +66,35 @@ class RunLog:
         self._changes: list[dict[str, object]] = []
         self._distance_m = 0.0
         self._last_xy: NDArray[np.float64] | None = None
+        self.__dict__.update(memory or {})
+        mode = "w" if memory is None else "a"
         self._truth_file = self._contacts_file = self._events_file = None
         if out and judged:
-            self._truth_file = (out / "trajectory_truth.txt").open("w", buffering=1)
-            self._contacts_file = (out / "contacts.csv").open("w", buffering=1)
-            self._contacts_file.write("stamp,link,speed_mps,force_n,other\n")
+            self._truth_file = (out / "trajectory_truth.txt").open(mode, buffering=1)
+            self._contacts_file = (out / "contacts.csv").open(mode, buffering=1)
         if out:
-            self._events_file = (out / "events.csv").open("w", newline="", buffering=1)
+            self._events_file = (out / "events.csv").open(mode, newline="", buffering=1)
+        if memory is None:
+            self._begin(out, robot, calibration)
+
+    def _begin(self, out: Path | None, robot: RobotBody, calibration: TiltCalibration | None) -> None:
+        """What the folder has from the beginning."""
+        if self._contacts_file:
+            self._contacts_file.write("stamp,link,speed_mps,force_n,other\n")
+        if out and self._events_file:
             self._events_file.write("stamp_s,wall_s,state,reason,sweeps\n")
             write_json(out / "run.json", self._run_description())
             (out / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(robot), sort_keys=False))
-            if description := parameters.get("robot_description"):
+            if description := self._parameters.get("robot_description"):
                 (out / DESCRIPTION).write_text(str(description))
             if calibration is None or calibration.is_nominal:
                 (out / RECORDED_FILE).unlink(missing_ok=True)  # of an earlier run
             else:
                 write_calibration(calibration, out / RECORDED_FILE)
+
+    def memory(self) -> dict[str, object]:
+        """What a log that goes on needs beside the folder."""
+        return {name: self.__dict__[name] for name in _KEPT}
 
     def _run_description(self) -> dict[str, Any]:
         section = self._parameters.get("exploration_monitor_node")
@@ -109,15 +131,16 @@ class RunLog:
             self._contacts_file.write(f"{stamp_of(message):.3f},{message.link},{numbers},{message.other}\n")
 
     def event(self, message: RunEvent) -> None:
-        if self.finished or self._has_ended:
+        is_known = (message.state, message.header.stamp) == (self._event.state, self._event.header.stamp)  # latched, and heard again
+        if self.finished or self._has_ended or is_known:
             return
-        self._event = message
+        self._event = plain(message, RunEvent)
         if self._events_file:
             row = (f"{stamp_of(message):.3f}", f"{time.monotonic() - self._begun:.3f}", message.state, message.reason, message.sweeps)
             csv.writer(self._events_file, lineterminator="\n").writerow(row)
 
     def decision(self, message: ExplorationDecision) -> None:
-        self._decision = message
+        self._decision = plain(message, ExplorationDecision)
 
     def diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -169,7 +192,7 @@ class RunLog:
                 return
             time.sleep(0.1)
 
-    def _counters(self, reason: str) -> dict[str, Any]:
+    def _counters(self, reason: str, restarts: Mapping[str, int]) -> dict[str, Any]:
         d = self._decision
         return {
             "stop_reason": reason,
@@ -183,28 +206,33 @@ class RunLog:
             "global_classifications": d.global_classifications if d else 0,
             "global_classification_time_s": d.global_classification_time_s if d else 0.0,
             "set_aside_frontiers": d.set_aside_frontiers if d else 0,
+            "restarts": dict(restarts),
         }
 
-    def finish(self, reason: str, *, judge: bool = True) -> str:
-        """Writes the counters, has the run judged where there is a true world and `judge` says so; the text for the terminal."""
+    def finish(self, reason: str, *, judge: bool = True, restarts: Mapping[str, int] | None = None) -> str:
+        """Writes the counters, has the run judged where there is a true world and `judge` says so; the text for the terminal.
+
+        `restarts`: how often each node was started again, of those that were.
+        """
+        counters = self._counters(reason, restarts or {})
         if not self._out:
             return f"ended: {reason}"
         for file in (self._truth_file, self._contacts_file, self._events_file):
             if file:
                 file.close()
-        write_json(self._out / "counters.json", self._counters(reason))
+        write_json(self._out / "counters.json", counters)
         if self._judged:
             return judged_at_end(self._out) if judge else f"ended: {reason}"
-        summary = self._own_summary(self._out, reason)
+        summary = self._own_summary(self._out, counters)
         try:
             draw_pictures(self._out, summary)
         except ValueError as error:
             return f"{format_summary(summary)}\nno pictures: {error}"
         return format_summary(summary)
 
-    def _own_summary(self, out: Path, reason: str) -> dict[str, Any]:
+    def _own_summary(self, out: Path, counters: Mapping[str, Any]) -> dict[str, Any]:
         """What a robot knows of its run by itself; the distance is its odometry's."""
-        known = {**self._run_description(), **self._counters(reason), "distance_m": round(self._distance_m, 3)}
+        known, reason = {**self._run_description(), **counters, "distance_m": round(self._distance_m, 3)}, counters["stop_reason"]
         known["success"] = succeeded_alone(reason, self._distance_m, known["set_aside_frontiers"])
         known["faults"] = [] if known["success"] else [str(Fault.STAYED if reason.startswith("explored") else Fault.NOT_EXPLORED)]
         write_json(out / "summary.json", known)

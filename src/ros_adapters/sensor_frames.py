@@ -22,6 +22,10 @@ class SensorFrames(FixedFrames):
         """As `FixedFrames`."""
         return super().T_base(named_as_ours(frame))
 
+    def place_in_base(self, frame: str) -> Floats:
+        """(3,) origin of a frame in base_link."""
+        return self.T_base(frame)[:3, 3]
+
 
 def _static(message: TransformStamped) -> StaticTransform:
     p, q = message.transform.translation, message.transform.rotation

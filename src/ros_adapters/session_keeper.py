@@ -19,6 +19,7 @@ from pose_graph_mapping.registration.cloud import PointCloud
 from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import DamagedSweepError, NotOnDiskError, SessionStore
+from ros_adapters.asking import AskedService
 from ros_adapters.conversions import Singles, cloud_message, free_arrays, header, pose_message
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.frames import frames
@@ -36,16 +37,32 @@ class SessionKeeper:
         self._diagnostics = diagnostics
         self._saved_vertices = 0
 
-    def resumed(self, config: MappingConfig, match: Match) -> PoseGraphMapper | None:
+    def resumed(self, config: MappingConfig, match: Match, *, terrain_has_it: bool = False) -> PoseGraphMapper | None:
         """The mapper of the session on disk, whose map the terrain node then has too; None where there are no sweeps."""
         if not self._store or not self._store.sweeps:
             return None
         found = resume(self._store, config, match)
-        for note in (*found.notes, *_hand_over_map(self._store, found.mapper.graph)):
+        for note in (*found.notes, *([] if terrain_has_it else self.hand_over(found.mapper.graph))):
             rospy.logwarn("session: %s", note)
             self._diagnostics.dropped("session", note)
         rospy.loginfo("session of %d sweeps goes on", len(self._store.sweeps))
         return found.mapper
+
+    def hand_over(self, graph: PoseGraph) -> list[str]:
+        """Gives all sweeps to the terrain node; what could not be given, a sentence each."""
+        return _hand_over_map(self._store, graph) if self._store else ["there is no folder with sweeps: set ~out"]
+
+    def last_sweep(self, mapper: PoseGraphMapper) -> MappedSweep | None:
+        """The newest sweep on disk, as it is published; None where there is none."""
+        if not self._store or not self._store.sweeps:
+            return None
+        last = self._store.sweeps[-1]
+        return _message(self._store, mapper.graph, last.vertex_id, last.stamp_s)
+
+    def last_odometry(self) -> NDArray[np.float64] | None:
+        """(4, 4) T_odom_base of the newest sweep on disk."""
+        measured = self._store.sweeps[-1].measured if self._store and self._store.sweeps else None
+        return None if measured is None else measured.T_odom_base
 
     def keep(
         self,
@@ -100,7 +117,7 @@ def _hand_over_map(store: SessionStore, graph: PoseGraph) -> list[str]:
     problems: list[str] = []
     try:
         rospy.wait_for_service(_SERVICE, _WAIT_S)
-        restore = rospy.ServiceProxy(_SERVICE, RestoreSweep, persistent=True)
+        restore = AskedService(_SERVICE, RestoreSweep, _WAIT_S)
         for stored in store.sweeps:
             try:
                 answer = restore(_message(store, graph, stored.vertex_id, stored.stamp_s))

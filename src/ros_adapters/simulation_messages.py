@@ -47,6 +47,7 @@ class TickPublisher:
         self._contacts = _publisher("/ground_truth/contacts", Contact)
         self._tick = _publisher(TICK_TOPIC, SimulationTick)
         self._counts = Counter(dict.fromkeys(self._sensors, 0))
+        self._stamp_s, self.recounts = 0.0, 0
 
     def __call__(self, data: "TickData", wait_until: Callable[[float], None] | None = None) -> None:
         """All at once; or, with something that waits until an instant of the clock, each message, and the clock before it, at its own."""
@@ -63,7 +64,16 @@ class TickPublisher:
         self._truth.publish(_truth_message(data.truth))
         for contact in data.contacts:
             self._contacts.publish(Contact(_header(data.stamp_s, "world"), contact.link, contact.speed_mps, contact.force_n, contact.other))
-        self._tick.publish(SimulationTick(_header(data.stamp_s, ""), list(self._counts), list(self._counts.values())))
+        self._stamp_s = data.stamp_s
+        self._tell()
+
+    def recount(self) -> None:
+        """The last tick once more, from which all count anew."""
+        self.recounts += 1
+        self._tell()
+
+    def _tell(self) -> None:
+        self._tick.publish(SimulationTick(_header(self._stamp_s, ""), list(self._counts), list(self._counts.values()), self.recounts))
 
     def _publish(self, delivery: "Delivery") -> None:
         publisher, message = self._sensors[delivery.topic]

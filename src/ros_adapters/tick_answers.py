@@ -10,7 +10,7 @@ class TickAnswers:
 
     def __init__(self) -> None:
         self._newest: tuple[float, float] | None = None
-        self._received = self._answered = self._needed = 0
+        self._received = self._answered = self._needed = self._recount = 0
 
     def __str__(self) -> str:
         return f"tick {self._answered} answered last, {self._received} of its {self._needed} commands received"
@@ -20,16 +20,21 @@ class TickAnswers:
         self._newest = (v, w)
         self._received += 1
 
-    def add_answer(self, tick: int, topics: Sequence[str], counts: Sequence[int]) -> None:
-        """A tick was answered, when so many messages had been sent on each topic. ValueError when it says nothing of commands."""
+    def add_answer(self, tick: int, topics: Sequence[str], counts: Sequence[int], recount: int = 0) -> None:
+        """A tick was answered, when so many messages had been sent on each topic; the first answer of a recount is taken as it counts.
+
+        ValueError when it says nothing of commands.
+        """
         if len(topics) != len(counts) or COMMAND_TOPIC not in topics:
             raise ValueError(f"answer to tick {tick} counts {list(topics)}, expected {COMMAND_TOPIC} among them")
-        if tick >= self._answered:
+        if tick >= self._answered and recount >= self._recount:
             self._answered, self._needed = tick, int(counts[list(topics).index(COMMAND_TOPIC)])
+            if recount > self._recount:
+                self._recount, self._received = recount, self._needed
 
-    def holds(self, tick: int) -> bool:
-        """Whether the tick was answered, and all commands have come that were sent before the newest answer."""
-        return self._answered >= tick and self._received >= self._needed
+    def holds(self, tick: int, recount: int = 0) -> bool:
+        """Whether the tick was answered in this recount, and all commands have come that were sent before the newest answer."""
+        return self._answered >= tick and self._recount >= recount and self._received >= self._needed
 
     def take_command(self) -> tuple[float, float] | None:
         """The newest command, once; None when none has come since."""

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pose_graph_mapping.graph.finished_map import Mapper
 from pose_graph_mapping.graph.mapping_update import MappingUpdate
+from ros_adapters.asking import AskedService
 from ros_adapters.conversions import cloud_message, pose_message
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.frames import frames
@@ -30,7 +31,7 @@ class LocalMapService:
     def __init__(self, mapper: Mapper) -> None:
         """`mapper` has the clouds."""
         self._mapper = mapper
-        self._call = rospy.ServiceProxy("scan_tracking_node/set_map", SetLocalMap, persistent=True)
+        self._call = AskedService("scan_tracking_node/set_map", SetLocalMap)
 
     def send(self, stamp_s: float, update: MappingUpdate, diagnostics: Diagnostics, *, stands: bool) -> None:
         """The area around the last vertex; when nobody takes it the old one stays, and that is counted.

@@ -23,6 +23,7 @@ from ros_adapters.zone_messages import zone_list, zones_of
 FILE, REPLAN = "zones.yaml", "/move_base_node/replan"
 _BOUNDS, _NO_GO = ColorRGBA(0.2, 0.9, 0.3, 1.0), ColorRGBA(0.95, 0.2, 0.2, 1.0)
 _WIDTH_M = 0.05
+_MEMORY = "zones"
 
 
 class ZoneKeeper:
@@ -42,11 +43,12 @@ class ZoneKeeper:
         except ValueError as error:
             sys.stderr.write(f"{node.name}: wrong parameter: zones: {error}\n")
             sys.exit(2)
-        self._keep(zones)
+        self._keep(node.life.kept(_MEMORY, zones))
         node.serve("/explore/set_zones", SetZones, self._on_set)
 
     def _keep(self, zones: Zones) -> None:
         self._use(zones)
+        self._node.life.keep(_MEMORY, zones)
         if self._folder is not None:
             path = Path(self._folder) / FILE
             write_zones(zones, path) if zones.are_set else path.unlink(missing_ok=True)

@@ -24,6 +24,10 @@ class Surroundings:
         self._own = LocalMap.empty(config.cell_m)
         self._put_down_at: Array | None = None
 
+    def __reduce__(self) -> tuple[type["Surroundings"], tuple[ScanTrackingConfig]]:
+        """Without its surfaces, which are many and seldom change: who keeps a tracker keeps the map beside it."""
+        return Surroundings, (self._config,)
+
     @property
     def known(self) -> bool:
         """Whether a map came that is not empty."""

@@ -44,7 +44,6 @@ class StopScanAndGo:
             DriveState.PAUSED: self._paused,
             DriveState.TAKEN_OVER: self._let_go,
             DriveState.FINISHED: self._finished,
-            DriveState.FAILED: lambda _: self._answer(),
         }
 
     def configure(self, config: StopScanAndGoConfig) -> None:
@@ -99,7 +98,7 @@ class StopScanAndGo:
             return self._taken_over(tick.teleop)
         if tick.displaced and self._state not in _STANDING:
             return self._prepare_sweep(SweepKind.IDLE, _DISPLACED)
-        return self._answers[self._state](tick)
+        return self._answers[self._state](tick) if self._state in self._answers else self._answer()  # FAILED: it stands
 
     @property
     def nods(self) -> bool:

@@ -56,7 +56,7 @@ class LockstepSimTest(unittest.TestCase):
         """When so many commands belong to the tick."""
         type(self).sent += commands
         type(self).answered += 1
-        self.done.publish(SimulationTick(tick.header, ["/cmd_vel"], [self.sent]))
+        self.done.publish(SimulationTick(tick.header, ["/cmd_vel"], [self.sent], tick.recount))
 
     def go_on(self, ticks: int, *turn_rates: float) -> None:
         """Each tick with these commands."""
@@ -103,7 +103,7 @@ class LockstepSimTest(unittest.TestCase):
 
     def test_6_answer_that_counts_no_commands_is_dropped_and_told(self) -> None:
         tick = self.next_tick()
-        self.done.publish(SimulationTick(tick.header, [], []))
+        self.done.publish(SimulationTick(tick.header, [], [], tick.recount))
         time.sleep(QUIET_S)
         self.assertEqual(len(self.ticks.messages), self.answered + 1)
         self.go_on(30, 0.0)
@@ -129,6 +129,20 @@ class LockstepSimTest(unittest.TestCase):
         self.next_tick()
         time.sleep(QUIET_S)
         self.assertEqual(len(self.ticks.messages), self.answered + 1)
+
+    def test_9_node_that_is_ready_once_more_has_the_last_tick_told_again_and_all_count_anew(self) -> None:
+        before = self.next_tick()
+        self.ready.publish("chain")
+        wait_until(lambda: self.ticks.messages[-1].recount == 1, "the recount")
+        told = len(self.ticks.messages)
+        self.assertEqual((stamp_of(self.ticks.messages[-1]), self.ticks.messages[-1].counts), (stamp_of(before), before.counts))
+        self.done.publish(SimulationTick(before.header, ["/cmd_vel"], [self.sent], before.recount))  # of the process before
+        time.sleep(QUIET_S)
+        self.assertEqual(len(self.ticks.messages), told)
+        self.done.publish(SimulationTick(before.header, ["/cmd_vel"], [0], 1))  # of one that has sent nothing yet
+        wait_until(lambda: len(self.ticks.messages) > told, "the next tick")
+        after = self.ticks.messages[told]
+        self.assertEqual((round(stamp_of(after) - stamp_of(before), 3), after.recount), (0.05, 1))
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ class LockstepTest(unittest.TestCase):
         cls.clock_s = round(cls.clock_s + TICK_S, 3)
         cls.commands_sent += command
         counts = {"/cmd_vel/move_base": told_commands or cls.commands_sent, "/sweep_cloud": cls.clouds}
-        self.ticks.publish(SimulationTick(header(cls.clock_s, ""), list(counts), list(counts.values())))
+        self.ticks.publish(SimulationTick(header(cls.clock_s, ""), list(counts), list(counts.values()), 0))
         if command:
             self.commands.publish(FollowerCommand(header=header(cls.clock_s, "base_link"), state="following"))
         self.joints.publish(joints(cls.clock_s - 0.013, tilt_rad))

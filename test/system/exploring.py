@@ -15,6 +15,7 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[2]
 RUN_MARK = "EXPLORE_3DNAV_TEST_RUN"
+REVIVAL = " -m node_revival "  # what stands above a node and starts it again
 GONE_AFTER_KILL_S = 5.0  # promised, of all that a killed parent leaves behind
 _ONE_SWEEP = re.compile(r"\b1 sweeps\b")
 
@@ -103,7 +104,7 @@ class ExploreRun:
 
     def pid_of(self, node: str) -> int:
         """Process id of a node of this run; AssertionError when there is not exactly one."""
-        pids = [pid for pid, command in self.running().items() if f"__name:={node} " in f"{command} "]
+        pids = [pid for pid, command in self.running().items() if f"__name:={node} " in f"{command} " and REVIVAL not in command]
         assert len(pids) == 1, f"expected one process of {node}, found {pids}"
         return pids[0]
 

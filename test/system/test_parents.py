@@ -20,13 +20,11 @@ COMMANDS = {
     "roslaunch": re.compile(r"^\S+ \S+/roslaunch --port"),
     "rosmaster": re.compile(r"^\S+ \S+/rosmaster --core"),
     "the keeper of roslaunch": re.compile(r" -m roslaunch_process\.keeper "),
-    "exploration_monitor_node": re.compile(r"__name:=exploration_monitor_node "),
 }
 SAID = {
     "roslaunch": "roslaunch was killed",
     "rosmaster": "rosmaster died",
     "the keeper of roslaunch": "the keeper of roslaunch was killed",
-    "exploration_monitor_node": "exploration_monitor_node died",
 }
 
 

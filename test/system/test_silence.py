@@ -1,4 +1,4 @@
-"""What the robot is told falls silent while it drives: the wheels stand, /diagnostics names it, and when it is back the run goes on."""
+"""What the robot is told falls silent while it drives, or a node dies: the wheels stand, /diagnostics names it, and the run goes on."""
 
 import os
 import signal
@@ -22,6 +22,14 @@ SILENCES = {
     "commands": ("move_base_node", "stop_scan_and_go_node", "/cmd_vel/move_base"),
     "wheel commands": ("stop_scan_and_go_node", "", ""),
 }
+MOVE_IT = (  # without any of these no command is sent
+    "scan_filter_node",
+    "odometry_fusion_node",
+    "scan_tracking_node",
+    "pose_graph_mapping_node",
+    "move_base_node",
+    "stop_scan_and_go_node",
+)
 
 
 def free_port() -> int:
@@ -48,17 +56,32 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ExploreRun
         yield nodes, hardware, port
 
 
+def watched(port: int, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """What wheels_watcher.py says of a process."""
+    command = [sys.executable, str(Path(__file__).with_name("wheels_watcher.py")), *map(str, arguments)]
+    return subprocess.run(
+        command, env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}"}, capture_output=True, text=True, timeout=200.0
+    )
+
+
 @pytest.mark.parametrize("what", list(SILENCES))
 def test_wheels_stand_while_it_is_silent_and_go_on_afterwards(robot: tuple[ExploreRun, ExploreRun, int], what: str) -> None:
     nodes, hardware, port = robot
     stopped, names_it, called = SILENCES[what]
     pid = (hardware if stopped.startswith("relay") else nodes).pid_of(stopped)
-    watcher = [sys.executable, str(Path(__file__).with_name("wheels_watcher.py")), str(pid), names_it, called]
     try:
-        done = subprocess.run(
-            watcher, env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}"}, capture_output=True, text=True, timeout=200.0
-        )
+        done = watched(port, pid, names_it, called)
     finally:
         os.kill(pid, signal.SIGCONT)
     assert done.returncode == 0, f"{what}: {done.stdout}{done.stderr}"
     print(f"{what}: {done.stdout.strip()}")
+
+
+@pytest.mark.parametrize("node", MOVE_IT)
+def test_wheels_stand_while_a_node_is_away_and_go_on_when_it_was_started_again(
+    robot: tuple[ExploreRun, ExploreRun, int], node: str
+) -> None:
+    nodes, _, port = robot
+    done = watched(port, nodes.pid_of(node), "", "", "killed")
+    assert done.returncode == 0, f"{node}: {done.stdout}{done.stderr}"
+    print(f"{node}: {done.stdout.strip()}")

@@ -1,4 +1,4 @@
-"""wheels_watcher.py PID NODE INPUT: stops a process while the robot drives, and sees that the wheels stand and go on.
+"""wheels_watcher.py PID NODE INPUT [killed]: stops or kills a process while the robot drives, and sees that the wheels stand and go on.
 
 Exit code 0 when they stood within 0.33 s of stopped time and what braking takes, NODE named INPUT on /diagnostics within a second more,
 and the robot drove again after the process went on; a line says how long what took.
@@ -16,7 +16,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
 
 DRIVES_MPS, STANDS_MPS = 0.15, 0.03
-SILENT_S = 3.0
+SILENT_S = {signal.SIGSTOP: 3.0, signal.SIGKILL: 1.0}  # a node that was killed is not there again before
 BRAKES_WITHIN_S, NAMED_WITHIN_S, GOES_ON_WITHIN_S = 0.33, 1.5, 120.0
 DECELERATION_MPS2 = 3.0  # of config/robot.yaml
 
@@ -65,14 +65,16 @@ class Watcher:
 
 def main() -> None:
     pid, node, topic = int(sys.argv[1]), sys.argv[2], sys.argv[3]
+    number = signal.SIGKILL if sys.argv[4:] else signal.SIGSTOP
     rospy.init_node("wheels_watcher", anonymous=True, disable_rostime=True)
     watcher = Watcher()
     watcher.wait_until_it_drives()
     stopped_s, within_s = time.monotonic(), BRAKES_WITHIN_S + watcher.speed() / DECELERATION_MPS2
-    os.kill(pid, signal.SIGSTOP)
-    time.sleep(SILENT_S)
+    os.kill(pid, number)
+    time.sleep(SILENT_S[number])
     stood_s, named_s = watcher.stood_after(stopped_s), watcher.named_after(stopped_s, node, topic) if node else 0.0
-    os.kill(pid, signal.SIGCONT)
+    if number == signal.SIGSTOP:
+        os.kill(pid, signal.SIGCONT)
     # Promised for a machine that does little else: one with more to do than processors takes as much longer.
     slack = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
     if stood_s > slack * within_s or named_s > slack * NAMED_WITHIN_S:

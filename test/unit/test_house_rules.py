@@ -23,6 +23,7 @@ ORDER: dict[str, set[str]] = {
     "sensor_checks": BASE,
     "visiting_order": set(),
     "map_zones": set(),
+    "node_life": set(),
     "world_files": {"rigid_geometry"},
     # stages
     "simulated_movers": {"stage_config"},
@@ -55,14 +56,17 @@ ORDER: dict[str, set[str]] = {
         "local_terrain_costmap",
         "map_zones",
         "mount_calibration",
+        "node_life",
         "path_following",
         "point_cloud2",
         "pybullet_simulation",
         "sensor_checks",
+        "stop_scan_and_go",
         "sweep_assembly",
     },
     # programs: they use stages, and no stage uses them
     "roslaunch_process": set(),
+    "node_revival": {"node_life", "roslaunch_process"},
     "explore_command": BASE
     | {
         "world_files",
@@ -82,7 +86,7 @@ ORDER: dict[str, set[str]] = {
     "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "roslaunch_process"},
 }
 """Every package and what it may import, earlier ones only. Rooms count as packages."""
-SHARED = BASE | {"map_zones", "point_cloud2", "visiting_order", "world_files"}
+SHARED = BASE | {"map_zones", "node_life", "point_cloud2", "visiting_order", "world_files"}
 PROGRAMS = set(list(ORDER)[list(ORDER).index(ADAPTERS) + 1 :])
 STAGES = {name.partition(".")[0] for name in ORDER} - SHARED - PROGRAMS - {ADAPTERS}
 ROS = {

@@ -86,6 +86,10 @@ class MapBuilder:
     def __len__(self) -> int:
         return len(self._sweeps)
 
+    def holds(self, vertex_id: int) -> bool:
+        """Whether a vertex's sweep is in the map."""
+        return any(sweep.vertex_id == vertex_id for sweep in self._sweeps)
+
     @property
     def content(self) -> str:
         """What the map is of, in words; empty while it is of nothing."""

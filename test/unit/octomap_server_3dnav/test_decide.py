@@ -1,6 +1,7 @@
 """What becomes of a sweep: every state of the exploration, and every way from one to another, without ROS (thesis algorithm 3, 6.2.2)."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
@@ -256,3 +257,14 @@ def test_frontiers_that_no_path_leads_to_are_no_goal():
     world[-1, 30:50] = UNKNOWN
     run = Run(world)
     assert run.sweep().kind is EXPLORED
+
+
+def test_explorer_that_was_kept_keeps_its_plan_what_it_set_aside_and_its_home():
+    run, other = under_way(), under_way()
+    other.explorer = pickle.loads(pickle.dumps(other.explorer))
+    for r in (run, other):
+        assert r.sweep(ON, on_the_way=True).kind is KEEP
+        for _ in range(12):
+            r.sweep(ON, drive_failure="stuck")
+    assert run.explorer.set_aside() and other.explorer.set_aside() == run.explorer.set_aside()
+    assert other.state is run.state

@@ -1,5 +1,7 @@
 """From raw messages to estimates: one at every stamp of the wheels, whatever the order between the two topics."""
 
+import pickle
+
 import numpy as np
 import pytest
 from test_imu_input import G, rotation_of
@@ -64,3 +66,22 @@ def test_imu_mounted_upside_down_is_turned_and_one_that_cannot_be_right_is_refus
     np.testing.assert_allclose(T_last, fed(fused(), by_time())[-1].T_odom_base, atol=1e-12)
     with pytest.raises(ValueError, match="it is in g"):
         fed(fused(), by_time(), up=1.0)
+
+
+def test_odometry_that_was_kept_goes_on_to_the_bit() -> None:
+    rows, whole = by_time(), fed(fused(), by_time())
+    odometry = fused()
+    found = fed(odometry, rows[:120])
+    found += fed(pickle.loads(pickle.dumps(odometry)), rows[120:])
+    assert [e.stamp_s for e in found] == [e.stamp_s for e in whole]
+    assert all(np.array_equal(a.T_odom_base, b.T_odom_base) for a, b in zip(found, whole, strict=True))
+
+
+def test_kept_odometry_does_not_jump_where_messages_were_lost() -> None:
+    """Half a second of both topics is lost, of a robot that goes straight at 0.3 m/s all the while."""
+    kept = pickle.loads(pickle.dumps(odometry := fused()))
+    before = fed(kept, [row for row in by_time() if row[0] <= 11.0])[-1]
+    after = fed(pickle.loads(pickle.dumps(kept)), [row for row in by_time() if row[0] > 11.5])
+    assert odometry.dropped == {}
+    way = [float(e.T_odom_base[0, 3] - before.T_odom_base[0, 3]) for e in after]
+    np.testing.assert_allclose(way, [0.3 * (e.stamp_s - before.stamp_s) for e in after], atol=0.01)

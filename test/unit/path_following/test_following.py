@@ -1,12 +1,14 @@
 """The follower in a loop with a slipping robot: it keeps to its path, off what is lethal, and ends with a reason."""
 
 import math
+import pickle
 
 import numpy as np
 import pytest
 from drive_simulation import Robot, World, cluttered_world, distance_to_path, drive, planned_path
 
-from path_following import FollowerConfig, PathFollower
+from path_following import FollowerConfig, FollowerObservation, PathFollower
+from rigid_geometry import transform_from_rpy
 from robot_body import RobotBody
 
 STEP = 0.08
@@ -271,3 +273,16 @@ def test_unknown_ground_on_the_planned_path_is_driven():
     world = World()
     world.unknown[world.cells(1.0, 1.3, -0.3, 0.3)] = True
     assert drive(follower(line((0, 0), (3, 0))), world).last.state.value == "reached"
+
+
+def test_follower_that_was_kept_on_its_way_goes_on_from_there():
+    path = line((0, 0), (6, 0))
+    whole = follower(path)
+    costmap = World().grid()
+    seen = [FollowerObservation(0.05 * k, transform_from_rpy((0.02 * k, 0.0, 0.0)), costmap, (0.4, 0.0), False, "") for k in range(240)]
+    for observation in seen[:200]:
+        whole.step(observation)
+    kept = pickle.loads(pickle.dumps(whole))
+    for observation in seen[200:]:
+        assert kept.step(observation) == whole.step(observation)
+    assert kept.latest.remaining_m == pytest.approx(6.0 - 0.02 * 239, abs=0.1)

@@ -106,3 +106,40 @@ def test_driver_that_nobody_takes_from_keeps_the_newest_alone() -> None:
         driver.add(0.05 * k, k)
     waiting = list(driver.take())
     assert len(waiting) <= 200 and waiting[-1] == (0.05 * 999, 999)
+
+
+def test_node_that_was_away_goes_on_from_the_recount_with_what_it_lost_left_out() -> None:
+    barrier = Barrier(("",), ("/scan",))
+    barrier.told("", Tick(1.0, {"/scan": 40}))  # of which this process heard none
+    assert barrier.next() is None
+    barrier.told("", Tick(1.0, {"/scan": 40}, 1))
+    assert barrier.next() == Tick(1.0, {"/scan": 40}, 1)
+    barrier.told("", Tick(1.05, {"/scan": 41}, 1))
+    assert barrier.next() is None
+    barrier.received("/scan")
+    assert barrier.next() == Tick(1.05, {"/scan": 41}, 1)
+
+
+def test_who_listens_to_a_node_that_was_away_counts_with_it_from_zero() -> None:
+    barrier = Barrier(("fusion", "filter"), ("/odom", "/scan"))
+    for _ in range(5):
+        barrier.received("/odom"), barrier.received("/scan")
+    barrier.told("filter", Tick(1.0, {"/scan": 5}))  # fusion died before it told of it
+    barrier.told("filter", Tick(1.0, {"/scan": 5}, 1))
+    assert barrier.next() is None
+    barrier.told("fusion", Tick(1.0, {"/odom": 0}, 1))
+    assert barrier.next() == Tick(1.0, {"/scan": 5, "/odom": 0}, 1)
+    barrier.told("filter", Tick(1.05, {"/scan": 6}, 1))
+    barrier.told("fusion", Tick(1.05, {"/odom": 1}, 1))
+    barrier.received("/scan")
+    assert barrier.next() is None
+    barrier.received("/odom")
+    assert barrier.next() == Tick(1.05, {"/scan": 6, "/odom": 1}, 1)
+
+
+def test_a_second_recount_takes_the_place_of_one_that_somebody_never_told() -> None:
+    barrier = Barrier(("fusion", "filter"), ())
+    barrier.told("filter", Tick(1.0, {}, 1))
+    barrier.told("filter", Tick(1.0, {}, 2))
+    barrier.told("fusion", Tick(1.0, {}, 2))
+    assert [barrier.next(), barrier.next()] == [Tick(1.0, {}, 2), None]

@@ -1,6 +1,7 @@
 """What is written about a run ends where the run ends, however long its nodes go on."""
 
 import json
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -144,3 +145,30 @@ def test_parameters_that_change_are_in_the_run_s_description_with_the_time(tmp_p
     assert json.loads((tmp_path / "run.json").read_text())["parameter_changes"] == [told]
     log.finish("explored: all")
     assert read_summary(tmp_path)["parameter_changes"] == [told]
+
+
+def test_log_that_goes_on_after_its_process_died_is_one_log(tmp_path: Path) -> None:
+    def event(stamp_s: float, state: str) -> RunEvent:
+        return RunEvent(header(stamp_s, "odom"), state, "", 3, False, "", 0.0, False)
+
+    def hear(log: RunLog, *ticks: int) -> None:
+        for tick in ticks:
+            log.truth(0.05 * tick, transform_from_rpy((0.05 * tick, 0.0, 0.0)))
+            log.contact(Contact(header(0.05 * tick, "world"), "deck", 0.1, 5.0, ""))
+            log.odometry(odometry(0.05 * tick, 0.05 * tick))
+
+    first = RunLog(tmp_path, {}, RobotBody(), judged=True)
+    first.event(event(1.0, "driving"))
+    first.decision(ExplorationDecision(kind="goal", set_aside_frontiers=2))
+    hear(first, *range(20, 40))
+    second = RunLog(tmp_path, {}, RobotBody(), judged=True, memory=pickle.loads(pickle.dumps(first.memory())))
+    second.event(event(1.0, "driving"))  # latched, and so heard again
+    hear(second, *range(40, 60))
+    second.event(event(3.0, "finished"))
+    second.finish("explored: all", restarts={"exploration_monitor_node": 1})
+    counters = json.loads((tmp_path / "counters.json").read_text())
+    assert counters["sim_time_s"] == pytest.approx(1.95) and counters["set_aside_frontiers"] == 2
+    assert counters["restarts"] == {"exploration_monitor_node": 1}
+    assert len(np.loadtxt(tmp_path / "trajectory_truth.txt")) == 40
+    assert (tmp_path / "contacts.csv").read_text().count("\n") == 41
+    assert [line.split(",")[2] for line in (tmp_path / "events.csv").read_text().splitlines()] == ["state", "driving", "finished"]

@@ -49,3 +49,19 @@ def test_other_topics_may_be_counted_too():
 def test_answer_that_says_nothing_of_commands_is_refused(topics, counts):
     with pytest.raises(ValueError, match="answer to tick 4 counts"):
         TickAnswers().add_answer(4, topics, counts)
+
+
+def test_recount_is_answered_by_who_has_heard_of_it_and_counts_from_his_commands():
+    answers = TickAnswers()
+    for _ in range(9):
+        answers.add_command(0.1, 0.0)
+    answers.add_answer(3, TOPICS, [9])
+    assert answers.holds(3) and not answers.holds(3, 1)
+    answers.add_answer(3, TOPICS, [1], 1)
+    assert answers.holds(3, 1)
+    answers.add_answer(4, TOPICS, [2], 1)
+    assert not answers.holds(4, 1)
+    answers.add_command(0.2, 0.0)
+    assert answers.holds(4, 1)
+    answers.add_answer(5, TOPICS, [11])  # of a process that is gone
+    assert not answers.holds(5, 1)

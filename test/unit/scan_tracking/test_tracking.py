@@ -1,5 +1,8 @@
 """Odometry that slips is kept on the map, as far as the map tells; where it does not, odometry stands, and its covariance grows."""
 
+import pickle
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from drive_in_a_box import CORRIDOR, MOUNT, ROOM, Drive, ahead, bend, level, nod, still, tracker_in, walls
@@ -225,3 +228,21 @@ def test_a_normal_without_others_like_it_is_of_no_surface() -> None:
     normals = np.tile([0.0, 0.0, 1.0], (27, 1))
     normals[25], normals[26] = [0.0, np.sin(0.5), np.cos(0.5)], [1.0, 0.0, 0.0]
     assert supported(points, normals, 0.5, 0.24).tolist() == [True] * 25 + [False, False]
+
+
+def test_tracker_that_was_kept_and_given_its_map_again_goes_on_as_it_was() -> None:
+    drive = Drive(slip=slipping, range_sigma_m=0.01, end_s=3.0)
+    whole = drive.into(tracker_in(ROOM))
+    tracker = tracker_in(ROOM)
+    found = replace(drive, end_s=1.5).into(tracker)
+    kept = pickle.loads(pickle.dumps(tracker))
+    kept.set_map(*walls(ROOM), np.eye(4))
+    found += drive.into(kept, begin_s=1.525)
+    assert len(found) == len(whole)
+    np.testing.assert_allclose([p.T_odom_base for p in found], [p.T_odom_base for p in whole], atol=1e-12)
+
+
+def test_kept_tracker_is_small_without_its_map() -> None:
+    tracker = tracker_in(ROOM)
+    Drive(end_s=1.0).into(tracker)
+    assert len(pickle.dumps(tracker)) < 100_000

@@ -1,6 +1,7 @@
 """Scripted runs of the machine: every tick's input is written down, the order of states and commands is what is tested."""
 
 import math
+import pickle
 from dataclasses import replace
 
 import pytest
@@ -357,3 +358,24 @@ def test_stamp_that_is_not_finite_is_refused():
 def test_wrong_configuration_lists_every_violation():
     with pytest.raises(ValueError, match=r"max_distance_m.*left_tilt_rad"):
         StopScanAndGo(StopScanAndGoConfig(max_distance_m=0.0, left_tilt_rad=0.1, level_tilt_rad=0.15))
+
+
+@pytest.mark.parametrize("state", [DriveState.SETTLING, DriveState.SWEEPING, DriveState.MAPPING, DriveState.DRIVING])
+def test_machine_that_was_kept_goes_on_and_does_not_begin_anew(state):
+    script, other = Script(), Script()
+    for s in (script, other):
+        s.until(DriveState.MAPPING)
+        if state is DriveState.DRIVING:
+            s.decide("goal")
+        elif state is not DriveState.MAPPING:
+            s.decide("goal")
+            s.until(state, command=FORWARD, follower="following")
+        s.actions.clear()
+    other.machine = pickle.loads(pickle.dumps(other.machine))
+    assert other.machine.state is script.machine.state is state
+    for s in (script, other):
+        for _ in range(200):
+            s.tick(FORWARD, "following")
+            if s.machine.state is DriveState.MAPPING:
+                s.decide("goal")
+    assert other.actions == script.actions and other.machine.sweeps == script.machine.sweeps

@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from node_life import Journal, Life
+from node_life.life import MEMORY
 from rigid_geometry import inverse, transform_from_rpy, transform_points
 from sweep_assembly import LaserScans, Scan, ScanGeometry, SweepAssembler, SweepAssemblyConfig, TiltGeometry
 
@@ -320,3 +322,31 @@ def test_beams_that_met_nothing_are_free_no_farther_than_their_scan_reaches():
     scans = [(stamp, Scan(GEOMETRY, blank, 0.1, 4.0) if 2.5 <= stamp < 3.0 else scan) for stamp, scan in STILL["scan"]]
     (sweep,) = run(make(), {**STILL, "scan": scans})
     np.testing.assert_allclose(np.linalg.norm(sweep.free_ends - sweep.free_origins, axis=1), 4.0, rtol=1e-5)
+
+
+@pytest.mark.parametrize("killed_s", [2.3, 3.0, 3.99])
+def test_sweep_in_which_the_process_was_killed_is_whole_to_the_bit(killed_s, tmp_path):
+    (expected,) = run(make(), MOVING)
+    life = Life({MEMORY: str(tmp_path)})
+    first = Journal(life, "assembler", most=100)
+    assembler = make()
+    for stamp, topic, i in sorted((s, topic, i) for topic, rows in MOVING.items() for i, (s, _) in enumerate(rows) if s <= killed_s):
+        value = MOVING[topic][i][1]
+        feed(assembler, topic, stamp, value)
+        if first.note((topic, stamp, value)):
+            first.keep(assembler)
+    second, notes = Journal(Life({MEMORY: str(tmp_path)}), "assembler").taken_up(make())
+    for note in notes:
+        feed(second, *note)
+    (sweep,) = run(second, MOVING, keep=lambda topic, stamp: stamp > killed_s)
+    np.testing.assert_array_equal(sweep.points, expected.points)
+    assert (sweep.start_stamp_s, sweep.stamp_s) == (expected.start_stamp_s, expected.stamp_s)
+
+
+def test_what_the_kept_assembler_knows_already_is_taken_for_repeated():
+    (expected,) = run(make(), MOVING)
+    assembler = make()
+    run(assembler, MOVING, keep=lambda topic, stamp: stamp <= 3.0)
+    run(assembler, MOVING, keep=lambda topic, stamp: 2.5 < stamp <= 3.0)
+    (sweep,) = run(assembler, MOVING, keep=lambda topic, stamp: stamp > 3.0)
+    np.testing.assert_array_equal(sweep.points, expected.points)

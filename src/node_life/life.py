@@ -1,0 +1,85 @@
+"""The node's side: it says that it gets on, and keeps what it has to remember where a next process of it finds that."""
+
+import os
+import pickle
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TypeVar, cast
+
+V = TypeVar("V")
+
+PULSE, MEMORY = "EXPLORE_3DNAV_PULSE", "EXPLORE_3DNAV_MEMORY"  # a pipe to write to, and a folder
+BEAT = b"."
+_OVER = (EOFError, OSError, pickle.UnpicklingError)
+
+
+class Life:
+    """What one process of a node shares with the one that starts it again; without that nothing is kept, and `is_first` holds."""
+
+    def __init__(self, environment: Mapping[str, str] | None = None) -> None:
+        """`environment`: the process's own by default."""
+        given = os.environ if environment is None else environment
+        self._pulse = int(given[PULSE]) if PULSE in given else None
+        self._folder = Path(given[MEMORY]) if MEMORY in given else None
+        self.problem = ""  # why nothing is kept any more
+        self.is_first = self._folder is None or not (self._folder / "lived").exists()
+
+    def begun(self) -> None:
+        """From now on the next process of this node is not the first."""
+        if self._folder is not None:
+            (self._folder / "lived").touch()
+
+    def beat(self) -> None:
+        """Says that the node gets on; where nobody listens nothing happens."""
+        if self._pulse is not None:
+            try:
+                os.write(self._pulse, BEAT)
+            except OSError:
+                self._pulse = None
+
+    def keep(self, name: str, value: object) -> None:
+        """Remembers a value under a name. A process that is killed meanwhile leaves the one before.
+
+        Where it cannot be written the node lives on, and `problem` says why: what is kept is old from then on.
+        """
+        if self._folder is None:
+            return
+        new = self._folder / f"{name}.new"
+        try:
+            new.write_bytes(pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
+            new.replace(self._folder / name)
+            self.problem = ""
+        except OSError as error:
+            self.problem = f"{name}: {error}"
+
+    def kept(self, name: str, otherwise: V) -> V:
+        """What the process before remembered last under a name; `otherwise`, of the same type, where there is nothing."""
+        try:
+            return otherwise if self._folder is None else cast(V, pickle.loads((self._folder / name).read_bytes()))
+        except FileNotFoundError:
+            return otherwise
+
+    def note(self, name: str, value: object) -> None:
+        """Adds a value to those noted under a name."""
+        if self._folder is None:
+            return
+        try:
+            with (self._folder / name).open("ab") as file:
+                file.write(pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
+        except OSError as error:
+            self.problem = f"{name}: {error}"
+
+    def notes(self, name: str) -> list[object]:
+        """All that was noted under a name, oldest first; one that was being written when the process died is left out."""
+        found: list[object] = []
+        try:
+            with (self._folder / name).open("rb") if self._folder else open(os.devnull, "rb") as file:
+                while True:
+                    found.append(pickle.load(file))
+        except _OVER:
+            return found
+
+    def forget(self, name: str) -> None:
+        """Nothing is kept or noted under a name any more."""
+        if self._folder is not None:
+            (self._folder / name).unlink(missing_ok=True)

@@ -1,0 +1,74 @@
+"""Whether a process gets on, by its beats and by what it does with the processors; and how often it may die."""
+
+from collections import deque
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class RevivalConfig:
+    """When a node is hung, and when it is given up. Seconds of the steady clock."""
+
+    silent_s: float = 5.0  # without a beat, nor work, it is hung (issue 42)
+    busy_s: float = 60.0  # without a beat it is hung though it works: no sweep of our worlds takes a node a third of that
+    start_s: float = 60.0  # without work before its first beat; while it loads and compiles it works
+    delay_s: float = 0.5  # until it is started again: the master and the listeners have noticed by then
+    deaths: int = 3  # so many within `within_s`, and it is given up (issue 42)
+    within_s: float = 60.0
+    busy_share: float = 0.5  # of the time a thread runs, or waits for a processor: that is work. One that only polls has some per cent
+
+
+def processor_s(pid: int) -> float:
+    """Seconds for which the busiest thread of a process has run or waited for a processor so far; 0.0 when it is gone."""
+    most = 0.0
+    for task in Path(f"/proc/{pid}/task").glob("*/schedstat"):
+        try:
+            ran_ns, waited_ns, _ = task.read_text().split()
+        except (OSError, ValueError):
+            continue
+        most = max(most, 1e-9 * (float(ran_ns) + float(waited_ns)))
+    return most
+
+
+@dataclass
+class Watch:
+    """Looks at one process; times are those of one steady clock."""
+
+    config: RevivalConfig
+    since_s: float  # of its start, then of its last beat
+    has_beaten: bool = False
+    _looks: deque[tuple[float, float]] = field(default_factory=deque)
+
+    def beat(self, now_s: float) -> None:
+        """It gets on."""
+        self.since_s, self.has_beaten = now_s, True
+        self._looks.clear()
+
+    def hung(self, now_s: float, used_s: float) -> str:
+        """Why it is to be ended, as words, else empty; `used_s` as `processor_s` tells."""
+        self._looks.append((now_s, used_s))
+        silent_s = self.config.silent_s if self.has_beaten else self.config.start_s
+        while len(self._looks) > 1 and now_s - self._looks[1][0] >= silent_s:
+            self._looks.popleft()
+        passed_s = now_s - self._looks[0][0]
+        if now_s - self.since_s < silent_s or passed_s < silent_s:
+            return ""
+        if used_s - self._looks[0][1] < self.config.busy_share * passed_s:
+            return f"it made no progress for {now_s - self.since_s:.0f} s"
+        is_endless = self.has_beaten and now_s - self.since_s > self.config.busy_s
+        return f"it computed for {now_s - self.since_s:.0f} s without an end" if is_endless else ""
+
+
+@dataclass
+class Deaths:
+    """When a node died."""
+
+    config: RevivalConfig
+    _times_s: deque[float] = field(default_factory=deque)
+
+    def too_many(self, now_s: float) -> bool:
+        """One more, and whether that is to be the last."""
+        self._times_s.append(now_s)
+        while now_s - self._times_s[0] > self.config.within_s:
+            self._times_s.popleft()
+        return len(self._times_s) >= self.config.deaths

@@ -1,0 +1,114 @@
+"""`python -m node_revival COMMAND...`: runs a node, and starts it again when it was killed, broke or hangs.
+
+Between roslaunch and the node. A node that ends by itself, with 0, or with 2 for a wrong parameter, is not started again; nor one that
+dies three times in a minute. `/revival/NODE` on the parameter server says this process's pid, how many times it started
+the node again, and why it gave up.
+The node's memory is a folder that lives as long as this process.
+"""
+
+import os
+import select
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import xmlrpc.client
+from collections.abc import Sequence
+from pathlib import Path
+
+from node_life.life import MEMORY, PULSE
+from node_life.watch import Deaths, RevivalConfig, Watch, processor_s
+from roslaunch_process.children import end_with_parent
+
+_LOOK_S = 0.25
+_WANTED = (0, 2)  # exit codes of a node that ends as it should
+
+
+class _Master:
+    """The parameter server, as far as this process needs it."""
+
+    def __init__(self, node: str) -> None:
+        self._node = node
+        self._server = xmlrpc.client.ServerProxy(os.environ.get("ROS_MASTER_URI", "http://localhost:11311"))
+
+    def tell(self, key: str, value: int | str) -> None:
+        """Sets /revival/NODE/KEY; where there is no master any more the terminal alone knows."""
+        try:
+            self._server.setParam("/node_revival", f"/revival/{self._node}/{key}", value)
+        except (OSError, xmlrpc.client.Error):
+            pass
+
+
+class Revival:
+    """One node and its processes, one after the other."""
+
+    def __init__(self, command: Sequence[str], memory: Path, config: RevivalConfig) -> None:
+        self._command, self._memory, self._config = command, memory, config
+        self._node = next((word[8:] for word in command if word.startswith("__name:=")), Path(command[0]).name)
+        self._asked_to_end = False
+        self._master = _Master(self._node)
+
+    def run(self) -> int:
+        """Until the node has ended for good; its exit code, 128 and the signal when it was killed."""
+        for number in (signal.SIGINT, signal.SIGTERM):  # roslaunch sends them to the node, too: they are of one group
+            signal.signal(number, self._end)
+        deaths, count = Deaths(self._config), 0
+        self._master.tell("pid", os.getpid())
+        while True:
+            code, why = self._live()
+            if self._asked_to_end or code in _WANTED:
+                return code if code >= 0 else 128 - code
+            why = why or (f"killed by signal {-code}" if code < 0 else f"exit code {code}")
+            if deaths.too_many(time.monotonic()):
+                self._master.tell("gave_up", f"{self._config.deaths} times within {self._config.within_s:.0f} s, the last time: {why}")
+                self._say(f"died too often: {why}")
+                return code if code >= 0 else 128 - code
+            count += 1
+            self._master.tell("times", count)
+            self._say(f"died: {why}; it is started again")
+            time.sleep(self._config.delay_s)
+
+    def _end(self, _number: int, _frame: object) -> None:
+        self._asked_to_end = True
+
+    def _say(self, text: str) -> None:
+        sys.stderr.write(f"[explore] {self._node} {text}\n")
+        sys.stderr.flush()
+
+    def _live(self) -> tuple[int, str]:
+        """One process from its start to its end: its code, and why it was ended here, if it was."""
+        reading, writing = os.pipe()
+        environment = {**os.environ, PULSE: str(writing), MEMORY: str(self._memory)}
+        process = subprocess.Popen(self._command, env=environment, pass_fds=(writing,), preexec_fn=end_with_parent)
+        os.close(writing)
+        watch, why = Watch(self._config, time.monotonic()), ""
+        try:
+            while process.poll() is None:
+                if select.select([reading], [], [], _LOOK_S)[0]:
+                    if os.read(reading, 4096):
+                        watch.beat(time.monotonic())
+                    else:
+                        time.sleep(0.01)  # it is about to have ended
+                elif not self._asked_to_end:
+                    why = why or watch.hung(time.monotonic(), processor_s(process.pid))
+                    if why:
+                        process.kill()
+        finally:
+            os.close(reading)
+        return process.returncode, why
+
+
+def main(command: Sequence[str]) -> int:
+    """Runs the command; its exit code."""
+    ram = "/dev/shm"  # a node keeps its state at every step: on a disk that takes a millisecond
+    memory = Path(tempfile.mkdtemp(prefix=f"explore_3dnav_{os.getpid()}_", dir=ram if os.access(ram, os.W_OK) else None))
+    try:
+        return Revival(command, memory, RevivalConfig()).run()
+    finally:
+        shutil.rmtree(memory, ignore_errors=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

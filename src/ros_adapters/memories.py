@@ -1,0 +1,60 @@
+"""What a node that is started again goes on with, beside the run's folder and latched topics.
+
+Here and not in the nodes: what is kept has to have an importable name.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import rospy
+from explore_3dnav.msg import ExplorationDecision, RunEvent
+from numpy.typing import NDArray
+
+from octomap_server_3dnav.exploration.decide import Explorer
+from rigid_geometry.transforms import Transform
+from ros_adapters.mapping_mode import OpenSweeps
+from ros_adapters.stage_times import StageTimes
+from stop_scan_and_go import DriveState, StopScanAndGo
+
+
+def _frames_are_one() -> NDArray[np.float64]:
+    return np.eye(4)  # before the first sweep (Alg. 1, line 3)
+
+
+@dataclass
+class MappingMemory:
+    """Of pose_graph_mapping_node."""
+
+    lost: bool  # nobody knows where the robot is in the map
+    T_map_odom: Transform = field(default_factory=_frames_are_one)
+    handled_s: float = -math.inf  # stamp of the last sweep that was mapped and told of, or given up
+    unknown_s: list[float] = field(default_factory=list)  # since the last vertex: when odometry knew nothing of the way
+    loop_closures: int = 0
+    refused: int = 0
+    refused_in_a_row: int = 0
+
+
+@dataclass
+class DecidingMemory:
+    """Of octomap_server_3dnav_node."""
+
+    explorer: Explorer
+    timing: StageTimes
+    decided_s: float = -math.inf  # stamp of the last sweep about which was decided
+    T_map_base: Transform | None = None  # where the robot was then
+    decision: ExplorationDecision | None = None
+
+
+@dataclass
+class DrivingMemory:
+    """Of stop_scan_and_go_node."""
+
+    machine: StopScanAndGo
+    open_sweeps: OpenSweeps
+    heard_s: float = -math.inf  # stamp of the last decision
+    taken_s: float = -math.inf  # of the last that has taken effect
+    decided_stamp: rospy.Time = field(default_factory=rospy.Time)  # of the last that has a terrain
+    told: tuple[DriveState | None, int] = (None, 0)
+    nods: bool = False
+    event: RunEvent | None = None

@@ -1,0 +1,44 @@
+"""A node that may be started again: it says that it gets on, and is ready when all who listened to it do so again."""
+
+import threading
+import time
+import xmlrpc.client
+from collections.abc import Iterable
+
+import rosgraph
+import rospy
+
+from node_life import Life
+from ros_adapters.asking import is_asking
+
+_PERIOD_S = 0.5
+_LISTENERS_WITHIN_S = 5.0  # one of them may have died as well
+
+
+def pulse(life: Life, lock: threading.RLock) -> None:  # type: ignore[valid-type]  # a function in typeshed
+    """Beats for as long as the node works: as its lock, which all its callbacks take, is free now and then, or waits for another node."""
+
+    def run() -> None:
+        while not rospy.core.is_shutdown_requested():
+            if is_asking():
+                life.beat()
+            elif lock.acquire(timeout=_PERIOD_S):  # type: ignore[attr-defined]
+                lock.release()  # type: ignore[attr-defined]
+                life.beat()
+            time.sleep(_PERIOD_S)
+
+    threading.Thread(target=run, daemon=True).start()
+
+
+def wait_for_listeners(publishers: Iterable[rospy.Publisher]) -> None:
+    """Until all who listen by the master's word are connected: what is sent from now on reaches them."""
+    deadline_s = time.monotonic() + _LISTENERS_WITHIN_S
+    publishers, me = list(publishers), rospy.get_name()
+    while time.monotonic() < deadline_s and not rospy.core.is_shutdown_requested():
+        try:
+            heard_by = dict(rosgraph.Master(me).getSystemState()[1])
+        except (OSError, xmlrpc.client.Error, rosgraph.MasterError):
+            return
+        if all(set(heard_by.get(p.resolved_name, ())) - {me} <= {c.endpoint_id for c in p.impl.connections} for p in publishers):
+            return
+        time.sleep(0.05)
