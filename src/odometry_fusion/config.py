@@ -63,8 +63,9 @@ class OdometryConfig:
     displaced_standing_m: float = parameter(0.05, "m", "wheels that roll less stand", low=0.0, high=1.0)
     displaced_rest_mps2: float = parameter(0.3, "m/s^2", "it is over after still_delay_s without a stronger acceleration", low=0.01)
     displaced_rest_rate: float = parameter(0.05, "rad/s", "and without a faster turn", low=0.001)
-    displaced_sigma_m: float = parameter(5.0, "m", "nothing is known of the position then; sigma of it", low=1.0, high=1000.0)
-    displaced_sigma_rad: float = parameter(1.8, "rad", "nor of the heading: that of all headings", low=0.1, high=10.0)
+    displaced_sigma_m: float = parameter(
+        5.0, "m", "nothing is known of the way then; sigma that it adds to the position, sample by sample", low=1.0, high=1000.0
+    )
     jump_back_s: float = parameter(0.5, "s", "a stamp this much older than its topic's latest is a jump of time: start afresh", low=0.0)
     buffer_s: float = parameter(60.0, "s", "oldest data kept while the other topic is silent", low=1.0)
 

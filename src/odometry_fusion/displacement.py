@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from odometry_fusion.config import OdometryConfig
 from odometry_fusion.error_state import POSITION, State, exp_rotation
 from odometry_fusion.interval import ImuInterval
-from odometry_fusion.measurements import YAW
 from odometry_fusion.track import Wheels
 from robot_body import RobotBody
 
@@ -119,9 +118,10 @@ class DisplacementWatch:
 
 
 def displaced(state: State, config: OdometryConfig) -> State:
-    """The state after a way of which nothing is known."""
+    """The state after a way of which nothing is known, as the covariance of its position says.
+
+    That of the heading stays: else every metre driven on would make the position as unsure again.
+    """
     covariance = state.covariance.copy()
-    diagonal = np.einsum("ii->i", covariance)
-    diagonal[POSITION] += config.displaced_sigma_m**2
-    diagonal[YAW] += config.displaced_sigma_rad**2
+    np.einsum("ii->i", covariance)[POSITION] += config.displaced_sigma_m**2
     return replace(state, covariance=covariance)

@@ -49,9 +49,10 @@ def test_robot_that_is_pushed_as_it_drives_is_noticed() -> None:
     assert any(one.displaced for one in followed("push 5 0.3", 7.0, v=0.5))
 
 
-def test_covariance_leaps_with_every_sample_of_the_way_that_is_not_known_and_the_pose_does_not() -> None:
+@pytest.mark.parametrize("speed_mps", [0.0, 0.5], ids=["stands", "drives on"])
+def test_covariance_leaps_with_every_sample_of_the_way_that_is_not_known_and_with_no_other(speed_mps: float) -> None:
     watch, leaps = LeapWatch(), []
-    for one in followed("push 5 0.5", 10.0):
+    for one in followed("push 4 0.5", 7.5, v=speed_mps):
         leaps.append((watch.leapt(one.pose_covariance[0, 0], one.pose_covariance[1, 1]), bool(one.displaced)))
     assert leaps and all(leapt == displaced for leapt, displaced in leaps)
     assert any(leapt for leapt, _ in leaps)
