@@ -49,10 +49,14 @@ class OdometryConfig:
         0.5, "s", "over so long IMU and wheels are compared; over longer the attitude's error would count", low=0.1, high=5.0
     )
     displaced_m: float = parameter(
-        0.12, "m", "a way within that time of which the wheels know nothing: somebody moves the robot, or it slides", low=0.02, high=10.0
+        0.15, "m", "a way within that time of which the wheels know nothing: somebody moves the robot, or it slides", low=0.02, high=10.0
     )
     displaced_share: float = parameter(
-        0.35, "-", "beside it, as a share of the way that they rolled; plates and ramps at 0.7 m/s make three quarters of it", low=0.0
+        0.15, "-", "beside it, as a share of the way that they rolled; rocks make three quarters of both at 0.7 m/s", low=0.0
+    )
+    displaced_up_m: float = parameter(0.1, "m", "the same upward or downward: somebody lifts it, or it falls", low=0.02, high=10.0)
+    displaced_up_share: float = parameter(
+        0.35, "-", "and beside it, as such a share; plates and ramps make three quarters of both", low=0.0
     )
     displaced_turn_rad: float = parameter(
         0.35, "rad", "a turn within that time of which they know nothing, beside yaw_rate_slip of theirs", low=0.05, high=6.0

@@ -95,10 +95,12 @@ class DisplacementWatch:
         """Why the window is more than the wheels explain."""
         config, first, last = self._config, self._window[0], self._window[-1]
         seconds = last.stamp_s - first.stamp_s
-        way_m = float(np.linalg.norm(last.way - first.way - seconds * first.unexplained))
+        x, y, z = (last.way - first.way - seconds * first.unexplained).tolist()
         rolled_m = last.rolled_m - first.rolled_m
-        if way_m > config.displaced_m + config.displaced_share * rolled_m:
-            return f"moved {way_m:.2f} m otherwise than by its wheels"
+        if math.hypot(x, y) > config.displaced_m + config.displaced_share * rolled_m:
+            return f"moved {math.hypot(x, y):.2f} m otherwise than by its wheels"
+        if abs(z) > config.displaced_up_m + config.displaced_up_share * rolled_m:
+            return f"moved {z:+.2f} m up otherwise than by its wheels"
         turned = abs(last.unexplained_yaw - first.unexplained_yaw)
         if turned > config.displaced_turn_rad + config.yaw_rate_slip * (last.wheel_yaw - first.wheel_yaw):
             return f"turned {turned:.2f} rad otherwise than by its wheels"
