@@ -49,10 +49,14 @@ class OdometryConfig:
         0.5, "s", "over so long IMU and wheels are compared; over longer the attitude's error would count", low=0.1, high=5.0
     )
     displaced_m: float = parameter(
-        0.12, "m", "a way within that time of which the wheels know nothing: somebody moves the robot, or it slides", low=0.02, high=10.0
+        0.15, "m", "a way within that time of which the wheels know nothing: somebody moves the robot, or it slides", low=0.02, high=10.0
     )
     displaced_share: float = parameter(
-        0.35, "-", "beside it, as a share of the way that they rolled; plates and ramps at 0.7 m/s make three quarters of it", low=0.0
+        0.15, "-", "beside it, as a share of the way that they rolled; rocks make three quarters of both at 0.7 m/s", low=0.0
+    )
+    displaced_up_m: float = parameter(0.1, "m", "the same upward or downward: somebody lifts it, or it falls", low=0.02, high=10.0)
+    displaced_up_share: float = parameter(
+        0.35, "-", "and beside it, as such a share; plates and ramps make three quarters of both", low=0.0
     )
     displaced_turn_rad: float = parameter(
         0.35, "rad", "a turn within that time of which they know nothing, beside yaw_rate_slip of theirs", low=0.05, high=6.0
@@ -63,8 +67,9 @@ class OdometryConfig:
     displaced_standing_m: float = parameter(0.05, "m", "wheels that roll less stand", low=0.0, high=1.0)
     displaced_rest_mps2: float = parameter(0.3, "m/s^2", "it is over after still_delay_s without a stronger acceleration", low=0.01)
     displaced_rest_rate: float = parameter(0.05, "rad/s", "and without a faster turn", low=0.001)
-    displaced_sigma_m: float = parameter(5.0, "m", "nothing is known of the position then; sigma of it", low=1.0, high=1000.0)
-    displaced_sigma_rad: float = parameter(1.8, "rad", "nor of the heading: that of all headings", low=0.1, high=10.0)
+    displaced_sigma_m: float = parameter(
+        5.0, "m", "nothing is known of the way then; sigma that it adds to the position, sample by sample", low=1.0, high=1000.0
+    )
     jump_back_s: float = parameter(0.5, "s", "a stamp this much older than its topic's latest is a jump of time: start afresh", low=0.0)
     buffer_s: float = parameter(60.0, "s", "oldest data kept while the other topic is silent", low=1.0)
 

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from odometry_fusion.config import OdometryConfig
 from odometry_fusion.error_state import POSITION, State, exp_rotation
 from odometry_fusion.interval import ImuInterval
-from odometry_fusion.measurements import YAW
 from odometry_fusion.track import Wheels
 from robot_body import RobotBody
 
@@ -96,10 +95,12 @@ class DisplacementWatch:
         """Why the window is more than the wheels explain."""
         config, first, last = self._config, self._window[0], self._window[-1]
         seconds = last.stamp_s - first.stamp_s
-        way_m = float(np.linalg.norm(last.way - first.way - seconds * first.unexplained))
+        x, y, z = (last.way - first.way - seconds * first.unexplained).tolist()
         rolled_m = last.rolled_m - first.rolled_m
-        if way_m > config.displaced_m + config.displaced_share * rolled_m:
-            return f"moved {way_m:.2f} m otherwise than by its wheels"
+        if math.hypot(x, y) > config.displaced_m + config.displaced_share * rolled_m:
+            return f"moved {math.hypot(x, y):.2f} m otherwise than by its wheels"
+        if abs(z) > config.displaced_up_m + config.displaced_up_share * rolled_m:
+            return f"moved {z:+.2f} m up otherwise than by its wheels"
         turned = abs(last.unexplained_yaw - first.unexplained_yaw)
         if turned > config.displaced_turn_rad + config.yaw_rate_slip * (last.wheel_yaw - first.wheel_yaw):
             return f"turned {turned:.2f} rad otherwise than by its wheels"
@@ -119,9 +120,10 @@ class DisplacementWatch:
 
 
 def displaced(state: State, config: OdometryConfig) -> State:
-    """The state after a way of which nothing is known."""
+    """The state after a way of which nothing is known, as the covariance of its position says.
+
+    That of the heading stays: else every metre driven on would make the position as unsure again.
+    """
     covariance = state.covariance.copy()
-    diagonal = np.einsum("ii->i", covariance)
-    diagonal[POSITION] += config.displaced_sigma_m**2
-    diagonal[YAW] += config.displaced_sigma_rad**2
+    np.einsum("ii->i", covariance)[POSITION] += config.displaced_sigma_m**2
     return replace(state, covariance=covariance)

@@ -49,9 +49,17 @@ def test_robot_that_is_pushed_as_it_drives_is_noticed() -> None:
     assert any(one.displaced for one in followed("push 5 0.3", 7.0, v=0.5))
 
 
-def test_covariance_leaps_with_every_sample_of_the_way_that_is_not_known_and_the_pose_does_not() -> None:
+def test_robot_whose_wheels_spin_against_a_wall_is_noticed_as_it_meets_it() -> None:
+    found = followed("", 7.5, v=0.7)
+    told = [one.stamp_s for one in found if one.displaced]
+    assert told and 6.6 < told[0] < 7.2
+    assert not any(one.displaced for one in followed("", 5.5, v=0.7))
+
+
+@pytest.mark.parametrize("speed_mps", [0.0, 0.5], ids=["stands", "drives on"])
+def test_covariance_leaps_with_every_sample_of_the_way_that_is_not_known_and_with_no_other(speed_mps: float) -> None:
     watch, leaps = LeapWatch(), []
-    for one in followed("push 5 0.5", 10.0):
+    for one in followed("push 4 0.5", 7.5, v=speed_mps):
         leaps.append((watch.leapt(one.pose_covariance[0, 0], one.pose_covariance[1, 1]), bool(one.displaced)))
     assert leaps and all(leapt == displaced for leapt, displaced in leaps)
     assert any(leapt for leapt, _ in leaps)
