@@ -14,6 +14,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from map_zones import NO_ZONES, Zones
+from octomap_server_3dnav.navigation.bends import Around, Outline, find_bend
 from octomap_server_3dnav.navigation.straight_lines import (
     DIRECTIONS,
     Demand,
@@ -151,12 +152,26 @@ def _pieces(terrain: Terrain, least: int) -> tuple[NDArray[np.int32], int]:
 
 
 def _connected(passages: list[Passage], piece: NDArray[np.int32], first: int) -> NDArray[np.bool_]:
-    """(N,) nodes of the piece `first` and of all that passages lead to from there."""
+    """(P,) pieces that passages lead to from the piece `first`, and that itself."""
     reached, ends = {first}, [tuple(int(piece[n]) for n in p.nodes) for p in passages]
     for _ in passages:
         for a, b in ends:
             reached |= {a, b} if a in reached or b in reached else set()
-    return np.isin(piece, list(reached - {-1}))
+    return np.isin(np.arange(piece.max() + 1), list(reached))
+
+
+def _with_bends(terrain: Terrain, ground: Ground, kept_off: KeptOff, outline: Outline, found: list[Passage]) -> list[Passage]:
+    """The passages found, and ways that bend to the pieces that they do not lead to."""
+    assert terrain.departure is not None
+    around, first = Around.of(kept_off, terrain.columns.nx, terrain.columns.ny), int(ground.piece[terrain.departure])
+    passages = list(found)
+    while True:
+        nodes, x, y = find_bend(ground, around, outline, _connected(passages, ground.piece, first))
+        if not nodes.size:
+            return passages
+        xy = np.column_stack([x, y]) + terrain.window_key
+        line = np.column_stack([xy, ground.z[nodes] + 0.5]) * terrain.resolution
+        passages.append(Passage((int(nodes[0]), int(nodes[-1])), line))
 
 
 def _narrow(terrain: Terrain, robot: RobotBody) -> NDArray[np.bool_]:
@@ -175,14 +190,17 @@ def with_passages(terrain: Terrain, yaw: float, settings: TerrainSettings) -> Te
         return terrain
     piece, count = _pieces(terrain, settings.terrain.min_ground_voxels)
     demand = Demand.of(settings.passages, robot, terrain.resolution)
-    found = _find_passages(terrain, ground_of(terrain, piece), KeptOff.of(terrain, robot), demand) if count > 1 else []
+    found: list[Passage] = []
+    if count > 1:
+        ground, kept_off, outline = ground_of(terrain, piece), KeptOff.of(terrain, robot), Outline.of(robot, demand, terrain.resolution)
+        found = _with_bends(terrain, ground, kept_off, outline, _find_passages(terrain, ground, kept_off, demand))
     passages, start = list(found), terrain.start
     if start is not None:
         x, y, _ = terrain.robot_xyz
         ways = [way for p in found for way in (p, p.turned()) if terrain.narrow[start] or is_along(way, yaw)]
         passages += [rest for way in ways if (rest := rest_from(way, (x, y), start))]
     reached = terrain.reached.copy()
-    reached[: piece.size] = _connected(found, piece, int(piece[terrain.departure]))
+    reached[: piece.size] = np.append(_connected(found, piece, int(piece[terrain.departure])), False)[piece]
     beside = terrain.neighbours[terrain.frontiers()]
     reached[terrain.frontiers()] = (np.append(reached, False)[beside] & (beside >= 0)).any(axis=1)
     return replace(terrain, passages=tuple(passages), reached=reached)

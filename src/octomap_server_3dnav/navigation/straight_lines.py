@@ -120,7 +120,7 @@ def ground_of(terrain: Terrain, piece: NDArray[np.int32]) -> Ground:
 
 
 @lean_njit
-def _step(graph: Any, node: Any, mx: Any, my: Any) -> Any:
+def step(graph: Any, node: Any, mx: Any, my: Any) -> Any:
     """The node one column on along x, y or both."""
     if mx != 0 and my != 0:
         return diagonal(graph, node, 0 if mx > 0 and my > 0 else 1 if mx < 0 and my > 0 else 2 if mx < 0 else 3)
@@ -137,7 +137,7 @@ def _walk(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: Any, out:
     out[0] = node
     for i in range(1, out.size):
         cx, cy = int(np.floor(x + i * h * dx)), int(np.floor(y + i * h * dy))
-        node = _step(g.graph, node, cx - px, cy - py)
+        node = step(g.graph, node, cx - px, cy - py)
         if begun >= 0 and (node < 0 or g.piece[node] != g.piece[out[begun]] or (i - begun) * h > demand.longest_run_up):
             return i if (i - 1 - begun) * h >= demand.run_up else 0
         if node < 0 or not g.passable[node] or (begun < 0 and i * h > demand.most):
