@@ -7,7 +7,7 @@ _BEND_RAD = 0.02  # a direction that changes by less is the same: over a metre, 
 
 
 def legs_of(points: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """First and last index of every straight leg of a polyline (K, 2) or (K, 3), as seen from above; each begins where the last one ends."""
+    """First and last index of every straight leg of a polyline (K, 2) or (K, 3), as seen from above; each begins where the last ends."""
     along = np.diff(points[:, :2], axis=0)
     legs, begin, direction = [], 0, None
     for i, step in enumerate(along):

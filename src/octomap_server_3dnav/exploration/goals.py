@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.exploration.approach import Approach
+from octomap_server_3dnav.exploration.closed_ways import closed_ways, entrance
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
 from octomap_server_3dnav.exploration.lookouts import Lookout, WayOut, find_lookouts
 from octomap_server_3dnav.exploration.tried_places import Place, TriedPlaces
 from octomap_server_3dnav.navigation.passages import TerrainSettings
-from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
+from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, distances_over_ground, plan_into, plan_path, straight_path
 from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
 from rigid_geometry import yaw_of
 from rigid_geometry.transforms import Transform
@@ -98,7 +99,7 @@ class GoalSearch:
         """
         looks = (lambda: self.towards(last, view), lambda: self._lookout_in(view))
         first, second = looks if self._sent_to is None else looks[::-1]
-        return first() or second() or self._out_of(view)
+        return first() or second() or self._entrance(view) or self._out_of(view)
 
     def decision(self, kind: DecisionKind, reason: str, view: View, left: int = 0) -> Decision:
         """A decision in a view that left so many frontiers to visit."""
@@ -142,10 +143,20 @@ class GoalSearch:
             return self.decision(DecisionKind.GOAL, reason, view, 1).along(part, path, yaw, lookout.xyz)
         return None
 
+    def _entrance(self, view: View) -> Decision | None:
+        """To where the robot can turn before a way that floor closes which was not seen."""
+        if not self._config.lookouts or self.is_inside(view):
+            return None
+        distance = distances_over_ground(view.terrain, self._planner_config)
+        ways = closed_ways(view.terrain, self._frontier_config, self._terrain_settings)
+        found = [place for way in ways if (place := entrance(view.terrain, way, distance))]
+        return self.towards([place for place in found if not self._tried.is_aside(place.xyz)], view)
+
     def _lookouts_left(self, terrain: Terrain, is_inside: bool) -> list[Lookout]:
         """The one that the robot is on its way to, then all others."""
         least_m2 = self._frontier_config.least_lookout_gain_m2 * (_STILL_WORTH if is_inside else 1.0)
         found = find_lookouts(terrain, replace(self._frontier_config, least_lookout_gain_m2=least_m2), self._terrain_settings)
+        found += closed_ways(terrain, self._frontier_config, self._terrain_settings)
         before = None if self._sent_to is None or is_inside else self._sent_to.still_in(terrain)
         return found if before is None else [before, *found]
 

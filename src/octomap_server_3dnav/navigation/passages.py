@@ -3,9 +3,11 @@
 After `terrain.classify`, of a finished terrain. A passage is looked for only where inflated ground parts two pieces of traversable
 ground: a door, a ramp with a drop on both sides. Its middle line is chosen so that the nearest barriers on its left and right are
 equally far, and what the outline sweeps along it must be ground. At both ends the line goes on for a run-up over traversable ground.
+What no such line leads to may be reached by a way that bends (`bends`).
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,7 +16,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from map_zones import NO_ZONES, Zones
-from octomap_server_3dnav.navigation.bends import Around, Outline, find_bend
+from octomap_server_3dnav.navigation.bends import find_bend
+from octomap_server_3dnav.navigation.outline_search import Around, Outline
 from octomap_server_3dnav.navigation.straight_lines import (
     DIRECTIONS,
     Demand,
@@ -33,7 +36,7 @@ from octomap_server_3dnav.terrain.classified_terrain import TRAVERSABLE, UNREACH
 from octomap_server_3dnav.terrain.classify import classify
 from octomap_server_3dnav.terrain.config import TerrainConfig
 from octomap_server_3dnav.terrain.flood import components
-from rigid_geometry import angle_difference, yaw_of
+from rigid_geometry import angle_difference, legs_of, yaw_of
 from rigid_geometry.transforms import Transform
 from robot_body import RobotBody
 
@@ -68,8 +71,9 @@ def navigable_terrain(
 
 
 def is_along(passage: Passage, yaw: float) -> bool:
-    """Whether a robot of this heading in map looks along a passage."""
-    dx, dy = passage.line[-1, :2] - passage.line[0, :2]
+    """Whether a robot of this heading in map looks along the first leg of a passage."""
+    first, last = legs_of(passage.line)[0]
+    dx, dy = passage.line[last, :2] - passage.line[first, :2]
     return abs(angle_difference(math.atan2(dy, dx), yaw)) <= _ALONG_RAD
 
 
@@ -151,7 +155,7 @@ def _pieces(terrain: Terrain, least: int) -> tuple[NDArray[np.int32], int]:
     return np.where(large[piece], piece, -1).astype(np.int32), int(np.count_nonzero(large))
 
 
-def _connected(passages: list[Passage], piece: NDArray[np.int32], first: int) -> NDArray[np.bool_]:
+def _connected(passages: Sequence[Passage], piece: NDArray[np.int32], first: int) -> NDArray[np.bool_]:
     """(P,) pieces that passages lead to from the piece `first`, and that itself."""
     reached, ends = {first}, [tuple(int(piece[n]) for n in p.nodes) for p in passages]
     for _ in passages:
@@ -160,18 +164,48 @@ def _connected(passages: list[Passage], piece: NDArray[np.int32], first: int) ->
     return np.isin(np.arange(piece.max() + 1), list(reached))
 
 
-def _with_bends(terrain: Terrain, ground: Ground, kept_off: KeptOff, outline: Outline, found: list[Passage]) -> list[Passage]:
-    """The passages found, and ways that bend to the pieces that they do not lead to."""
+def _bends(terrain: Terrain, ground: Ground, kept_off: KeptOff, outline: Outline, passages: Sequence[Passage]) -> list[Passage]:
+    """Ways that bend to the pieces that no passages lead to."""
     assert terrain.departure is not None
     around, first = Around.of(kept_off, terrain.columns.nx, terrain.columns.ny), int(ground.piece[terrain.departure])
-    passages = list(found)
+    found: list[Passage] = []
     while True:
-        nodes, x, y = find_bend(ground, around, outline, _connected(passages, ground.piece, first))
+        nodes, x, y = find_bend(ground, around, outline, _connected([*passages, *found], ground.piece, first))
         if not nodes.size:
-            return passages
+            return found
         xy = np.column_stack([x, y]) + terrain.window_key
         line = np.column_stack([xy, ground.z[nodes] + 0.5]) * terrain.resolution
-        passages.append(Passage((int(nodes[0]), int(nodes[-1])), line))
+        found.append(Passage((int(nodes[0]), int(nodes[-1])), line))
+
+
+def ways_if_floor(terrain: Terrain, settings: TerrainSettings) -> list[tuple[Passage, NDArray[np.int64]]]:
+    """The ways that there would be to ground that none leads to, if floor that was not seen is ground; each with that floor's nodes."""
+    if terrain.departure is None or not terrain.narrow.any() or not settings.passages.enabled:
+        return []
+    robot, resolution, unknown = settings.robot, terrain.resolution, terrain.frontiers()
+    piece, _ = _pieces(terrain, settings.terrain.min_ground_voxels)
+    outline = Outline.of(robot, Demand.of(settings.passages, robot, resolution), resolution, over_unknown=True)
+    kept_off = KeptOff.of(terrain, robot, unknown_too=False)
+    places, found = terrain.centers(unknown).astype(np.float64), []
+    for way in _bends(terrain, ground_of(terrain, piece), kept_off, outline, terrain.passages):
+        under = under_outline(way.line, places, robot)
+        if under.any():
+            found.append((way, unknown[under]))
+    return found
+
+
+def under_outline(line: NDArray[np.float64], places: NDArray[np.float64], robot: RobotBody) -> NDArray[np.bool_]:
+    """(M,) which places (M, 3) the outline, with what it strays, passes over on a line on its level."""
+    under = np.zeros(len(places), dtype=np.bool_)
+    for first, last in legs_of(line):
+        a, b = line[first], line[last]
+        length = math.dist(a[:2], b[:2])
+        along = (b - a)[:2] / max(length, 1e-9)
+        off = places - a
+        t, aside = off[:, :2] @ along, np.abs(off[:, 0] * along[1] - off[:, 1] * along[0])
+        level = np.abs(places[:, 2] - np.interp(t, [0.0, length], [a[2], b[2]])) <= robot.standing_tolerance_m
+        under |= (np.abs(t - length / 2) <= length / 2 + robot.half_length_m) & (aside <= robot.passage_cliff_radius_m) & level
+    return under
 
 
 def _narrow(terrain: Terrain, robot: RobotBody) -> NDArray[np.bool_]:
@@ -193,12 +227,13 @@ def with_passages(terrain: Terrain, yaw: float, settings: TerrainSettings) -> Te
     found: list[Passage] = []
     if count > 1:
         ground, kept_off, outline = ground_of(terrain, piece), KeptOff.of(terrain, robot), Outline.of(robot, demand, terrain.resolution)
-        found = _with_bends(terrain, ground, kept_off, outline, _find_passages(terrain, ground, kept_off, demand))
+        found = _find_passages(terrain, ground, kept_off, demand)
+        found += _bends(terrain, ground, kept_off, outline, found)
     passages, start = list(found), terrain.start
     if start is not None:
         x, y, _ = terrain.robot_xyz
-        ways = [way for p in found for way in (p, p.turned()) if terrain.narrow[start] or is_along(way, yaw)]
-        passages += [rest for way in ways if (rest := rest_from(way, (x, y), start))]
+        rests = [rest for p in found for way in (p, p.turned()) if (rest := rest_from(way, (x, y), start))]
+        passages += [rest for rest in rests if terrain.narrow[start] or is_along(rest, yaw)]
     reached = terrain.reached.copy()
     reached[: piece.size] = np.append(_connected(found, piece, int(piece[terrain.departure])), False)[piece]
     beside = terrain.neighbours[terrain.frontiers()]

@@ -241,9 +241,8 @@ def plan_into(terrain: Terrain, way: Passage, yaw: float, config: PlannerConfig)
     For a robot of heading `yaw` in map that stands in the way already, where it cannot turn or looks along it, what is left of it.
     """
     start = terrain.start
-    is_on_it = terrain.is_inside or is_along(way, yaw)
-    rest = rest_from(way, terrain.robot_xyz[:2], start) if start is not None and is_on_it else None
-    if rest is not None:
+    rest = rest_from(way, terrain.robot_xyz[:2], start) if start is not None else None
+    if rest is not None and (terrain.is_inside or is_along(rest, yaw)):
         return straight_path(rest.line, config)
     path, along = plan_path(terrain, way.nodes[0], config), straight_path(way.line, config)
     if path is None or along.straight is None:

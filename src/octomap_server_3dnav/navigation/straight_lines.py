@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.lean_kernels import lean_njit
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
 from octomap_server_3dnav.terrain.planes import diagonal
 from octomap_server_3dnav.terrain.surfaces import find_node
@@ -36,9 +36,9 @@ class KeptOff(NamedTuple):
     radius: Array
 
     @classmethod
-    def of(cls, terrain: Terrain, robot: RobotBody) -> "KeptOff":
-        """The barriers of a terrain, and floor that was not seen, from which the middle keeps off as from a drop."""
-        b, unknown = terrain.barriers, terrain.frontiers()
+    def of(cls, terrain: Terrain, robot: RobotBody, *, unknown_too: bool = True) -> "KeptOff":
+        """The barriers of a terrain and, unless it is taken for ground, floor that was not seen: from that as from a drop."""
+        b, unknown = terrain.barriers, terrain.frontiers()[: None if unknown_too else 0]
         stands, falls = robot.passage_radius_m / terrain.resolution, robot.passage_cliff_radius_m / terrain.resolution
         radius = np.where((b.column >= 0) & ~b.falls, stands, max(stands, falls))
         x, y = terrain.ix[unknown] - terrain.window_key[0] + 0.5, terrain.iy[unknown] - terrain.window_key[1] + 0.5
@@ -120,13 +120,14 @@ def ground_of(terrain: Terrain, piece: NDArray[np.int32]) -> Ground:
 
 
 @lean_njit
-def step(graph: Any, node: Any, mx: Any, my: Any) -> Any:
+def step(graph: NDArray[np.int32], node: Index, mx: Index, my: Index) -> Index:
     """The node one column on along x, y or both."""
     if mx != 0 and my != 0:
         return diagonal(graph, node, 0 if mx > 0 and my > 0 else 1 if mx < 0 and my > 0 else 2 if mx < 0 else 3)
     if mx == 0 and my == 0:
         return node
-    return graph[node, 0 if mx > 0 else 2 if mx < 0 else 1 if my > 0 else 3]
+    on: Index = graph[node, 0 if mx > 0 else 2 if mx < 0 else 1 if my > 0 else 3]
+    return on
 
 
 @lean_njit
