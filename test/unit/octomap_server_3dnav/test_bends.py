@@ -4,9 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, grid_of_heights, pose, terrain_of
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, decide, grid_of_heights, pose, runs_of, terrain_of
+from virtual_explorer import explore
 
-from octomap_server_3dnav.navigation.passages import is_along, rest_from
+from octomap_server_3dnav.exploration.decide import Explorer
+from octomap_server_3dnav.exploration.decision import DecisionKind
+from octomap_server_3dnav.navigation.passages import is_along, rest_from, ways_if_floor
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_path
 from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
 from rigid_geometry import legs_of
@@ -129,3 +132,47 @@ def test_robot_in_a_way_that_bends_looks_along_the_leg_that_it_stands_in() -> No
     assert rest is not None
     assert is_along(rest, math.pi / 2) and not is_along(rest, 0.0)
     assert is_along(Passage((1, 2), line), 0.0) and not is_along(Passage((1, 2), line), math.pi / 4)
+
+
+@pytest.mark.parametrize(
+    "states, at", [(office(17), LOBBY), (office(15), LOBBY), (bent_gap(1.1, 0.8), (1.6, 3.6))], ids=["17", "15", "bend"]
+)
+def test_robot_that_sees_by_rays_explores_what_lies_behind_narrow_bends(states: np.ndarray, at: tuple[float, float]) -> None:
+    journey = explore(states, *at, 0.08, Explorer(), most=30)
+    assert journey.decisions[-1].kind is DecisionKind.EXPLORED and not journey.decisions[-1].set_aside
+    ground = (states[:, :, BELOW] == OCCUPIED) & (states[:, :, BELOW + 1] == FREE)
+    assert journey.known is not None
+    assert np.count_nonzero(journey.known[:, :, BELOW][ground] == OCCUPIED) > 0.97 * np.count_nonzero(ground)
+
+
+def with_shadow(states: np.ndarray, x: slice, y: slice) -> np.ndarray:
+    """The same with floor that nobody has seen."""
+    shadowed = states.copy()
+    shadowed[x, y] = UNKNOWN
+    return shadowed
+
+
+@pytest.mark.parametrize("x, y", [(slice(58, 61), slice(40, 43)), (slice(80, 83), slice(48, 51))], ids=["before the bend", "behind it"])
+def test_floor_that_closes_a_way_is_looked_at_from_near(x: slice, y: slice) -> None:
+    """Three columns beside a side of the gap: nothing else is open."""
+    states = bent_gap(1.05, 0.5)
+    closed = with_shadow(states, x, y)
+    terrain, planner, runs = terrain_of(closed, pose(1.6, 3.6)), Explorer(), runs_of(closed)
+    assert not terrain.passages and terrain_of(states, pose(1.6, 3.6)).passages
+    ((_, unknown),) = ways_if_floor(terrain, planner.terrain_settings)
+    assert unknown.size and set(unknown.tolist()) <= set(terrain.frontiers().tolist())
+    here, stands = pose(1.6, 3.6), []
+    for _ in range(6):
+        decision = decide(planner, runs, here)
+        if decision.kind is not DecisionKind.GOAL:
+            break
+        stands.append(decision.goal[:2])
+        here = pose(*decision.goal[:2], yaw=decision.goal[3])
+    assert decision.kind is DecisionKind.EXPLORED  # it was looked at in vain
+    places = terrain.centers(unknown)[:, :2]
+    assert min(np.linalg.norm(places - stand, axis=1).min() for stand in stands) < 2.0
+
+
+def test_rock_is_no_floor_to_look_at() -> None:
+    terrain = terrain_of(bent_gap(0.75, 0.5), pose(1.6, 3.6))
+    assert ways_if_floor(terrain, Explorer().terrain_settings) == []
