@@ -25,7 +25,7 @@ def closed_ways(terrain: Terrain, of: FrontierConfig, settings: TerrainSettings)
         nodes = [node for point in line if (node := terrain.surface_near(point)) is not None]
         if len(nodes) == len(line):
             x, y, z = places[middle].tolist()
-            found.append(Lookout((x, y, z), gain, np.array(nodes, dtype=np.int32), line))
+            found.append(Lookout((x, y, z), gain, np.array(nodes, dtype=np.int32), line, tuple(unknown.tolist())))
     return found
 
 
@@ -36,4 +36,4 @@ def entrance(terrain: Terrain, way: Lookout, distance_m: NDArray[np.float64]) ->
         return None
     node = int(way.nodes[np.flatnonzero(is_open)[-1]])
     length = float(distance_m[node])
-    return Frontier(way.xyz, node, (), length, length, inflated=True, last=True, potential_cliff=False, gain_m2=way.gain_m2)
+    return Frontier(way.xyz, node, way.voxels, length, length, inflated=True, last=True, potential_cliff=False, gain_m2=way.gain_m2)

@@ -43,12 +43,14 @@ _FAR = 1e4  # voxels to where a direction points
 @dataclass(frozen=True, eq=False)
 class Lookout:
     """A place of unknown floor, its middle `xyz` in map and the ground in m2 that a look at it may show; and the straight way from where
-    there is room to turn to where the ground before it ends: its `nodes`, and its `line` (K, 3) in map in metres."""
+    there is room to turn to where the ground before it ends: its `nodes`, and its `line` (K, 3) in map in metres. It may bend where it is
+    not known which of the `voxels` that close it are ground."""
 
     xyz: tuple[float, float, float]
     gain_m2: float
     nodes: NDArray[np.int32]
     line: NDArray[np.float64]
+    voxels: tuple[int, ...] = ()
 
     def way_in(self, trim_m: float) -> Passage | None:
         """The way up to `trim_m` before its end; None where nothing is left."""

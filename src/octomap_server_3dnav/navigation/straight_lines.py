@@ -75,7 +75,13 @@ class PassageConfig:
 
     enabled: bool = parameter(True, "-", "false: the robot goes only where it can turn, as in the thesis")
     most_length_m: float = parameter(6.0, "m", "longest way without room to turn", low=0.0, high=20.0)
-    run_up_m: float = parameter(0.5, "m", "way in line with a straight passage, over ground with room to turn, at both ends; ways that bend need none", low=0.0, high=5.0)
+    run_up_m: float = parameter(
+        0.5,
+        "m",
+        "way in line with a straight passage, over ground with room to turn, at both ends; ways that bend need none",
+        low=0.0,
+        high=5.0,
+    )
     longest_run_up_m: float = parameter(0.8, "m", "the same where there is more room", low=0.0, high=5.0)
 
     def validate(self) -> list[str]:
