@@ -60,7 +60,7 @@ def _turn_to_goal(doing: Doing, now: Moment) -> Decided:
 
 def _follow(doing: Doing, now: Moment) -> Decided:
     path, s = now.task.path, now.at.s
-    stretch = path.stretch_at(s, _BEFORE_M)
+    stretch = path.stretch_at(s, _BEFORE_M, now.task.farthest)
     if stretch is not None and now.task.is_in(stretch, s, now.pose):
         return _go_straight(doing, now, stretch)
     lookahead = lookahead_m(now.config, now.speed)

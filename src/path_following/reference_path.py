@@ -108,9 +108,13 @@ class ReferencePath:
         beyond = np.maximum(0.0, s - self.length)
         return inside + beyond[:, None] * self._direction(self.length) if beyond.any() else inside
 
-    def stretch_at(self, s: float, before_m: float) -> Stretch | None:
-        """The straight stretch that arc length `s` lies in, or at most `before_m` before; None when there is none."""
-        return next((stretch for stretch in self.stretches if stretch.begin - before_m <= s < stretch.over), None)
+    def stretch_at(self, s: float, before_m: float, farthest: float = 0.0) -> Stretch | None:
+        """The straight stretch that arc length `s` lies in, or at most `before_m` before; None when there is none.
+
+        None either that was over at `farthest`, where the robot has been: it is not entered again when room for a turn is made behind.
+        """
+        within = (stretch for stretch in self.stretches if stretch.begin - before_m <= s < stretch.over)
+        return next((stretch for stretch in within if farthest < stretch.over), None)
 
     def heading_at(self, s: float) -> float:
         """Direction of the path around arc length `s`, radians."""

@@ -38,9 +38,8 @@ class StraightDrive:
         return 0.0 if around.is_clear(arc_poses(pose, self.way, 0.0, self._look(config, s, config.passage_lookahead_m))) else None
 
     def _look(self, config: FollowerConfig, s: float, lookahead: float) -> float:
-        """How far ahead the way must be free: before a corner only to where the robot stops there."""
-        left = self.stretch.end - s
-        return max(_LEFT_M, min(lookahead, left)) if self.stretch.leads_to_corner else max(lookahead, min(config.passage_look_m, left))
+        """How far ahead the way must be free: no farther than to its end, where the robot may turn."""
+        return max(_LEFT_M, min(max(lookahead, config.passage_look_m), self.stretch.end - s))
 
     def _poses(self, pose: Pose, s: float, curvature: float, lookahead: float, look: float) -> NDArray[np.float64]:
         """(K, 3) poses along an arc and then along the line, `look` metres in all."""

@@ -80,3 +80,11 @@ def test_legs_are_stretches_that_meet_at_corners():
     assert first.heading == pytest.approx(0.0) and second.heading == pytest.approx(math.pi / 2)
     assert first.end == second.begin and first.over < first.end and second.over == second.end
     assert second.begin_xy == pytest.approx((0.0, 0.0))
+
+
+def test_way_is_driven_to_its_end_where_a_wall_stands_behind_that():
+    """The robot turns there: the door leads into a corridor, and on along it."""
+    corners = [(0.0, 2.5), (0.0, 0.0)]
+    for then in ([(2.0, 0.0)], [(-2.0, 0.0)]):
+        done = drive(follower_on(corners, then), corridor_with_door(1.36, 0.96), (0.0, 2.5, -math.pi / 2), robot=Robot(delay_s=0.15))
+        assert done.last.state is FollowerState.REACHED and not done.touched
