@@ -22,8 +22,8 @@ AT_BEGIN_M = 0.08  # so near to where a passage begins the robot is there
 class Task:
     """A path to follow and the heading wanted at its end, and how far the robot is with it.
 
-    `s`: arc length of the place beside the robot, and the `farthest` so far; `off_path`: its signed distance, None before the first step; `entered`: the latest
-    passage at whose beginning the robot was. `exact`: it is to stand at the end, not only to look from there.
+    `s`: arc length of the place beside the robot, and the `farthest` so far; `off_path`: its signed distance, None before the first step;
+    `entered`: the latest passage at whose beginning the robot was. `exact`: it is to stand at the end, not only to look from there.
     """
 
     path: ReferencePath
