@@ -89,9 +89,15 @@ def _go_straight(doing: Doing, now: Moment, stretch: Stretch) -> Decided:
         return _await_ground(doing, now)
     speed = max(config.min_speed_mps, config.passage_speed_mps * (1.0 - min(1.0, 0.35 * abs(curvature))))
     speed = min(speed, on_known_ground)
-    if stretch.leads_to_corner:
+    if _turns_after(now, stretch):
         speed = min(speed, max(config.min_speed_mps, config.speed_within(stretch.over - s, speed)))
     return Following("straight through a passage"), now.ramp.along(way * speed, curvature)
+
+
+def _turns_after(now: Moment, stretch: Stretch) -> bool:
+    """Whether the robot turns on the spot where a stretch ends."""
+    beyond = now.task.path.heading_at(stretch.end + now.config.min_lookahead_m)
+    return stretch.leads_to_corner or abs(angle_difference(beyond, stretch.heading)) > now.config.turn_in_place_above_rad
 
 
 def _turn_into_line(doing: Doing, now: Moment, stretch: Stretch, way: float) -> float | None:

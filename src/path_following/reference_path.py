@@ -41,7 +41,7 @@ class Stretch:
 
     @property
     def over(self) -> float:
-        """Arc length at which it is left: before a corner so much earlier as the brakes need."""
+        """Arc length at which it is left: before a corner as much earlier as the brakes need."""
         return self.end - _BRAKING_M if self.leads_to_corner else self.end
 
     def point_at(self, s: float) -> NDArray[np.float64]:
