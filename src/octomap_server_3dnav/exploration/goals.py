@@ -126,7 +126,10 @@ class GoalSearch:
             place = self._tried.at(lookout.xyz)
             place.looks += lookout.is_seen_from(view.terrain, self._trim_at(place))
             way = lookout.way_in(self._trim_at(place))
-            if way is None or view.terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE:
+            if way is None:
+                continue
+            end = way.nodes[1]
+            if view.terrain.label[end] == TerrainClass.TRAVERSABLE and view.terrain.reached[end]:
                 continue
             if self._way_out.has_looked_from(way.line[-1]) or self._tried.why_aside(place):
                 continue
