@@ -1,4 +1,4 @@
-"""Ways to ground that none leads to yet, for floor that was not seen lies in them: how far they can be driven for a look at it.
+"""Ways that bend to where floor is to be seen that nothing else shows: floor that closes a way to known ground, or lies beside a way.
 
 Beside `lookouts`, for `goals` when nothing else is left.
 """
@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav.exploration.frontier_gain import unknown_area_m2
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig
-from octomap_server_3dnav.exploration.lookouts import Lookout
-from octomap_server_3dnav.navigation.passages import TerrainSettings, under_outline, ways_if_floor
+from octomap_server_3dnav.exploration.lookouts import NEAR_END_M, Lookout, unreached_floor
+from octomap_server_3dnav.navigation.passages import TerrainSettings, under_outline, ways_if_floor, ways_near
 from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
 
 
@@ -25,7 +25,19 @@ def closed_ways(terrain: Terrain, of: FrontierConfig, settings: TerrainSettings)
         nodes = [node for point in line if (node := terrain.surface_near(point)) is not None]
         if len(nodes) == len(line):
             x, y, z = places[middle].tolist()
-            found.append(Lookout((x, y, z), gain, np.array(nodes, dtype=np.int32), line, tuple(unknown.tolist())))
+            found.append(Lookout((x, y, z), gain, np.array(nodes, dtype=np.int32), line, tuple(unknown.tolist()), is_stand=True))
+    return found
+
+
+def stands(terrain: Terrain, of: FrontierConfig, settings: TerrainSettings) -> list[Lookout]:
+    """Ways that bend to beside unknown floor that no straight one leads to, where a look may show most first."""
+    floor = sorted(unreached_floor(terrain, of), key=lambda found: (-round(found[2], 6), found[1]))
+    places = terrain.centers(np.array([middle for _, middle, _ in floor], dtype=np.int64)).astype(np.float64)
+    found = []
+    for (_, _, gain), (x, y, z), way in zip(floor, places.tolist(), ways_near(terrain, settings, places, NEAR_END_M), strict=True):
+        nodes = [] if way is None else [node for point in way.line if (node := terrain.surface_near(point)) is not None]
+        if way is not None and len(nodes) == len(way.line):
+            found.append(Lookout((x, y, z), gain, np.array(nodes, dtype=np.int32), way.line, is_stand=True))
     return found
 
 

@@ -19,6 +19,10 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
+Way = tuple[Ints, Floats, Floats]
+"""Nodes of a way, and their x and y."""
+NO_WAY: Way = np.empty(0, dtype=np.int64), np.empty(0), np.empty(0)
+
 _ENOUGH = 1.0  # voxels of room with which fewer legs are better than more room
 _CORNER = 3.0  # voxels of way that one corner less is worth
 _SAME_RAD = 1e-6  # legs that differ by less are one
@@ -101,7 +105,7 @@ def _run_up(narrow: _Narrow, x: float, y: float, node: int, angle: float) -> tup
     """The place up to a run-up farther on in a direction over the same piece of turning room, and its node."""
     g, (c, s) = narrow.ground, (math.cos(angle), math.sin(angle))
     by = 1.0 / max(abs(c), abs(s))
-    for _ in range(int(narrow.outline.run_up / by)):
+    for _ in range(int(narrow.outline.run_up / by) if g.piece[node] >= 0 else 0):
         tx, ty = x + by * c, y + by * s
         on = step(g.graph, node, math.floor(tx) - math.floor(x), math.floor(ty) - math.floor(y))
         if on < 0 or g.piece[on] != g.piece[node]:
@@ -118,47 +122,49 @@ def _with_run_ups(narrow: _Narrow, at: _Corners) -> _Corners:
     return _Corners(node, x, y)
 
 
-def _searched(ground: Ground, connected: NDArray[np.bool_]) -> tuple[Ints, Mask, Mask] | None:
-    """The narrow ground between pieces that are `connected` (P,) and others, with the places in both from where it begins; and which are
-    which (N,). None where there is none."""
+def _narrow_ground(ground: Ground) -> tuple[Mask, NDArray[np.int32]]:
+    """(N,) narrow ground, and the number of its connected group that each of the four neighbours of a node (N, 4) belongs to, else -1."""
     is_narrow = ground.passable & (ground.piece < 0)
     group, _ = components(np.where(is_narrow, np.uint8(TRAVERSABLE), np.uint8(UNREACHED)), ground.graph, 0, is_narrow.size + 1)
+    return group >= 0, np.where(ground.graph >= 0, np.append(group, -1)[ground.graph], -1)
+
+
+def find_bend(ground: Ground, around: Around, outline: Outline, connected: Mask) -> Way:
+    """The cheapest way from the pieces of turning room that are `connected` (P,) to another; empty where there is none."""
+    _, beside = _narrow_ground(ground)
     inside = np.append(connected, False)[ground.piece] & (ground.piece >= 0)
     outside = (ground.piece >= 0) & ~inside
-    beside = np.where(ground.graph >= 0, np.append(group, -1)[ground.graph], -1)
     both = np.intersect1d(beside[inside], beside[outside])
-    both = both[both >= 0]
-    if not both.size:
-        return None
-    is_border = np.isin(beside, both).any(axis=1) & (ground.piece >= 0)
-    nodes = np.flatnonzero((is_narrow & np.isin(group, both)) | is_border)
-    return nodes, inside, outside
+    joins = np.isin(beside, both[both >= 0]).any(axis=1)
+    return _way(_Narrow(ground, around, outline), np.asarray(joins), inside, outside) if joins.any() else NO_WAY
 
 
-def find_bend(ground: Ground, around: Around, outline: Outline, connected: Mask) -> tuple[Ints, Floats, Floats]:
-    """The cheapest way from the pieces of turning room that are `connected` (P,) to another: its nodes, and their x and y.
+def find_bend_to(ground: Ground, around: Around, outline: Outline, connected: Mask, to: Mask) -> Way:
+    """The cheapest way from `connected` pieces (P,) to narrow ground `to` (N,) that is not turning room; empty where there is none."""
+    is_narrow, beside = _narrow_ground(ground)
+    inside = np.append(connected, False)[ground.piece] & (ground.piece >= 0)
+    return _way(_Narrow(ground, around, outline), np.asarray((beside >= 0).any(axis=1)), inside, to & is_narrow)
 
-    Empty where there is none.
+
+def _way(narrow: _Narrow, beside: Mask, source: Mask, target: Mask) -> Way:
+    """The cheapest way from source to target (N,) over narrow ground, with as few legs as it can be.
+
+    `beside` (N,): next to a group of narrow ground that is searched.
     """
-    none = np.empty(0, dtype=np.int64), np.empty(0), np.empty(0)
-    searched = _searched(ground, connected)
-    if searched is None:
-        return none
-    nodes, inside, outside = searched
+    ground = narrow.ground
+    nodes = np.flatnonzero(beside & ground.passable)
     slot = np.full(ground.piece.size, -1, dtype=np.int64)
     slot[nodes] = np.arange(nodes.size)
-    is_open = ground.piece >= 0
-    found = search(ground, around, outline, (nodes, slot, inside, outside, is_open))
-    if not found[0].size:
-        return none
-    narrow = _Narrow(ground, around, outline)
-    at = _corners_of(*found)
-    legs = _fewest_legs(narrow, at)
+    found = search(*narrow, (nodes, slot, source, target, ground.piece >= 0))
+    legs = []
+    if found[0].size:
+        at = _corners_of(*found)
+        legs = _fewest_legs(narrow, at)
     if not legs:
-        return none
+        return NO_WAY
     at = _with_run_ups(narrow, _Corners(at.node[legs], at.x[legs], at.y[legs]))
     parts = [narrow.leg(at, i, i + 1)[0] for i in range(len(at.x) - 1)]
     if not all(part.size for part in parts):
-        return none
+        return NO_WAY
     x, y = (np.concatenate([np.linspace(v[i], v[i + 1], len(part))[i > 0 :] for i, part in enumerate(parts)]) for v in (at.x, at.y))
     return np.concatenate([part[i > 0 :] for i, part in enumerate(parts)]), x, y

@@ -16,7 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from map_zones import NO_ZONES, Zones
-from octomap_server_3dnav.navigation.bends import find_bend
+from octomap_server_3dnav.navigation.bends import NO_WAY, Way, find_bend, find_bend_to
 from octomap_server_3dnav.navigation.outline_search import Around, Outline
 from octomap_server_3dnav.navigation.straight_lines import (
     DIRECTIONS,
@@ -164,6 +164,12 @@ def _connected(passages: Sequence[Passage], piece: NDArray[np.int32], first: int
     return np.isin(np.arange(piece.max() + 1), list(reached))
 
 
+def _passage(terrain: Terrain, way: Way) -> Passage:
+    nodes, x, y = way
+    xy = np.column_stack([x, y]) + terrain.window_key
+    return Passage((int(nodes[0]), int(nodes[-1])), np.column_stack([xy, terrain.z[nodes] + 0.5]) * terrain.resolution)
+
+
 def _bends(terrain: Terrain, ground: Ground, kept_off: KeptOff, outline: Outline, passages: Sequence[Passage]) -> list[Passage]:
     """Ways that bend to the pieces that no passages lead to."""
     assert terrain.departure is not None
@@ -173,9 +179,7 @@ def _bends(terrain: Terrain, ground: Ground, kept_off: KeptOff, outline: Outline
         nodes, x, y = find_bend(ground, around, outline, _connected([*passages, *found], ground.piece, first))
         if not nodes.size:
             return found
-        xy = np.column_stack([x, y]) + terrain.window_key
-        line = np.column_stack([xy, ground.z[nodes] + 0.5]) * terrain.resolution
-        found.append(Passage((int(nodes[0]), int(nodes[-1])), line))
+        found.append(_passage(terrain, (nodes, x, y)))
 
 
 def ways_if_floor(terrain: Terrain, settings: TerrainSettings) -> list[tuple[Passage, NDArray[np.int64]]]:
@@ -191,6 +195,27 @@ def ways_if_floor(terrain: Terrain, settings: TerrainSettings) -> list[tuple[Pas
         under = under_outline(way.line, places, robot)
         if under.any():
             found.append((way, unknown[under]))
+    return found
+
+
+def ways_near(terrain: Terrain, settings: TerrainSettings, places: NDArray[np.float64], reach_m: float) -> list[Passage | None]:
+    """For each of (K, 3) places in map the way that bends to the narrow ground nearest to it; None where none leads within `reach_m`."""
+    if terrain.departure is None or not terrain.narrow.any() or not settings.passages.enabled:
+        return [None] * len(places)
+    piece, _ = _pieces(terrain, settings.terrain.min_ground_voxels)
+    ground, kept_off = ground_of(terrain, piece), KeptOff.of(terrain, settings.robot)
+    outline = Outline.of(settings.robot, Demand.of(settings.passages, settings.robot, terrain.resolution), terrain.resolution)
+    around = Around.of(kept_off, terrain.columns.nx, terrain.columns.ny)
+    connected = _connected(terrain.passages, piece, int(piece[terrain.departure]))
+    centers, found = terrain.centers(slice(0, piece.size)), []
+    for place in places:
+        off, way = np.linalg.norm(centers - place, axis=1), NO_WAY
+        nearest = off[ground.passable & (piece < 0)].min(initial=math.inf)
+        for within in np.arange(nearest + terrain.resolution, reach_m, terrain.resolution):
+            way = find_bend_to(ground, around, outline, connected, off <= within)
+            if way[0].size:
+                break
+        found.append(_passage(terrain, way) if way[0].size else None)
     return found
 
 

@@ -74,7 +74,7 @@ class PassageConfig:
     """Where the robot may drive straight without room to turn."""
 
     enabled: bool = parameter(True, "-", "false: the robot goes only where it can turn, as in the thesis")
-    most_length_m: float = parameter(6.0, "m", "longest way without room to turn", low=0.0, high=20.0)
+    most_length_m: float = parameter(12.0, "m", "longest way without room to turn", low=0.0, high=20.0)
     run_up_m: float = parameter(
         0.5,
         "m",

@@ -9,9 +9,10 @@ from virtual_explorer import explore
 
 from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import DecisionKind
-from octomap_server_3dnav.navigation.passages import is_along, rest_from, ways_if_floor
+from octomap_server_3dnav.navigation.passages import TerrainSettings, is_along, rest_from, ways_if_floor
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_path
 from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
+from octomap_server_3dnav.terrain.config import TerrainConfig
 from rigid_geometry import legs_of
 
 CONFIG = PlannerConfig()
@@ -145,6 +146,15 @@ def test_robot_that_sees_by_rays_explores_what_lies_behind_narrow_bends(states: 
     assert np.count_nonzero(journey.known[:, :, BELOW][ground] == OCCUPIED) > 0.97 * np.count_nonzero(ground)
 
 
+def test_rooms_beside_a_corridor_without_any_room_to_turn_are_found_by_looks_from_within() -> None:
+    """The robot keeps so much off walls when it turns that none of the corridor is room to turn."""
+    states, settings = office(16), TerrainSettings(terrain=TerrainConfig(margin_m=0.07))
+    journey = explore(states, *LOBBY, 0.08, Explorer(terrain=settings), most=40)
+    assert journey.decisions[-1].kind is DecisionKind.EXPLORED and journey.known is not None
+    ground = (states[:, :, BELOW] == OCCUPIED) & (states[:, :, BELOW + 1] == FREE)
+    assert np.count_nonzero(journey.known[:, :, BELOW][ground] == OCCUPIED) > 0.93 * np.count_nonzero(ground)
+
+
 def with_shadow(states: np.ndarray, x: slice, y: slice) -> np.ndarray:
     """The same with floor that nobody has seen."""
     shadowed = states.copy()
@@ -162,7 +172,7 @@ def test_floor_that_closes_a_way_is_looked_at_from_near(x: slice, y: slice) -> N
     ((_, unknown),) = ways_if_floor(terrain, planner.terrain_settings)
     assert unknown.size and set(unknown.tolist()) <= set(terrain.frontiers().tolist())
     here, stands = pose(1.6, 3.6), []
-    for _ in range(6):
+    for _ in range(8):
         decision = decide(planner, runs, here)
         if decision.kind is not DecisionKind.GOAL:
             break
