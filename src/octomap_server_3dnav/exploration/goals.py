@@ -133,7 +133,7 @@ class GoalSearch:
             if view.terrain.label[end] == TerrainClass.TRAVERSABLE and view.terrain.reached[end]:
                 continue
             has_looked = not lookout.voxels and self._way_out.has_looked_from(way.line[-1])
-            if has_looked or self._tried.why_aside(place):
+            if has_looked or self._tried.why_aside(place) or self._tried.was_not_reached(lookout.xyz):
                 continue
             path = plan_into(view.terrain, way, yaw_of(view.T_map_base), self._planner_config)
             if path is None or (is_inside and 0 not in path.entries()):
