@@ -240,13 +240,24 @@ def _narrow(terrain: Terrain, robot: RobotBody) -> NDArray[np.bool_]:
 
 
 def with_passages(terrain: Terrain, yaw: float, settings: TerrainSettings) -> Terrain:
-    """The terrain with its passages, and with `reached` what they connect the departure with, for a robot that looks along `yaw`."""
-    robot = settings.robot
+    """The terrain with its passages, and with `reached` what they connect the departure with, for a robot that looks along `yaw`.
+
+    A robot in a small place with room to turn departs from there, if a passage leads on.
+    """
     if not settings.passages.enabled:
         return terrain
-    terrain = replace(terrain, narrow=_narrow(terrain, robot))
+    terrain = replace(terrain, narrow=_narrow(terrain, settings.robot))
     if terrain.departure is None or not terrain.narrow.any():
         return terrain
+    if terrain.start not in (None, terrain.departure) and not terrain.is_inside:
+        here = _with_passages_from_departure(replace(terrain, departure=terrain.start), yaw, settings)
+        if any(here.reached[node] for passage in here.passages for node in passage.nodes):
+            return here
+    return _with_passages_from_departure(terrain, yaw, settings)
+
+
+def _with_passages_from_departure(terrain: Terrain, yaw: float, settings: TerrainSettings) -> Terrain:
+    robot = settings.robot
     piece, count = _pieces(terrain, settings.terrain.min_ground_voxels)
     demand = Demand.of(settings.passages, robot, terrain.resolution)
     found: list[Passage] = []

@@ -9,7 +9,7 @@ from virtual_explorer import explore
 
 from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import DecisionKind
-from octomap_server_3dnav.navigation.passages import TerrainSettings, is_along, rest_from, ways_if_floor
+from octomap_server_3dnav.navigation.passages import TerrainSettings, is_along, navigable_terrain, rest_from, ways_if_floor
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_path
 from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
 from octomap_server_3dnav.terrain.config import TerrainConfig
@@ -186,3 +186,14 @@ def test_floor_that_closes_a_way_is_looked_at_from_near(x: slice, y: slice) -> N
 def test_rock_is_no_floor_to_look_at() -> None:
     terrain = terrain_of(bent_gap(0.75, 0.5), pose(1.6, 3.6))
     assert ways_if_floor(terrain, Explorer().terrain_settings) == []
+
+
+def test_robot_that_can_turn_beside_a_door_only_departs_from_there() -> None:
+    """Of the corridor the place before the door is all that is room to turn; the room behind the door is nearer than the lobby."""
+    closed = with_shadow(office(16), slice(80, 92), slice(78, 81))
+    settings = TerrainSettings(terrain=TerrainConfig(margin_m=0.045))
+    terrain = navigable_terrain(runs_of(closed), pose(6.9, 5.72), settings, None)
+    assert not terrain.is_inside and terrain.departure == terrain.start
+    assert terrain.reached[terrain.surface_near((*LOBBY, 0.04))]
+    path = way(terrain, *LOBBY)
+    assert path is not None and path.straight.any()
