@@ -60,7 +60,7 @@ def _turn_to_goal(doing: Doing, now: Moment) -> Decided:
 
 def _follow(doing: Doing, now: Moment) -> Decided:
     path, s = now.task.path, now.at.s
-    stretch = path.stretch_at(s, _BEFORE_M)
+    stretch = path.stretch_at(s, _BEFORE_M, now.task.farthest)
     if stretch is not None and now.task.is_in(stretch, s, now.pose):
         return _go_straight(doing, now, stretch)
     lookahead = lookahead_m(now.config, now.speed)
@@ -78,15 +78,9 @@ def _go_straight(doing: Doing, now: Moment, stretch: Stretch) -> Decided:
     """Into the line of a passage where there is room to turn, and along it; to its end backward where the robot is turned away."""
     config, pose, s = now.config, now.pose, now.at.s
     way = 1.0 if abs(angle_difference(stretch.heading, pose[2])) <= math.pi / 2 else -1.0
-    error = steering_to(pose, stretch.point_at(s + config.passage_lookahead_m)).heading_error
-    is_at_begin = s < stretch.begin + _RUN_UP_M
-    is_turned_off = abs(error) > (config.passage_heading_rad if isinstance(doing, TurningToPath) else config.passage_turn_rad)
-    begins_inside = stretch.begin < AT_BEGIN_M  # with a path that begins in its line the robot may stand where it cannot turn
-    if is_turned_off and (way > 0.0 or (is_at_begin and not begins_inside)):
-        angle, around = turn_by(error, doing.turning_side), now.around
-        if around.is_free_turn(pose, angle, drifting=True) or (is_at_begin and around.is_free_turn(pose, angle, drifting=False)):
-            reason = f"{angle:.2f} rad to turn into the line of a passage"
-            return TurningToPath(reason, math.copysign(1.0, angle)), now.ramp.turning(angle)
+    turn = _turn_into_line(doing, now, stretch, way)
+    if turn is not None:
+        return TurningToPath(f"{turn:.2f} rad to turn into the line of a passage", math.copysign(1.0, turn)), now.ramp.turning(turn)
     curvature = StraightDrive(now.task.path, stretch, way).free_curvature(config, now.around, pose, s)
     if curvature is None:
         return _wait(doing, now, "the passage ahead is not free", 0.0)
@@ -95,7 +89,37 @@ def _go_straight(doing: Doing, now: Moment, stretch: Stretch) -> Decided:
         return _await_ground(doing, now)
     speed = max(config.min_speed_mps, config.passage_speed_mps * (1.0 - min(1.0, 0.35 * abs(curvature))))
     speed = min(speed, on_known_ground)
+    if _turns_after(now, stretch):
+        speed = min(speed, max(config.min_speed_mps, config.speed_within(stretch.over - s, speed)))
     return Following("straight through a passage"), now.ramp.along(way * speed, curvature)
+
+
+def _turns_after(now: Moment, stretch: Stretch) -> bool:
+    """Whether the robot turns on the spot where a stretch ends."""
+    beyond = now.task.path.heading_at(stretch.end + now.config.min_lookahead_m)
+    return stretch.leads_to_corner or abs(angle_difference(beyond, stretch.heading)) > now.config.turn_in_place_above_rad
+
+
+def _turn_into_line(doing: Doing, now: Moment, stretch: Stretch, way: float) -> float | None:
+    """The turn on the spot into the line of a passage; None where none is due or free.
+
+    With its nose ahead, where there is room; at a corner, where there may be little, with that end ahead that is nearer.
+    """
+    config, pose, s, around = now.config, now.pose, now.at.s, now.around
+    error = steering_to(pose, stretch.point_at(s + config.passage_lookahead_m)).heading_error
+    is_at_begin = s < stretch.begin + _RUN_UP_M
+    is_at_corner = stretch.from_corner and is_at_begin
+    begins_inside = stretch.begin < AT_BEGIN_M  # with a path that begins in its line the robot may stand where it cannot turn
+    limit = config.passage_heading_rad if isinstance(doing, TurningToPath) or is_at_corner else config.passage_turn_rad
+    errors = [error] if way > 0.0 or (is_at_begin and not begins_inside) else []
+    if is_at_corner:
+        errors = sorted([error, angle_difference(error, math.pi)], key=abs)
+    if any(abs(e) <= limit for e in errors):
+        return None
+    for angle in (turn_by(e, doing.turning_side) for e in errors):
+        if around.is_free_turn(pose, angle, drifting=True) or (is_at_begin and around.is_free_turn(pose, angle, drifting=False)):
+            return angle
+    return None
 
 
 def _turn_to_path(doing: Doing, now: Moment, error: float) -> Decided:

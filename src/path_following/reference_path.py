@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigid_geometry import legs_of
+
 Pose = tuple[float, float, float]
 """x m, y m, yaw rad in map."""
 
 _SPACING_M = 0.05
+_BRAKING_M = 0.03  # from the speed at which corners are come to
 
 
 @dataclass(frozen=True)
@@ -23,12 +26,23 @@ class Projection:
 
 @dataclass(frozen=True)
 class Stretch:
-    """Part of a path that is driven straight, because there is no room to turn: arc lengths in metres, first point and heading in map."""
+    """Part of a path that is driven straight, because there is no room to turn: arc lengths in metres, first point and heading in map.
+
+    At a corner another begins where it ends (`leads_to_corner`), or it begins where another ends (`from_corner`): there the robot turns on
+    the spot.
+    """
 
     begin: float
     end: float
     begin_xy: tuple[float, float]
     heading: float
+    from_corner: bool = False
+    leads_to_corner: bool = False
+
+    @property
+    def over(self) -> float:
+        """Arc length at which it is left: before a corner as much earlier as the brakes need."""
+        return self.end - _BRAKING_M if self.leads_to_corner else self.end
 
     def point_at(self, s: float) -> NDArray[np.float64]:
         """(2,) point of its line at an arc length of the path, also beyond its ends."""
@@ -51,15 +65,16 @@ class ReferencePath:
             raise ValueError(f"straight has one value for each of the {len(given)} points or none, not {len(straight)}")
         self.ends_at_passage = bool(len(straight)) and bool(straight[-1])
         even = _resampled(given[:, :2])
-        changes = _changes(straight)
-        borders = _indices_of(changes, given[:, :2], len(even))
+        legs = _legs(given[:, :2], straight)
+        borders = _indices_of(legs, given[:, :2], len(even))
         self.xy = _smoothed(even, round(smoothing_m / _SPACING_M), borders)
         self._s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.xy, axis=0), axis=1))])
+        begins, ends = {first for first, _ in legs}, {last for _, last in legs}
         s = [float(self._s[int(np.argmin(np.linalg.norm(self.xy - even[k], axis=1)))]) for k in borders]
         self.stretches = [
-            Stretch(s[i], s[i + 1], (float(a[0]), float(a[1])), math.atan2(b[1] - a[1], b[0] - a[0]))
-            for i in range(0, len(s), 2)
-            for a, b in [given[changes[i : i + 2]]]
+            Stretch(s[i], s[i + 1], (float(a[0]), float(a[1])), math.atan2(b[1] - a[1], b[0] - a[0]), first in ends, last in begins)
+            for i, (first, last) in zip(range(0, len(s), 2), legs, strict=True)
+            for a, b in [given[[first, last]]]
         ]
 
     @property
@@ -93,9 +108,13 @@ class ReferencePath:
         beyond = np.maximum(0.0, s - self.length)
         return inside + beyond[:, None] * self._direction(self.length) if beyond.any() else inside
 
-    def stretch_at(self, s: float, before_m: float) -> Stretch | None:
-        """The straight stretch that arc length `s` lies in, or at most `before_m` before; None when there is none."""
-        return next((stretch for stretch in self.stretches if stretch.begin - before_m <= s < stretch.end), None)
+    def stretch_at(self, s: float, before_m: float, farthest: float = 0.0) -> Stretch | None:
+        """The straight stretch that arc length `s` lies in, or at most `before_m` before; None when there is none.
+
+        None either that was over at `farthest`, where the robot has been: it is not entered again when room for a turn is made behind.
+        """
+        within = (stretch for stretch in self.stretches if stretch.begin - before_m <= s < stretch.over)
+        return next((stretch for stretch in within if farthest < stretch.over), None)
 
     def heading_at(self, s: float) -> float:
         """Direction of the path around arc length `s`, radians."""
@@ -118,16 +137,17 @@ def _resampled(xy: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.column_stack([np.interp(at, s, xy[:, axis]) for axis in range(2)])
 
 
-def _changes(straight: Sequence[bool]) -> NDArray[np.int64]:
-    """Indices of the points where straight stretches begin and end, in turns."""
+def _legs(given: NDArray[np.float64], straight: Sequence[bool]) -> list[tuple[int, int]]:
+    """Indices of the points where straight stretches begin and end."""
     flags = np.concatenate([[False], np.array(straight, dtype=bool)[:-1], [False]])
-    return np.flatnonzero(np.diff(flags.astype(int)))
+    changes = np.flatnonzero(np.diff(flags.astype(int))).reshape(-1, 2).tolist()
+    return [(begin + i, begin + j) for begin, end in changes for i, j in legs_of(given[begin : end + 1])]
 
 
-def _indices_of(points: NDArray[np.int64], given: NDArray[np.float64], count: int) -> list[int]:
-    """Of given points, where they lie among `count` evenly spaced ones on the same way."""
+def _indices_of(legs: list[tuple[int, int]], given: NDArray[np.float64], count: int) -> list[int]:
+    """Of the first and last given point of every leg, where they lie among `count` evenly spaced ones on the same way."""
     s = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(given, axis=0), axis=1))])
-    return [round(float(s[k] / s[-1]) * (count - 1)) for k in points] if s[-1] > 0 else []
+    return [round(float(s[k] / s[-1]) * (count - 1)) for leg in legs for k in leg] if s[-1] > 0 else []
 
 
 def _smoothed(xy: NDArray[np.float64], half_window: int, borders: list[int]) -> NDArray[np.float64]:

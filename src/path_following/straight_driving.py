@@ -38,12 +38,12 @@ class StraightDrive:
         return 0.0 if around.is_clear(arc_poses(pose, self.way, 0.0, self._look(config, s, config.passage_lookahead_m))) else None
 
     def _look(self, config: FollowerConfig, s: float, lookahead: float) -> float:
-        """How far ahead the way must be free."""
-        return max(lookahead, min(config.passage_look_m, self.stretch.end - s))
+        """How far ahead the way must be free: no farther than to its end, where the robot may turn."""
+        return max(_LEFT_M, min(max(lookahead, config.passage_look_m), self.stretch.end - s))
 
     def _poses(self, pose: Pose, s: float, curvature: float, lookahead: float, look: float) -> NDArray[np.float64]:
         """(K, 3) poses along an arc and then along the line, `look` metres in all."""
-        arc = arc_poses(pose, self.way, curvature, lookahead)
+        arc = arc_poses(pose, self.way, curvature, min(lookahead, look))
         left = np.arange(s + lookahead, s + look, _SPACING_M)
         yaw = self.stretch.heading + (0.0 if self.way > 0 else math.pi)
         return np.concatenate([arc, [(*self.stretch.point_at(at), yaw) for at in left]]) if left.size else arc

@@ -22,14 +22,15 @@ AT_BEGIN_M = 0.08  # so near to where a passage begins the robot is there
 class Task:
     """A path to follow and the heading wanted at its end, and how far the robot is with it.
 
-    `s`: arc length of the place beside the robot; `off_path`: its signed distance, None before the first step; `entered`: the latest
-    passage at whose beginning the robot was. `exact`: it is to stand at the end, not only to look from there.
+    `s`: arc length of the place beside the robot, and the `farthest` so far; `off_path`: its signed distance, None before the first step;
+    `entered`: the latest passage at whose beginning the robot was. `exact`: it is to stand at the end, not only to look from there.
     """
 
     path: ReferencePath
     goal_yaw: float | None
     exact: bool = False
     s: float = 0.0
+    farthest: float = 0.0
     off_path: float | None = None
     entered: Stretch | None = None
     watch: ProgressWatch | None = None
@@ -48,6 +49,7 @@ class Task:
         """The place beside the robot; near the last one only: the path may pass over or under itself."""
         at = self.path.project(np.array(pose[:2]), self.s - 0.5, self.s + 1.0)
         self.s, self.off_path = at.s, at.off_path
+        self.farthest = max(self.farthest, at.s)
         return at
 
     def is_in(self, stretch: Stretch, s: float, pose: Pose) -> bool:

@@ -7,6 +7,7 @@ fixed-axis x, y, z, and quaternions are x, y, z, w (REP 103).
 
 from rigid_geometry.far_origin import FAR_M, lost_digits_m, origin_bytes, origin_near, origin_text, read_origin
 from rigid_geometry.leap_watch import LeapWatch
+from rigid_geometry.polyline import legs_of
 from rigid_geometry.pose_history import PoseHistory
 from rigid_geometry.skid_steering import slide_per_rad
 from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S, Arrival, StampedBuffer
@@ -45,6 +46,7 @@ __all__ = [
     "as_transforms",
     "interpolate_transforms",
     "inverse",
+    "legs_of",
     "lost_digits_m",
     "origin_bytes",
     "origin_near",

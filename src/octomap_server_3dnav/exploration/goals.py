@@ -4,19 +4,21 @@ For `decide`, which asks for the terrain around the robot first and then for the
 robot looked at them, or that driving failed to reach, are set aside (`tried_places`).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.exploration.approach import Approach
+from octomap_server_3dnav.exploration.closed_ways import closed_ways, entrance, stands
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
 from octomap_server_3dnav.exploration.lookouts import Lookout, WayOut, find_lookouts
 from octomap_server_3dnav.exploration.tried_places import Place, TriedPlaces
 from octomap_server_3dnav.navigation.passages import TerrainSettings
-from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_into, plan_path, straight_path
+from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, distances_over_ground, plan_into, plan_path, straight_path
 from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
 from rigid_geometry import yaw_of
 from rigid_geometry.transforms import Transform
@@ -98,7 +100,7 @@ class GoalSearch:
         """
         looks = (lambda: self.towards(last, view), lambda: self._lookout_in(view))
         first, second = looks if self._sent_to is None else looks[::-1]
-        return first() or second() or self._out_of(view)
+        return first() or second() or self._entrance(view) or self._out_of(view)
 
     def decision(self, kind: DecisionKind, reason: str, view: View, left: int = 0) -> Decision:
         """A decision in a view that left so many frontiers to visit."""
@@ -122,12 +124,16 @@ class GoalSearch:
         if not self._config.lookouts or (is_inside and self._way_out.is_leaving):
             return None
         for lookout in self._lookouts_left(view.terrain, is_inside):
-            place = self._tried.at(lookout.xyz)
+            place = self._tried.at(lookout.tried_at)
             place.looks += lookout.is_seen_from(view.terrain, self._trim_at(place))
             way = lookout.way_in(self._trim_at(place))
-            if way is None or view.terrain.label[way.nodes[1]] == TerrainClass.TRAVERSABLE:
+            if way is None:
                 continue
-            if self._way_out.has_looked_from(way.line[-1]) or self._tried.why_aside(place):
+            end = way.nodes[1]
+            if view.terrain.label[end] == TerrainClass.TRAVERSABLE and view.terrain.reached[end]:
+                continue
+            has_looked = not lookout.voxels and self._way_out.has_looked_from(way.line[-1])
+            if has_looked or self._tried.why_aside(place) or self._tried.was_not_reached(lookout.xyz):
                 continue
             path = plan_into(view.terrain, way, yaw_of(view.T_map_base), self._planner_config)
             if path is None or (is_inside and 0 not in path.entries()):
@@ -137,17 +143,30 @@ class GoalSearch:
             part, yaw, is_whole = self._approach.towards(path, view.T_map_base, facing_yaw(*way.line[[0, -1]]))
             self._sent_to = None if is_whole else lookout
             if is_whole:
+                place.looks += lookout.is_stand  # once there it has looked, whatever it sees
                 self._way_out.enter(way, view.terrain)
             reason = f"a look at {lookout.gain_m2:.0f} m2 from where there is no room to turn"
             return self.decision(DecisionKind.GOAL, reason, view, 1).along(part, path, yaw, lookout.xyz)
         return None
 
-    def _lookouts_left(self, terrain: Terrain, is_inside: bool) -> list[Lookout]:
-        """The one that the robot is on its way to, then all others."""
+    def _entrance(self, view: View) -> Decision | None:
+        """To where the robot can turn before a way that floor closes which was not seen."""
+        if not self._config.lookouts or self.is_inside(view):
+            return None
+        distance = distances_over_ground(view.terrain, self._planner_config)
+        ways = closed_ways(view.terrain, self._frontier_config, self._terrain_settings)
+        found = [place for way in ways if (place := entrance(view.terrain, way, distance))]
+        return self.towards([place for place in found if not self._tried.is_aside(place.xyz)], view)
+
+    def _lookouts_left(self, terrain: Terrain, is_inside: bool) -> Iterator[Lookout]:
+        """The one that the robot is on its way to, then all others: first those that lie straight ahead."""
         least_m2 = self._frontier_config.least_lookout_gain_m2 * (_STILL_WORTH if is_inside else 1.0)
-        found = find_lookouts(terrain, replace(self._frontier_config, least_lookout_gain_m2=least_m2), self._terrain_settings)
+        of = replace(self._frontier_config, least_lookout_gain_m2=least_m2)
         before = None if self._sent_to is None or is_inside else self._sent_to.still_in(terrain)
-        return found if before is None else [before, *found]
+        if before is not None:
+            yield before
+        for find in (find_lookouts, closed_ways, stands):
+            yield from find(terrain, of, self._terrain_settings)
 
     def _trim_at(self, place: Place) -> float:
         """How far before the end of the way a lookout is: nearer at every look."""

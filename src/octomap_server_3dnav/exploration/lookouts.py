@@ -32,7 +32,7 @@ from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, Te
 
 _STARTS = 16  # nodes at the end of the ground from which ways back are tried
 _LAST_M = 0.8  # how far from the floor that was not seen the ground may end
-_NEAR_END_M = 1.5 * _LAST_M  # and so near to its end what is looked at may be, for the ground is not level
+NEAR_END_M = 1.5 * _LAST_M  # and so near to its end what is looked at may be, for the ground is not level
 _SAME_STAND_M = 1.0  # from so near it looks the same
 _FAR_INSIDE_M = 1.0  # from room to turn: nearer, the robot stands beside something
 _FACING = 0.7  # cosine of the angle between a way and what it leads to
@@ -43,15 +43,26 @@ _FAR = 1e4  # voxels to where a direction points
 @dataclass(frozen=True, eq=False)
 class Lookout:
     """A place of unknown floor, its middle `xyz` in map and the ground in m2 that a look at it may show; and the straight way from where
-    there is room to turn to where the ground before it ends: its `nodes`, and its `line` (K, 3) in map in metres."""
+    there is room to turn to where the ground before it ends: its `nodes`, and its `line` (K, 3) in map in metres. It may bend where it is
+    not known which of the `voxels` that close it are ground. `is_stand`: it bends to its end, from where the floor is looked at."""
 
     xyz: tuple[float, float, float]
     gain_m2: float
     nodes: NDArray[np.int32]
     line: NDArray[np.float64]
+    voxels: tuple[int, ...] = ()
+    is_stand: bool = False
+
+    @property
+    def tried_at(self) -> tuple[float, float, float]:
+        """The place under which looks and failures are kept."""
+        x, y, z = (float(v) for v in self.line[-1])
+        return (x, y, z) if self.is_stand else self.xyz
 
     def way_in(self, trim_m: float) -> Passage | None:
-        """The way up to `trim_m` before its end; None where nothing is left."""
+        """The way up to `trim_m` before its end, or to where it `is_stand`; None where nothing is left."""
+        if self.is_stand:
+            return Passage((int(self.nodes[0]), int(self.nodes[-1])), self.line)
         left = np.hypot(*(self.line[-1, :2] - self.line[:, :2]).T)
         last = int(np.count_nonzero(left >= trim_m)) - 1
         return Passage((int(self.nodes[0]), int(self.nodes[last])), self.line[: last + 1]) if last > 0 else None
@@ -61,7 +72,7 @@ class Lookout:
         nodes = [terrain.surface_near(point) for point in self.line]
         places = [node for node in nodes if node is not None and (terrain.narrow[node] or terrain.label[node] == TerrainClass.TRAVERSABLE)]
         away = np.linalg.norm(terrain.centers(terrain.frontiers()) - self.line[-1], axis=1)
-        is_left = len(places) == len(nodes) and (away <= _NEAR_END_M).any()
+        is_left = len(places) == len(nodes) and (away <= NEAR_END_M).any()
         return replace(self, nodes=np.array(places, dtype=np.int32)) if is_left else None
 
     def is_seen_from(self, terrain: Terrain, trim_m: float) -> bool:
@@ -156,17 +167,13 @@ def _ground_of(terrain: Terrain) -> Ground:
     return ground_of(terrain, np.where(is_open[: terrain.surface_count], 0, -1).astype(np.int32))
 
 
-def find_lookouts(terrain: Terrain, of: FrontierConfig, settings: TerrainSettings) -> list[Lookout]:
-    """The lookouts at unknown floor of which a look may show `of.least_lookout_gain_m2`, the one that may show most first."""
+def unreached_floor(terrain: Terrain, of: FrontierConfig) -> list[tuple[NDArray[np.int64], int, float]]:
+    """Unknown floor that no reached ground lies beside, of which a look may show `of.least_lookout_gain_m2`: nodes, middle, that."""
     unknown = terrain.frontiers()
-    if not unknown.size or terrain.departure is None or not terrain.narrow.any():
+    if not unknown.size:
         return []
-    ground, demand = _ground_of(terrain), Demand.of(settings.passages, settings.robot, terrain.resolution)
-    kept_off = KeptOff.of(terrain, settings.robot)
     xyz = terrain.centers(unknown).astype(np.float64)
     cluster = cluster_voxels(np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[unknown])
-    ends = np.flatnonzero(ground.passable & (ground.piece < 0))
-    tree = cKDTree(terrain.centers(ends))
     found = []
     for number in range(int(cluster.max()) + 1):
         members = np.flatnonzero(cluster == number)
@@ -174,12 +181,27 @@ def find_lookouts(terrain: Terrain, of: FrontierConfig, settings: TerrainSetting
             continue
         middle = members[np.argmin(np.linalg.norm(xyz[members] - xyz[members].mean(axis=0), axis=1))]
         gain = float(unknown_area_m2(terrain, unknown[middle : middle + 1], of.gain_radius_m)[0])
-        if gain < of.least_lookout_gain_m2:
-            continue
-        near = np.unique(np.concatenate(tree.query_ball_point(xyz[members], _NEAR_END_M)).astype(np.int64))
-        line, points = _line_to(terrain, (ground, kept_off, demand), ends[near], xyz[members])
+        if gain >= of.least_lookout_gain_m2:
+            found.append((unknown[members], int(unknown[middle]), gain))
+    return found
+
+
+def find_lookouts(terrain: Terrain, of: FrontierConfig, settings: TerrainSettings) -> list[Lookout]:
+    """The lookouts at unknown floor of which a look may show `of.least_lookout_gain_m2`, the one that may show most first."""
+    if terrain.departure is None or not terrain.narrow.any():
+        return []
+    ground, demand = _ground_of(terrain), Demand.of(settings.passages, settings.robot, terrain.resolution)
+    kept_off = KeptOff.of(terrain, settings.robot)
+    ends = np.flatnonzero(ground.passable & (ground.piece < 0))
+    tree = cKDTree(terrain.centers(ends))
+    found = []
+    for members, middle, gain in unreached_floor(terrain, of):
+        xyz = terrain.centers(members).astype(np.float64)
+        near = np.unique(np.concatenate(tree.query_ball_point(xyz, NEAR_END_M)).astype(np.int64))
+        line, points = _line_to(terrain, (ground, kept_off, demand), ends[near], xyz)
         if line.size:
-            found.append(Lookout(tuple(xyz[middle].tolist()), gain, line, points))
+            x, y, z = terrain.centers(np.array([middle]))[0].astype(np.float64).tolist()
+            found.append(Lookout((x, y, z), gain, line, points))
     return sorted(found, key=lambda lookout: (-round(lookout.gain_m2, 6), lookout.xyz))
 
 

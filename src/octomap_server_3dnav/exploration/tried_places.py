@@ -64,6 +64,11 @@ class TriedPlaces:
         place = self.known(xyz)
         return place is not None and self.why_aside(place) is not None
 
+    def was_not_reached(self, xyz: Point) -> bool:
+        """Whether drives to what lies at a point failed too often."""
+        place = self.known(xyz)
+        return place is not None and len(place.failures) >= self._config.max_failures
+
     def set_aside(self) -> list[tuple[Point, str]]:
         """The places that are not tried any more, each with the reason."""
         return [(p.xyz, reason) for p in self._places if (reason := self.why_aside(p))]

@@ -3,9 +3,11 @@
 After `terrain.classify`, of a finished terrain. A passage is looked for only where inflated ground parts two pieces of traversable
 ground: a door, a ramp with a drop on both sides. Its middle line is chosen so that the nearest barriers on its left and right are
 equally far, and what the outline sweeps along it must be ground. At both ends the line goes on for a run-up over traversable ground.
+What no such line leads to may be reached by a way that bends (`bends`).
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,6 +16,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from map_zones import NO_ZONES, Zones
+from octomap_server_3dnav.navigation.bends import NO_WAY, Way, find_bend, find_bend_to
+from octomap_server_3dnav.navigation.outline_search import Around, Outline
 from octomap_server_3dnav.navigation.straight_lines import (
     DIRECTIONS,
     Demand,
@@ -32,7 +36,7 @@ from octomap_server_3dnav.terrain.classified_terrain import TRAVERSABLE, UNREACH
 from octomap_server_3dnav.terrain.classify import classify
 from octomap_server_3dnav.terrain.config import TerrainConfig
 from octomap_server_3dnav.terrain.flood import components
-from rigid_geometry import angle_difference, yaw_of
+from rigid_geometry import angle_difference, legs_of, yaw_of
 from rigid_geometry.transforms import Transform
 from robot_body import RobotBody
 
@@ -67,8 +71,9 @@ def navigable_terrain(
 
 
 def is_along(passage: Passage, yaw: float) -> bool:
-    """Whether a robot of this heading in map looks along a passage."""
-    dx, dy = passage.line[-1, :2] - passage.line[0, :2]
+    """Whether a robot of this heading in map looks along the first leg of a passage."""
+    first, last = legs_of(passage.line)[0]
+    dx, dy = passage.line[last, :2] - passage.line[first, :2]
     return abs(angle_difference(math.atan2(dy, dx), yaw)) <= _ALONG_RAD
 
 
@@ -150,13 +155,82 @@ def _pieces(terrain: Terrain, least: int) -> tuple[NDArray[np.int32], int]:
     return np.where(large[piece], piece, -1).astype(np.int32), int(np.count_nonzero(large))
 
 
-def _connected(passages: list[Passage], piece: NDArray[np.int32], first: int) -> NDArray[np.bool_]:
-    """(N,) nodes of the piece `first` and of all that passages lead to from there."""
+def _connected(passages: Sequence[Passage], piece: NDArray[np.int32], first: int) -> NDArray[np.bool_]:
+    """(P,) pieces that passages lead to from the piece `first`, and that itself."""
     reached, ends = {first}, [tuple(int(piece[n]) for n in p.nodes) for p in passages]
     for _ in passages:
         for a, b in ends:
             reached |= {a, b} if a in reached or b in reached else set()
-    return np.isin(piece, list(reached - {-1}))
+    return np.isin(np.arange(piece.max() + 1), list(reached))
+
+
+def _passage(terrain: Terrain, way: Way) -> Passage:
+    nodes, x, y = way
+    xy = np.column_stack([x, y]) + terrain.window_key
+    return Passage((int(nodes[0]), int(nodes[-1])), np.column_stack([xy, terrain.z[nodes] + 0.5]) * terrain.resolution)
+
+
+def _bends(terrain: Terrain, ground: Ground, kept_off: KeptOff, outline: Outline, passages: Sequence[Passage]) -> list[Passage]:
+    """Ways that bend to the pieces that no passages lead to."""
+    assert terrain.departure is not None
+    around, first = Around.of(kept_off, terrain.columns.nx, terrain.columns.ny), int(ground.piece[terrain.departure])
+    found: list[Passage] = []
+    while True:
+        nodes, x, y = find_bend(ground, around, outline, _connected([*passages, *found], ground.piece, first))
+        if not nodes.size:
+            return found
+        found.append(_passage(terrain, (nodes, x, y)))
+
+
+def ways_if_floor(terrain: Terrain, settings: TerrainSettings) -> list[tuple[Passage, NDArray[np.int64]]]:
+    """The ways that there would be to ground that none leads to, if floor that was not seen is ground; each with that floor's nodes."""
+    if terrain.departure is None or not terrain.narrow.any() or not settings.passages.enabled:
+        return []
+    robot, resolution, unknown = settings.robot, terrain.resolution, terrain.frontiers()
+    piece, _ = _pieces(terrain, settings.terrain.min_ground_voxels)
+    outline = Outline.of(robot, Demand.of(settings.passages, robot, resolution), resolution, over_unknown=True)
+    kept_off = KeptOff.of(terrain, robot, unknown_too=False)
+    places, found = terrain.centers(unknown).astype(np.float64), []
+    for way in _bends(terrain, ground_of(terrain, piece), kept_off, outline, terrain.passages):
+        under = under_outline(way.line, places, robot)
+        if under.any():
+            found.append((way, unknown[under]))
+    return found
+
+
+def ways_near(terrain: Terrain, settings: TerrainSettings, places: NDArray[np.float64], reach_m: float) -> list[Passage | None]:
+    """For each of (K, 3) places in map the way that bends to the narrow ground nearest to it; None where none leads within `reach_m`."""
+    if terrain.departure is None or not terrain.narrow.any() or not settings.passages.enabled:
+        return [None] * len(places)
+    piece, _ = _pieces(terrain, settings.terrain.min_ground_voxels)
+    ground, kept_off = ground_of(terrain, piece), KeptOff.of(terrain, settings.robot)
+    outline = Outline.of(settings.robot, Demand.of(settings.passages, settings.robot, terrain.resolution), terrain.resolution)
+    around = Around.of(kept_off, terrain.columns.nx, terrain.columns.ny)
+    connected = _connected(terrain.passages, piece, int(piece[terrain.departure]))
+    centers, found = terrain.centers(slice(0, piece.size)), []
+    for place in places:
+        off, way = np.linalg.norm(centers - place, axis=1), NO_WAY
+        nearest = off[ground.passable & (piece < 0)].min(initial=math.inf)
+        for within in np.arange(nearest + terrain.resolution, reach_m, terrain.resolution):
+            way = find_bend_to(ground, around, outline, connected, off <= within)
+            if way[0].size:
+                break
+        found.append(_passage(terrain, way) if way[0].size else None)
+    return found
+
+
+def under_outline(line: NDArray[np.float64], places: NDArray[np.float64], robot: RobotBody) -> NDArray[np.bool_]:
+    """(M,) which places (M, 3) the outline, with what it strays, passes over on a line on its level."""
+    under = np.zeros(len(places), dtype=np.bool_)
+    for first, last in legs_of(line):
+        a, b = line[first], line[last]
+        length = math.dist(a[:2], b[:2])
+        along = (b - a)[:2] / max(length, 1e-9)
+        off = places - a
+        t, aside = off[:, :2] @ along, np.abs(off[:, 0] * along[1] - off[:, 1] * along[0])
+        level = np.abs(places[:, 2] - np.interp(t, [0.0, length], [a[2], b[2]])) <= robot.standing_tolerance_m
+        under |= (np.abs(t - length / 2) <= length / 2 + robot.half_length_m) & (aside <= robot.passage_cliff_radius_m) & level
+    return under
 
 
 def _narrow(terrain: Terrain, robot: RobotBody) -> NDArray[np.bool_]:
@@ -166,23 +240,38 @@ def _narrow(terrain: Terrain, robot: RobotBody) -> NDArray[np.bool_]:
 
 
 def with_passages(terrain: Terrain, yaw: float, settings: TerrainSettings) -> Terrain:
-    """The terrain with its passages, and with `reached` what they connect the departure with, for a robot that looks along `yaw`."""
-    robot = settings.robot
+    """The terrain with its passages, and with `reached` what they connect the departure with, for a robot that looks along `yaw`.
+
+    A robot in a small place with room to turn departs from there, if a passage leads on.
+    """
     if not settings.passages.enabled:
         return terrain
-    terrain = replace(terrain, narrow=_narrow(terrain, robot))
+    terrain = replace(terrain, narrow=_narrow(terrain, settings.robot))
     if terrain.departure is None or not terrain.narrow.any():
         return terrain
+    if terrain.start not in (None, terrain.departure) and not terrain.is_inside:
+        here = _with_passages_from_departure(replace(terrain, departure=terrain.start), yaw, settings)
+        if any(here.reached[node] for passage in here.passages for node in passage.nodes):
+            return here
+    return _with_passages_from_departure(terrain, yaw, settings)
+
+
+def _with_passages_from_departure(terrain: Terrain, yaw: float, settings: TerrainSettings) -> Terrain:
+    robot = settings.robot
     piece, count = _pieces(terrain, settings.terrain.min_ground_voxels)
     demand = Demand.of(settings.passages, robot, terrain.resolution)
-    found = _find_passages(terrain, ground_of(terrain, piece), KeptOff.of(terrain, robot), demand) if count > 1 else []
+    found: list[Passage] = []
+    if count > 1:
+        ground, kept_off, outline = ground_of(terrain, piece), KeptOff.of(terrain, robot), Outline.of(robot, demand, terrain.resolution)
+        found = _find_passages(terrain, ground, kept_off, demand)
+        found += _bends(terrain, ground, kept_off, outline, found)
     passages, start = list(found), terrain.start
     if start is not None:
         x, y, _ = terrain.robot_xyz
-        ways = [way for p in found for way in (p, p.turned()) if terrain.narrow[start] or is_along(way, yaw)]
-        passages += [rest for way in ways if (rest := rest_from(way, (x, y), start))]
+        rests = [rest for p in found for way in (p, p.turned()) if (rest := rest_from(way, (x, y), start))]
+        passages += [rest for rest in rests if terrain.narrow[start] or is_along(rest, yaw)]
     reached = terrain.reached.copy()
-    reached[: piece.size] = _connected(found, piece, int(piece[terrain.departure]))
+    reached[: piece.size] = np.append(_connected(found, piece, int(piece[terrain.departure])), False)[piece]
     beside = terrain.neighbours[terrain.frontiers()]
     reached[terrain.frontiers()] = (np.append(reached, False)[beside] & (beside >= 0)).any(axis=1)
     return replace(terrain, passages=tuple(passages), reached=reached)

@@ -16,6 +16,7 @@ from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, dist
 from octomap_server_3dnav.navigation.shortcuts import resampled, straightened
 from octomap_server_3dnav.navigation.storey import STOREY_M
 from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
+from rigid_geometry import legs_of
 from stage_config import check_ranges, parameter
 
 _NEAR_NODES = 50_000  # that are searched for the cheapest path: 320 m2 of ground at 8 cm
@@ -103,7 +104,7 @@ def _passage_costs(terrain: Terrain, config: PlannerConfig) -> tuple[NDArray[np.
     """(P, 2) nodes and (P,) cost in voxels of the ways through passages."""
     ways = _passages(terrain)
     nodes = np.array([way.nodes for way in ways], dtype=np.int64).reshape(-1, 2)
-    lengths = [float(np.linalg.norm(way.line[-1] - way.line[0])) / terrain.resolution for way in ways]
+    lengths = [float(np.linalg.norm(np.diff(way.line, axis=0), axis=1).sum()) / terrain.resolution for way in ways]
     return nodes, np.array(lengths, dtype=np.float64) * config.passage_weight
 
 
@@ -240,9 +241,8 @@ def plan_into(terrain: Terrain, way: Passage, yaw: float, config: PlannerConfig)
     For a robot of heading `yaw` in map that stands in the way already, where it cannot turn or looks along it, what is left of it.
     """
     start = terrain.start
-    is_on_it = terrain.is_inside or is_along(way, yaw)
-    rest = rest_from(way, terrain.robot_xyz[:2], start) if start is not None and is_on_it else None
-    if rest is not None:
+    rest = rest_from(way, terrain.robot_xyz[:2], start) if start is not None else None
+    if rest is not None and (terrain.is_inside or is_along(rest, yaw)):
         return straight_path(rest.line, config)
     path, along = plan_path(terrain, way.nodes[0], config), straight_path(way.line, config)
     if path is None or along.straight is None:
@@ -252,9 +252,15 @@ def plan_into(terrain: Terrain, way: Passage, yaw: float, config: PlannerConfig)
 
 
 def straight_path(line: NDArray[np.float64], config: PlannerConfig) -> Path:
-    """Straight along a line (K, 3), where the robot cannot turn."""
-    points = resampled(line, config.waypoint_spacing_m)
+    """Straight along the legs of a line (K, 3), where the robot cannot turn."""
+    points = _resampled_legs(line, config.waypoint_spacing_m)
     return Path(points, np.arange(len(points)) < len(points) - 1)
+
+
+def _resampled_legs(line: NDArray[np.float64], spacing_m: float) -> NDArray[np.float64]:
+    """Evenly spaced points on every leg of a line; its corners are kept."""
+    legs = [resampled(line[first : last + 1], spacing_m) for first, last in legs_of(line)]
+    return np.concatenate([legs[0], *(leg[1:] for leg in legs[1:])]) if legs else line[:1]
 
 
 def _parts(
@@ -279,7 +285,7 @@ def _joined(parts: list[tuple[NDArray[np.float64], bool]], spacing_m: float) -> 
         if not is_passage:
             before, after = (parts[j][0] if 0 <= j < len(parts) else np.empty((0, 3)) for j in (i - 1, i + 1))
             corners = np.concatenate([before[-1:], corners, after[:1]])
-        even = resampled(corners, spacing_m)
+        even = _resampled_legs(corners, spacing_m) if is_passage else resampled(corners, spacing_m)
         points.append(even[1:] if i else even)
         straight.append(np.full(len(even) - 1, is_passage))
     return Path(np.concatenate(points), np.concatenate([*straight, np.zeros(1, dtype=bool)]))

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.lean_kernels import lean_njit
+from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
 from octomap_server_3dnav.terrain.planes import diagonal
 from octomap_server_3dnav.terrain.surfaces import find_node
@@ -36,9 +36,9 @@ class KeptOff(NamedTuple):
     radius: Array
 
     @classmethod
-    def of(cls, terrain: Terrain, robot: RobotBody) -> "KeptOff":
-        """The barriers of a terrain, and floor that was not seen, from which the middle keeps off as from a drop."""
-        b, unknown = terrain.barriers, terrain.frontiers()
+    def of(cls, terrain: Terrain, robot: RobotBody, *, unknown_too: bool = True) -> "KeptOff":
+        """The barriers of a terrain and, unless it is taken for ground, floor that was not seen: from that as from a drop."""
+        b, unknown = terrain.barriers, terrain.frontiers()[: None if unknown_too else 0]
         stands, falls = robot.passage_radius_m / terrain.resolution, robot.passage_cliff_radius_m / terrain.resolution
         radius = np.where((b.column >= 0) & ~b.falls, stands, max(stands, falls))
         x, y = terrain.ix[unknown] - terrain.window_key[0] + 0.5, terrain.iy[unknown] - terrain.window_key[1] + 0.5
@@ -74,8 +74,14 @@ class PassageConfig:
     """Where the robot may drive straight without room to turn."""
 
     enabled: bool = parameter(True, "-", "false: the robot goes only where it can turn, as in the thesis")
-    most_length_m: float = parameter(6.0, "m", "longest way without room to turn", low=0.0, high=20.0)
-    run_up_m: float = parameter(0.5, "m", "way in line with a passage, over ground with room to turn, at both ends", low=0.0, high=5.0)
+    most_length_m: float = parameter(12.0, "m", "longest way without room to turn", low=0.0, high=20.0)
+    run_up_m: float = parameter(
+        0.5,
+        "m",
+        "way in line with a straight passage, over ground with room to turn, at both ends; ways that bend need none",
+        low=0.0,
+        high=5.0,
+    )
     longest_run_up_m: float = parameter(0.8, "m", "the same where there is more room", low=0.0, high=5.0)
 
     def validate(self) -> list[str]:
@@ -120,13 +126,14 @@ def ground_of(terrain: Terrain, piece: NDArray[np.int32]) -> Ground:
 
 
 @lean_njit
-def _step(graph: Any, node: Any, mx: Any, my: Any) -> Any:
+def step(graph: NDArray[np.int32], node: Index, mx: Index, my: Index) -> Index:
     """The node one column on along x, y or both."""
     if mx != 0 and my != 0:
         return diagonal(graph, node, 0 if mx > 0 and my > 0 else 1 if mx < 0 and my > 0 else 2 if mx < 0 else 3)
     if mx == 0 and my == 0:
         return node
-    return graph[node, 0 if mx > 0 else 2 if mx < 0 else 1 if my > 0 else 3]
+    on: Index = graph[node, 0 if mx > 0 else 2 if mx < 0 else 1 if my > 0 else 3]
+    return on
 
 
 @lean_njit
@@ -137,7 +144,7 @@ def _walk(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: Any, out:
     out[0] = node
     for i in range(1, out.size):
         cx, cy = int(np.floor(x + i * h * dx)), int(np.floor(y + i * h * dy))
-        node = _step(g.graph, node, cx - px, cy - py)
+        node = step(g.graph, node, cx - px, cy - py)
         if begun >= 0 and (node < 0 or g.piece[node] != g.piece[out[begun]] or (i - begun) * h > demand.longest_run_up):
             return i if (i - 1 - begun) * h >= demand.run_up else 0
         if node < 0 or not g.passable[node] or (begun < 0 and i * h > demand.most):

@@ -42,7 +42,7 @@ class Barriers(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Passage:
-    """A way to be driven straight: node at each end, and its middle line (K, 3) in map in metres, from the first to the second."""
+    """A way to be driven straight, with a turn on the spot at its corners: node at each end, and its line (K, 3) in map in metres."""
 
     nodes: tuple[int, int]
     line: NDArray[np.float64]

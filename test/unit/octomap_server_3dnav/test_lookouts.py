@@ -149,7 +149,9 @@ def test_robot_inside_leaves_straight_although_there_is_ground_ahead_that_no_pas
     decision = decide(planner, runs_of(states), pose(*goal[:2]))
     assert decision.goal[0] > 2.5 and decision.straight.any()  # in
     inside, known = pose(*decision.goal[:2]), dead_end(last_x=82, nx=82)
-    known[60:77, 8:58], known[77:, :, BELOW:] = grid_of_heights(lambda x, y: 0.04 + 0 * x * y, 17, 50), OCCUPIED  # no room to run up
+    known[60:77, 8:58], known[77:, :, BELOW:] = grid_of_heights(lambda x, y: 0.04 + 0 * x * y, 17, 50), OCCUPIED
+    for jamb in (slice(8, 29), slice(36, 58)):
+        known[58:60, jamb, BELOW:] = OCCUPIED  # too narrow to pass
     terrain = terrain_of(known, inside)
     assert terrain.centers(np.array([terrain.departure]))[0, 0] > 5.0 and not terrain.passages
     out = decide(planner, runs_of(known), inside)

@@ -139,7 +139,7 @@ def test_passage_needs_turning_room_and_a_run_up_behind_it() -> None:
     closet[WALL_X + 14 :, :, BELOW:] = OCCUPIED
     assert not terrain_of(closet, BEFORE).passages
     obstructed = with_door(11)
-    obstructed[WALL_X + 12, MIDDLE_Y - 8 : MIDDLE_Y + 8, BELOW:] = OCCUPIED
+    obstructed[WALL_X + 8, MIDDLE_Y - 8 : MIDDLE_Y + 8, BELOW:] = OCCUPIED
     assert way(terrain_of(obstructed, BEFORE), *BEHIND) is None
 
 
