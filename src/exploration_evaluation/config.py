@@ -63,6 +63,10 @@ class RobotShape:
         """Difference in height up to which ground beside the robot lies on its own level."""
         return self.circumscribed_radius_m * math.tan(self.max_slope_rad) + self.max_step_m
 
+    def rise_m(self, cell_m: float) -> float:
+        """Difference in height up to which cells side by side may be one ground: a step, or the steepest slope."""
+        return max(self.max_step_m, cell_m * math.tan(self.max_slope_rad))
+
     def validate(self) -> list[str]:
         """All violations of ranges, and radii or heights in the wrong order."""
         found = check_ranges(self)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from exploration_evaluation.config import RobotShape
-from exploration_evaluation.ground_grid import STEPS, Floats, Ints, Surfaces, first_of, links_between, nearest_in_height, neighbour_columns
-from exploration_evaluation.ground_surfaces import TrueWorld, all_surfaces, steepest, without_steep
+from exploration_evaluation.ground_grid import STEPS, Floats, Ints, Surfaces, first_of, nearest_in_height, neighbour_columns
+from exploration_evaluation.ground_surfaces import TrueWorld, all_surfaces, ground_links, steepest, without_steep
 
 _PARTS_OF_CELL = 10  # in which the end of the ground is looked for
 _EDGE_RAD = 0.3  # by which a face is steeper than the ground beside it where both meet at an edge
@@ -52,7 +52,7 @@ def _ends_of_ground(world: TrueWorld, surfaces: Surfaces, nodes: Surfaces, robot
     where it ends that nothing stands on.
     """
     grid = world.grid
-    links = links_between(grid, nodes.column, nodes.first, nodes.xyz[:, 2], robot.max_step_m)
+    links = ground_links(grid, nodes.column, nodes.first, nodes.xyz[:, 2], nodes.slope, robot)
     points, kept = [], links.copy()
     for direction in range(4):
         step = STEPS[direction] * grid.cell

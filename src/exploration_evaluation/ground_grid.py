@@ -18,6 +18,7 @@ Mask = NDArray[np.bool_]
 
 STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])
 """+x, -x, +y, -y: opposite directions are neighbours."""
+SAME_HEIGHT_M = 1e-4
 _MAX_COLUMNS = 16_000_000
 # Rays through cell centres would run along the edges of meshes with round coordinates, where a hit is a matter of luck.
 _OFF_CENTRE = (0.0037, 0.0023)
@@ -110,16 +111,16 @@ def columns_at(grid: Grid, column: Ints, step: Ints) -> Ints:
     return np.where(inside, i * grid.ny + j, -1)
 
 
-def links_between(grid: Grid, column: Ints, first: Ints, z: Floats, max_step_m: float) -> Ints:
-    """(M, 4) the surface nearest in height in each neighbouring column, -1 where the step is too high."""
+def links_between(grid: Grid, column: Ints, first: Ints, z: Floats, reach_m: float) -> Ints:
+    """(M, 4) the surface nearest in height in each neighbouring column, -1 where that is farther than the reach."""
     beside = (neighbour_columns(grid, column, direction) for direction in range(4))
-    return np.stack([nearest_in_height(first, z, neighbour, z, max_step_m) for neighbour in beside], axis=1)
+    return np.stack([nearest_in_height(first, z, neighbour, z, reach_m) for neighbour in beside], axis=1)
 
 
 def nearest_in_height(first: Ints, z: Floats, group: Ints, level: Floats, reach_m: float) -> Ints:
     """(N,) index of the z of each of (N,) groups, -1 for none, that is nearest to a level, -1 where all are farther than the reach."""
     begin, end = first[group], np.where(group < 0, 0, first[group + 1])
-    nearest, best = np.full(len(group), -1, dtype=np.int64), np.full(len(group), reach_m + 1e-4)
+    nearest, best = np.full(len(group), -1, dtype=np.int64), np.full(len(group), reach_m + SAME_HEIGHT_M)
     for layer in range(int(max(0, (end - begin).max(initial=0)))):
         there = np.flatnonzero(begin + layer < end)
         step = np.abs(z[begin[there] + layer] - level[there])

@@ -12,6 +12,7 @@ import numpy as np
 
 from exploration_evaluation.config import RobotShape
 from exploration_evaluation.ground_grid import (
+    SAME_HEIGHT_M,
     Floats,
     Grid,
     Ints,
@@ -96,7 +97,7 @@ def all_surfaces(world: TrueWorld, robot: RobotShape) -> Surfaces:
     pierced = _Pierced(column, z, world.slopes[triangle])
     column, z, slope = _with_seams_bridged(world, pierced, robot)
     first = first_of(column, grid.nx * grid.ny)
-    links = links_between(grid, column, first, z, robot.max_step_m)
+    links = ground_links(grid, column, first, z, slope, robot)
     return surfaces_of(grid, column, z, slope, _steepness(grid, z, slope, links, robot))
 
 
@@ -108,6 +109,17 @@ def _steepness(grid: Grid, z: Floats, slope: Floats, links: Ints, robot: RobotSh
     is_face = in_itself > steepest(robot)
     between = np.where(is_face[links] | is_face[:, None], -1, links)
     return np.maximum(in_itself, _mean_slope(z, between, grid.cell, half, least=2 * half))
+
+
+def ground_links(grid: Grid, column: Ints, first: Ints, z: Floats, slope: Floats, robot: RobotShape) -> Ints:
+    """(M, 4) the surface nearest in height in each neighbouring column, -1 where the ground jumps by more than a step.
+
+    What the slope of either surface explains is no jump: over a cell a slope may rise by more than a low robot's step.
+    """
+    links = links_between(grid, column, first, z, robot.rise_m(grid.cell))
+    explained = grid.cell * np.tan(np.minimum(slope, steepest(robot)))
+    most = np.maximum(robot.max_step_m, np.maximum(explained[links], explained[:, None]))
+    return np.where((links >= 0) & (np.abs(z[links] - z[:, None]) <= most + SAME_HEIGHT_M), links, -1)
 
 
 def without_steep(surfaces: Surfaces, robot: RobotShape) -> Surfaces:
@@ -149,7 +161,7 @@ def _with_seams_bridged(world: TrueWorld, found: _Pierced, robot: RobotShape) ->
     columns, levels, slopes = [found.column], [found.z], [found.slope]
     for step in _DIRECTIONS:
         beyond = columns_at(grid, found.column, step)
-        alone = np.flatnonzero((beyond >= 0) & (nearest_in_height(first, found.z, beyond, found.z, robot.max_step_m) < 0))
+        alone = np.flatnonzero((beyond >= 0) & (nearest_in_height(first, found.z, beyond, found.z, robot.rise_m(grid.cell)) < 0))
         bridged, z = _bridges(world, found, alone, step, robot)
         columns.append(beyond[alone[bridged]])
         levels.append(z)

@@ -34,7 +34,7 @@ def straight_drives(grid: Grid, nodes: Surfaces, barriers: Floats, pieces: Ints,
     column = grid.columns_of(barriers[:, :2])
     order = np.argsort(column, kind="stable")[np.count_nonzero(column < 0) :]
     things, first_thing = barriers[order], first_of(column[order], grid.nx * grid.ny)
-    limits = np.array([grid.cell, 0.5 * robot.length_m, 0.5 * robot.width_m, robot.level_m, robot.max_step_m])
+    limits = np.array([grid.cell, 0.5 * robot.length_m, 0.5 * robot.width_m, robot.level_m, robot.rise_m(grid.cell)])
     frame = (grid.origin, np.array([grid.nx, grid.ny], dtype=np.int64), limits)
     under, border = np.zeros(len(pieces), dtype=np.bool_), _border(grid, nodes, pieces)
     known, todo = {start_piece}, [start_piece]
@@ -92,7 +92,7 @@ def _drive(xyz: Floats, first: Ints, things: Things, frame: Frame, pieces: Ints,
 
 @njit(cache=True)
 def _surface_at(xyz: Floats, first: Ints, frame: Frame, at: tuple[float, float, float]) -> int:
-    """The surface under a place, no farther than a step from its height; -1 for none."""
+    """The surface under a place, no farther from its height than ground rises over a cell; -1 for none."""
     origin, shape, limits = frame
     i, j = int(math.floor((at[0] - origin[0]) / limits[0])), int(math.floor((at[1] - origin[1]) / limits[0]))
     if i < 0 or j < 0 or i >= shape[0] or j >= shape[1]:

@@ -158,7 +158,8 @@ def _kinds(found: _Ground, node: Ints, direction: int, robot: RobotShape) -> Cod
     nearest, highest = _beside(found.surfaces, column, here[:, 2], robot.height_m)
     rise = np.where(nearest >= 0, found.surfaces.xyz[nearest, 2] - here[:, 2], -np.inf)
     slope = np.where(nearest >= 0, found.surfaces.slope[nearest], 0.0)
-    level = np.abs(rise) <= robot.max_step_m
+    explained = cell * np.tan(np.minimum(np.maximum(slope, found.true.nodes.slope[node]), steepest(robot)))
+    level = np.abs(rise) <= np.maximum(robot.max_step_m, explained)
     of_near = np.where(nearest >= 0, found.surface_kind[nearest], LOW)
     stands = _met(found.world.scene, here + [0.0, 0.0, robot.ground_clearance_m], STEPS[direction] * cell)
     going_on = np.abs(rise) <= 1.5 * cell * np.tan(np.minimum(slope, 1.5)) + _CRAWL_M / 5  # one slope, not the next floor

@@ -15,6 +15,7 @@ from explore_command.arguments import MAPPINGS
 from robot_body import (
     DEFAULT_ROBOT_FILE,
     PACKAGE_FOLDER,
+    URDF_FOLDER,
     RobotBody,
     overlaid,
     robot_from_mapping,
@@ -161,8 +162,10 @@ def robot_of(file: Path | None, overrides: Overrides) -> RobotBody:
     robot = robot_from_mapping(overlaid(robot_values(path), overrides.get(ROBOT, {})), str(path))
     try:
         text = urdf_file(robot).read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise ConfigError(f"{path}: urdf {robot.urdf}: no such file beside this one, nor in {URDF_FOLDER}") from error
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: urdf {robot.urdf} cannot be read: {error}") from error
+        raise ConfigError(f"{path}: urdf {robot.urdf} cannot be read: {' '.join(str(error).split())}") from error
     if problems := simulation_problems(robot, text, urdf_file(robot).parent):
         raise ConfigError("\n".join(f"{path}: {text} ({Path(robot.urdf).name})" for text in problems))
     return robot

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from pybullet_simulation.disturbances import disturbances_of
+from robot_body import LEAST_TILT_RAD
 from stage_config import check_ranges, parameter
 
 
@@ -132,7 +133,7 @@ class SimulationConfig:
     )
     slew_rate_rps: float = parameter(3.5, "rad/s", "tilt rate on the way to the start of a sweep and back to level", low=0.1, high=4.0)
     nod_lowest_rad: float = parameter(
-        1.05, "rad", "tilt at the lower end of a nod, down to the ground before the wheels", low=0.2, high=1.5
+        1.05, "rad", "tilt at the lower end of a nod, down to the ground before the wheels", low=LEAST_TILT_RAD, high=1.5
     )
     nod_highest_rad: float = parameter(-0.26, "rad", "tilt at the upper end of a nod", low=-0.79, high=0.0)
     nod_half_period_s: float = parameter(2.0, "s", "time of a nod from one end to the other", low=0.5, high=20.0)

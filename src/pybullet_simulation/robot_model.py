@@ -20,6 +20,7 @@ from robot_body import (
     mesh_surface,
     read_description,
     simulation_problems,
+    tilt_limits,
     urdf_file,
     with_mount,
 )
@@ -30,13 +31,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class RobotModel:
-    """Geometry of the robot in base_link, in metres; `body` is all that does not tilt, but for a fixed laser's own link.
+    """Geometry of the robot in base_link, in metres; `body` is all that does not tilt, but for the housing that a fixed laser looks out of.
 
-    `tilt_joint` tilts the laser; None for one that is fixed, which has T_base_laser for T_base_mount.
+    `tilt_joint` tilts the laser, within `tilt_limits_rad`; None for one that is fixed, which has T_base_laser for T_base_mount.
     """
 
     urdf_path: Path
     tilt_joint: str | None
+    tilt_limits_rad: tuple[float, float]
     T_base_mount: Array
     T_tilt_laser: Array
     T_base_imu: Array
@@ -72,11 +74,13 @@ def read_robot_model(body: RobotBody) -> RobotModel:
     laser, imu = body.mount("laser"), body.mount("imu")
     description = with_mount(with_mount(read_description(text, urdf_path.parent), imu), laser)
     tilt_joint, T_base_mount, T_tilt_laser = laser_mount(text, laser)
-    parts = [link for link in description.shapes if description.hangs_on_base(link) and (tilt_joint or link != laser.frame)]
+    housing = set() if tilt_joint else description.housing(laser.frame)
+    parts = [link for link in description.shapes if description.hangs_on_base(link) and link not in housing]
     links = [link for link in parts if all(joint.name != tilt_joint for joint in description.moving(link))]
     return RobotModel(
         urdf_path=urdf_path,
         tilt_joint=tilt_joint,
+        tilt_limits_rad=tilt_limits(text, laser),
         T_base_mount=T_base_mount,
         T_tilt_laser=T_tilt_laser,
         T_base_imu=description.T_base_link(imu.frame),

@@ -22,7 +22,7 @@ from pybullet_simulation.physics import BodyState, Physics
 from pybullet_simulation.records import Contact, ScanGeometry, TickData, Truth, strongest
 from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.sensors import IMU_PERIOD_S, SensorParts, Sensors
-from pybullet_simulation.sweep_profile import nod_moves, spinning_sweep_profile, sweep_profile
+from pybullet_simulation.sweep_profile import nod_moves, spinning_sweep_profile, sweep_profile, within_limits
 from pybullet_simulation.tilt_mount import TiltMount
 from pybullet_simulation.timing_config import TimingConfig
 from pybullet_simulation.trace import PhysicsTick, Tilts, Trace
@@ -69,8 +69,9 @@ class Simulation:
         self._physics = Physics(config, body, self._robot, world)
         self._drive, self._slip, self._ground = Drive(body), SlipModel(config, slip_rng), Ground(config, ground_rng)
         self._mount = TiltMount(config, mount_rng)
-        self._profile = spinning_sweep_profile(config, lidar) if lidar else sweep_profile(config)
-        self._mount_drive = MountDrive(self._profile, nod_moves(config))
+        within, lidar_within = within_limits(config, lidar, self._robot.tilt_limits_rad)
+        self._profile = spinning_sweep_profile(within, lidar_within) if lidar_within else sweep_profile(within)
+        self._mount_drive = MountDrive(self._profile, nod_moves(within))
         self._tick = FIRST_TICK - 1 + round(config.clock_start_s * TICKS_PER_S)
         self._steps, self._dt_s = config.physics_rate_hz // TICKS_PER_S, 1.0 / config.physics_rate_hz
         self._command, self._command_age = (0.0, 0.0), 0

@@ -5,7 +5,7 @@ A nod goes to and fro in front of the robot.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,19 @@ class Nod:
     def to_level(self, tilt_rad: float) -> SweepProfile:
         """The way back from the end that the mount is at."""
         return self.ends[0] if tilt_rad == self.up.tilts_rad[0] else self.ends[1]
+
+
+def within_limits(
+    config: SimulationConfig, lidar: SpinningLidarConfig | None, limits_rad: tuple[float, float]
+) -> tuple[SimulationConfig, SpinningLidarConfig | None]:
+    """Both with sweeps and nods that end where the joint's limits are, where these are nearer."""
+    least, most = limits_rad
+    starts, ends = min(config.sweep_start_rad, most), max(config.sweep_end_rad, least)
+    lowest, highest = min(config.nod_lowest_rad, most), max(config.nod_highest_rad, least)
+    config = replace(config, sweep_start_rad=starts, sweep_end_rad=ends, nod_lowest_rad=lowest, nod_highest_rad=highest)
+    if lidar is None:
+        return config, None
+    return config, replace(lidar, sweep_start_rad=min(lidar.sweep_start_rad, most), sweep_end_rad=max(lidar.sweep_end_rad, least))
 
 
 def nod_moves(config: SimulationConfig) -> Nod:

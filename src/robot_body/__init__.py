@@ -20,13 +20,24 @@ from robot_body.mounts import SensorMount
 from robot_body.package_folder import PACKAGE_FOLDER
 from robot_body.shapes import Shape, mesh_surface
 from robot_body.simulable import missing_visuals, simulation_problems
-from robot_body.tilting_mount import DESCRIPTION, fixed_laser_problem, is_fixed, laser_height_m, laser_mount, mount_from_urdf
-from robot_body.urdf import read_description, urdf_file, with_base, with_mount
+from robot_body.tilting_mount import (
+    DESCRIPTION,
+    LEAST_TILT_RAD,
+    fixed_laser_problem,
+    is_fixed,
+    laser_height_m,
+    laser_mount,
+    mount_from_urdf,
+    tilt_limits,
+)
+from robot_body.urdf import URDF_FOLDER, read_description, urdf_file, with_base, with_mount
 from robot_body.wheels import Caster, Wheel, casters, driven_wheels
 
 __all__ = [
     "DEFAULT_ROBOT_FILE",
     "DESCRIPTION",
+    "LEAST_TILT_RAD",
+    "URDF_FOLDER",
     "Caster",
     "FixedFrames",
     "RobotBody",
@@ -54,6 +65,7 @@ __all__ = [
     "robot_names",
     "robot_values",
     "simulation_problems",
+    "tilt_limits",
     "urdf_file",
     "with_base",
     "with_mount",

@@ -50,7 +50,7 @@ def robot_values(path: Path | str) -> dict[str, object]:
     if sections := [name for name, value in values.items() if isinstance(value, dict) and name != "mounts"]:
         raise ConfigError(f"{path}: {sections[0]} is no value of a robot: a --profile has parameters of nodes, by section")
     beside = Path(path).absolute().parent / str(values.get("urdf"))
-    return {**values, "urdf": str(beside)} if beside.is_file() else values
+    return {**values, "urdf": str(beside)} if values.get("urdf") and beside.exists() else values
 
 
 def robot_from_mapping(values: Mapping[str, object], where: str = "robot") -> RobotBody:

@@ -43,12 +43,32 @@ class Shape:
         half = self._half_in(T[:3, :3])
         return T[:3, 3] - half, T[:3, 3] + half
 
+    def holds(self, T_base_link: Array, point: Array) -> bool:
+        """Whether a point (3,) in base_link lies inside; of a mesh that is not closed, whether most directions from there meet it."""
+        x, y, z = np.linalg.solve(T_base_link @ self.T_link_shape, [*point, 1.0])[:3]
+        if self.mesh is not None:
+            return _is_inside(np.array([x, y, z]), *mesh_surface(self.mesh, self.scale))
+        if self.kind == "box":
+            return bool((np.abs([x, y, z]) < self.half_m).all())
+        if self.kind == "cylinder":
+            return bool(np.hypot(x, y) < self.half_m[0] and abs(z) < self.half_m[2])
+        return bool(np.linalg.norm([x, y, z]) < self.half_m[0])
+
     def _half_in(self, R: Array) -> Array:
         if self.kind == "sphere":
             return np.array(self.half_m)
         if self.kind == "cylinder":
             return np.asarray(self.half_m[0] * np.sqrt(np.clip(1.0 - R[:, 2] ** 2, 0.0, None)) + self.half_m[2] * np.abs(R[:, 2]))
         return np.asarray(np.abs(R) @ np.array(self.half_m))
+
+
+def _is_inside(point: Array, vertices: Array, triangles: NDArray[np.int32]) -> bool:
+    """Whether triangles around a point fill more than half of the directions (Van Oosterom and Strackee 1983)."""
+    a, b, c = (vertices[triangles[:, i]] - point for i in range(3))
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c))
+    below = la * lb * lc + np.einsum("ij,ij->i", a, b) * lc + np.einsum("ij,ij->i", b, c) * la + np.einsum("ij,ij->i", c, a) * lb
+    return bool(abs(np.arctan2(volume, below).sum()) > np.pi)
 
 
 def shapes_of(link: ElementTree.Element, folder: Path | None) -> tuple[Shape, ...]:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from robot_body.agreement import contradictions
 from robot_body.body import RobotBody
 from robot_body.shapes import found_mesh
-from robot_body.tilting_mount import laser_mount
-from robot_body.urdf import BASE, Description, read_description
+from robot_body.tilting_mount import LEAST_TILT_RAD, laser_mount, tilt_limits
+from robot_body.urdf import BASE, Description, read_description, with_mount
 from robot_body.wheels import CASTER_M, casters, driven_wheels
 
 Array = NDArray[np.float64]
@@ -23,10 +23,10 @@ def simulation_problems(robot: RobotBody, text: str, folder: Path) -> list[str]:
     """What keeps a robot, whose URDF lies in a folder, from being simulated: a sentence each, contradictions to its file included."""
     try:
         description = read_description(text, folder)
-        if broken := [*_of_tree(description, text), *_of_meshes(description)]:
+        if broken := [*_of_names(text), *_of_tree(description), *_of_numbers(text), *_of_meshes(description)]:
             return broken
         problems = [*_of_weight(description), *_of_wheels(description), *contradictions(robot, text, folder)]
-        return problems or [*_of_standing(description), *_of_mount(robot, text)]
+        return problems or [*_of_standing(description), *_of_laser(robot, description, text), *_of_imu(robot, description)]
     except ValueError as error:
         return [str(error)]
 
@@ -37,7 +37,28 @@ def missing_visuals(text: str, folder: Path) -> list[str]:
     return sorted({name for name in names if found_mesh(name, folder) is None})
 
 
-def _of_tree(description: Description, text: str) -> Iterator[str]:
+def _of_names(text: str) -> Iterator[str]:
+    """What is there twice: only one of both would be taken, and not by everybody the same."""
+    root = ElementTree.fromstring(text)
+    for kind, names in (
+        ("link", [link.get("name") for link in root.findall("link")]),
+        ("joint", [joint.get("name") for joint in root.findall("joint")]),
+        ("joint to link", [child.get("link") for child in root.findall("joint/child")]),
+    ):
+        if twice := sorted({str(name) for name in names if names.count(name) > 1}):
+            yield f"the URDF has more than one {kind} {', '.join(twice)}"
+
+
+def _of_numbers(text: str) -> Iterator[str]:
+    """Masses and inertias that no body has; 0 is a frame's."""
+    for link in ElementTree.fromstring(text).findall("link"):
+        values = [mass.get("value") for mass in link.findall("inertial/mass")]
+        values += [inertia.get(axis) for inertia in link.findall("inertial/inertia") for axis in ("ixx", "iyy", "izz")]
+        if not all(0.0 <= float(str(value)) < np.inf for value in values):
+            yield f"link {link.get('name')}: mass and inertia are {' '.join(map(str, values))}, expected numbers above 0"
+
+
+def _of_tree(description: Description) -> Iterator[str]:
     """Joints without their links, and links without a joint. What base_link itself hangs on may be there, if it weighs nothing."""
     if BASE not in description.shapes:
         yield f"the URDF has no link {BASE}"
@@ -46,7 +67,7 @@ def _of_tree(description: Description, text: str) -> Iterator[str]:
         for link in (joint.parent, joint.child):
             if link not in description.shapes:
                 yield f"joint {joint.name}: the URDF has no link {link}"
-        if joint.kind in ("revolute", "prismatic") and not joint.is_limited:
+        if joint.kind in ("revolute", "prismatic") and joint.limits is None:
             yield f"joint {joint.name} is {joint.kind} and has no limit: give it lower, upper, effort and velocity"
     above, at = set(), BASE
     while at in description.joints and at not in above:
@@ -67,17 +88,9 @@ def _of_meshes(description: Description) -> Iterator[str]:
 def _of_weight(description: Description) -> Iterator[str]:
     """What is joined firmly weighs something together: base_link with what is fixed to it, and each part that moves."""
     heads = [BASE, *(joint.child for joint in description.joints.values() if joint.kind != "fixed")]
-    weightless = [head for head in heads if description.hangs_on_base(head) and not _firm(description, head) & description.masses.keys()]
+    weightless = [head for head in heads if description.hangs_on_base(head) and not description.firm(head) & description.masses.keys()]
     if weightless:
         yield f"an inertial with a mass and an inertia above 0 is missing in {', '.join(weightless)}"
-
-
-def _firm(description: Description, head: str) -> set[str]:
-    """The links that are fixed to one, and it itself."""
-    found = {head}
-    while more := {j.child for j in description.joints.values() if j.kind == "fixed" and j.parent in found} - found:
-        found |= more
-    return found
 
 
 def _of_wheels(description: Description) -> Iterator[str]:
@@ -125,8 +138,24 @@ def _surround(feet: Array, point: Array) -> bool:
     return bool(gaps.max() < np.pi)
 
 
-def _of_mount(robot: RobotBody, text: str) -> Iterator[str]:
+def _of_laser(robot: RobotBody, description: Description, text: str) -> Iterator[str]:
+    """Its mount moves about y, far enough to see the ground, and no shape but its housing and what moves with it is around it."""
+    laser = robot.mount("laser")
     try:
-        laser_mount(text, robot.mount("laser"))
+        tilt, _, _ = laser_mount(text, laser)
+        low, high = tilt_limits(text, laser)
+        seen = with_mount(description, laser)
+        around = [link for link in seen.around(laser.frame) if link not in seen.housing(laser.frame) and not seen.moving(link)]
     except ValueError as error:
         yield f"mounts/laser: {error}"
+        return
+    if around:
+        yield f"mounts/laser: {laser.frame} lies inside a collision shape of {', '.join(around)}, and would see nothing else"
+    if tilt and not low <= 0.0 < LEAST_TILT_RAD <= high:
+        yield f"joint {tilt} tilts from {low:.3g} to {high:.3g} rad: it must reach 0, and {LEAST_TILT_RAD} down to see the ground"
+
+
+def _of_imu(robot: RobotBody, description: Description) -> Iterator[str]:
+    imu = robot.mount("imu")
+    if moving := with_mount(description, imu).moving(imu.frame):
+        yield f"mounts/imu: {imu.frame} moves with joint {moving[0].name}, and has to stand firm on {BASE}"

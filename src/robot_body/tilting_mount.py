@@ -1,5 +1,7 @@
 """Where the laser sits, tilting or fixed, by the robot's description: nodes have it from /robot_description, tools from a file."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,8 @@ from robot_body.urdf import read_description, with_mount
 
 Transform = NDArray[np.float64]
 
+LEAST_TILT_RAD = 0.2
+"""So far down at least a mount has to tilt its laser: what a nod is allowed to reach (`SimulationConfig.nod_lowest_rad`)."""
 DESCRIPTION = "robot.urdf"
 """In a run's folder beside robot.yaml: the robot_description of the run."""
 
@@ -32,8 +36,17 @@ def laser_mount(urdf: str, laser: SensorMount) -> tuple[str | None, Transform, T
         elif tilt is None and joint.axis == (0.0, 1.0, 0.0):
             tilt, before = joint.name, joint.T_parent_child
         else:
-            raise ValueError(f"joint {joint.name}: one joint must move between base_link and {laser.frame}, about the y axis")
+            turns = " ".join(f"{value:g}" for value in joint.axis)
+            only = f"only one joint may move between base_link and {laser.frame}, and about 0 1 0, so that down is positive"
+            raise ValueError(f"joint {joint.name} turns about {turns}: {only}")
     return (tilt, before, after) if tilt else (None, after, before)
+
+
+def tilt_limits(urdf: str, laser: SensorMount) -> tuple[float, float]:
+    """Lowest and highest tilt (rad) of the laser's mount: what its joint is limited to. ValueError as `laser_mount`."""
+    moving = with_mount(read_description(urdf), laser).moving(laser.frame)
+    limits = moving[0].limits if laser_mount(urdf, laser)[0] and moving[0].kind != "continuous" else None
+    return limits or (-math.inf, math.inf)
 
 
 def is_fixed(urdf: str, laser: SensorMount) -> bool:

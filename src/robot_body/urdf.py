@@ -23,7 +23,7 @@ BASE = "base_link"
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A joint of the tree: T_parent_child at zero, the axis that it moves about, if it moves, and whether a limit is given for it."""
+    """A joint of the tree: T_parent_child at zero, the axis that it moves about, if it moves, and how far; None without a limit."""
 
     name: str
     kind: str
@@ -31,7 +31,7 @@ class Joint:
     child: str
     T_parent_child: Array
     axis: tuple[float, float, float]
-    is_limited: bool = False
+    limits: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +60,23 @@ class Description:
     def moving(self, link: str) -> list[Joint]:
         """The joints between a link and base_link that move."""
         return [joint for joint in self.chain(link) if joint.kind != "fixed"]
+
+    def firm(self, head: str) -> set[str]:
+        """The links that are fixed to one and hang on it, and it itself."""
+        found = {head}
+        while more := {j.child for j in self.joints.values() if j.kind == "fixed" and j.parent in found} - found:
+            found |= more
+        return found
+
+    def around(self, frame: str) -> list[str]:
+        """The links whose shapes a frame lies in, all joints at zero. ValueError when no chain of joints leads to the frame."""
+        place, links = self.T_base_link(frame)[:3, 3], [link for link in self.shapes if self.hangs_on_base(link)]
+        return [link for link in links if any(shape.holds(self.T_base_link(link), place) for shape in self.shapes[link])]
+
+    def housing(self, frame: str) -> set[str]:
+        """The links that a sensor looks out of: its own, and those around it that it is fixed to, but for the body."""
+        above = [joint.child for joint in self.chain(frame) if frame in self.firm(joint.child)]
+        return {frame, *(link for link in self.around(frame) if link in above)}
 
     def T_base_link(self, link: str) -> Array:
         """Pose of a link in base_link, all joints at zero. ValueError when no chain of joints leads there."""
@@ -134,8 +151,13 @@ def _joint(element: ElementTree.Element) -> Joint:
         ends[1],
         origin_of(element),
         turns_about,
-        element.find("limit") is not None,
+        _limits(element.find("limit")),
     )
+
+
+def _limits(limit: ElementTree.Element | None) -> tuple[float, float] | None:
+    """Lower and upper; one that is left out is 0, as a URDF says it."""
+    return None if limit is None else (float(limit.get("lower", "0")), float(limit.get("upper", "0")))
 
 
 def _mass(link: ElementTree.Element) -> tuple[float, Array] | None:

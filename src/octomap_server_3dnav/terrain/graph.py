@@ -94,11 +94,11 @@ def _points_beside(near: NDArray[np.int32], height: NDArray[np.float32], s: Inde
 def _height_at_edge(points: NDArray[np.float64], n: Index, first: float, sigma: float, limits: Limits) -> tuple[float, float, float]:
     """Height at the edge of a plane through (n, 3) points, its variance, and how far the plane lies off the `first` of them.
 
-    Points that lie farther than a tenth of a step off the plane count little: they are of something else. The first fit is without the
-    row at the edge, in which its face was hit, too. Where fewer than half of the points lie on a plane the `first` counts. No plane leads
-    farther beyond its points than a slope that is driven.
+    Points that lie farther than a tenth of a step off the plane, and than a hit strays, count little: they are of something else. The
+    first fit is without the row at the edge, in which its face was hit, too. Where fewer than half of the points lie on a plane the
+    `first` counts. No plane leads farther beyond its points than a slope that is driven.
     """
-    far = limits.max_step / 10
+    far = max(limits.max_step / 10, limits.noise)
     b0, b1, b2 = first, 0.0, 0.0
     w0, variance = 0.0, 0.0
     for i in range(_ROUNDS):

@@ -97,6 +97,29 @@ def test_ramp_of_15_degrees_is_climbed_onto_the_upper_plate():
     assert ground.points[:, 2].max() == pytest.approx(top, abs=BORDER_M2)
 
 
+LOW_STEPS = RobotShape(max_step_m=0.02)
+
+
+@pytest.mark.parametrize("cell_m", [0.08, 0.10, 0.12])
+@pytest.mark.parametrize("degrees", [15, -15, 24])
+def test_robot_of_low_steps_drives_a_slope_that_rises_more_than_a_step_from_cell_to_cell(degrees, cell_m):
+    top = 4 * math.tan(math.radians(degrees))
+    ground = reachable_ground(*join(plate(0, 0, 4, 4), ramp(4, 0, 8, 4, 0, top), plate(8, 0, 12, 4, top)), START, LOW_STEPS, cell_m)
+    assert ground.area_m2 == pytest.approx((12 - 2 * TURN_M) * SIDE_M, rel=0.02)
+
+
+@pytest.mark.parametrize(("height", "reached"), [(0.02, True), (0.025, False), (0.04, False)])
+def test_robot_of_low_steps_stops_at_a_step_between_floors_that_a_slope_would_climb(height, reached):
+    ground = reachable_ground(*join(room(8, 4), box((4, 0, 0), (8, 4, height))), START, LOW_STEPS)
+    assert ground.area_m2 == pytest.approx((8 - 2 * TURN_M) * SIDE_M if reached else SIDE_M**2, abs=BORDER_M2)
+
+
+def test_narrow_ramp_is_driven_straight_by_a_robot_of_low_steps():
+    top = 4 * math.tan(math.radians(20))
+    world = join(plate(0, 0, 4, 4), ramp(4, 1.5, 8, 2.5, 0, top), plate(8, 0, 12, 4, top))
+    assert reachable_ground(*world, START, LOW_STEPS).points[:, 0].max() > 9.0
+
+
 def test_ramp_of_35_degrees_is_a_barrier():
     top = 4 * math.tan(math.radians(35))
     ground = reachable_ground(*join(plate(0, 0, 4, 4), ramp(4, 0, 8, 4, 0, top), plate(8, 0, 12, 4, top)), START)

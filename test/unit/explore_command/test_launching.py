@@ -228,7 +228,7 @@ def test_robot_with_a_description_beside_it_is_measured_by_that(tmp_path: Path) 
         ({"mounts": {"laser": {"from": "urdf"}}}, ["mounts/laser: has no frame"]),
         ({"track_m": 0.5, "length_m": 1.2}, ["track_m = 0.5, and the URDF has 0.5708", "length_m = 1.2, and the shapes of the URDF"]),
         ({"terrain": {"max_step_m": 0.1}}, ["terrain is no value of a robot"]),
-        ({"urdf": "absent.urdf"}, ["absent.urdf cannot be read"]),
+        ({"urdf": "absent.urdf"}, ["urdf absent.urdf: no such file beside this one, nor in "]),
     ],
     ids=str,
 )

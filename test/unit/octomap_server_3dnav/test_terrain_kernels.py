@@ -243,6 +243,13 @@ def test_step_counts_with_its_sigmas_but_never_with_more_than_half_a_step():
     assert jump_is_climbed(limit / 2 - 0.02, sigma=0.28).all()
 
 
+def test_ground_that_is_no_rougher_than_hits_stray_is_one_plane_to_a_robot_of_low_steps():
+    n, low = 20, LIMITS._replace(max_step=0.4)
+    found = sheet(20.0 + np.random.default_rng(1).normal(0.0, 0.06, (n, n)), 0.06)
+    near = graph.nearest_neighbours(found.start, found.z, n, whole(n, n, 1), 30)
+    assert np.array_equal(graph.steppable_neighbours(near, found, low).reshape(n, n, 4)[5:15, 5:15], near.reshape(n, n, 4)[5:15, 5:15])
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_height_at_an_edge_is_that_of_reweighted_least_squares(seed):
     rng = np.random.default_rng(seed)

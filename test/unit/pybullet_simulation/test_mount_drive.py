@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from pybullet_simulation.config import SimulationConfig
+from pybullet_simulation.lidar_config import SpinningLidarConfig
 from pybullet_simulation.mount_drive import MountDrive
-from pybullet_simulation.sweep_profile import nod_moves, sweep_profile
+from pybullet_simulation.sweep_profile import nod_moves, spinning_sweep_profile, sweep_profile, within_limits
 
 CONFIG = SimulationConfig()
 TICK_S, STEPS = 0.05, 12
@@ -40,6 +41,15 @@ def test_nod_goes_from_end_to_end_in_its_half_period_without_a_jump() -> None:
     turns = times[1:-1][np.diff(np.sign(np.diff(tilts))) != 0]
     turns = turns[np.concatenate([[True], np.diff(turns) > 0.5])]
     assert np.diff(turns)[1:] == pytest.approx(CONFIG.nod_half_period_s, rel=0.1)
+
+
+def test_no_move_leaves_what_the_joint_is_limited_to() -> None:
+    config, lidar = within_limits(CONFIG, SpinningLidarConfig(), (-0.1, 0.9))
+    assert lidar is not None
+    nod = nod_moves(config)
+    for move in (sweep_profile(config), spinning_sweep_profile(config, lidar), nod.begin, nod.up, nod.down, *nod.ends):
+        assert -0.101 < move.tilts_rad.min() and move.tilts_rad.max() < 0.901
+    assert within_limits(CONFIG, None, (-3.2, 3.2)) == (CONFIG, None)
 
 
 def test_nod_that_is_stopped_comes_to_rest_level_and_a_sweep_begins_only_then() -> None:

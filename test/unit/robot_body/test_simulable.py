@@ -3,8 +3,11 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 
+from rigid_geometry import transform_from_rpy
 from robot_body import RobotBody, casters, driven_wheels, load_robot, missing_visuals, read_description, robot_file, robot_names, urdf_file
 from robot_body import simulation_problems as problems_of
 
@@ -32,7 +35,10 @@ def changed(old: str, new: str, text: str = URDF) -> str:
 LEFT_WHEEL = between(URDF, '<link name="left_wheel">', "</link>")
 LEFT_JOINT = between(URDF, '<joint name="left_wheel_joint"', "</joint>")
 OF_HUSKY = between(HUSKY_URDF, '<joint name="rear_left_wheel"', "</joint>")
-CASTER = between(URDF, '<joint name="caster_joint"', "</joint>") + "\n  " + between(URDF, '<link name="caster">', "</link>")
+TILT = between(URDF, '<joint name="tilt_joint"', "</joint>")
+IMU = between(URDF, '<joint name="imu_joint"', "</joint>")
+CASTER_JOINT = between(URDF, '<joint name="caster_joint"', "</joint>")
+CASTER = CASTER_JOINT + "\n  " + between(URDF, '<link name="caster">', "</link>")
 
 
 @pytest.mark.parametrize("name", robot_names())
@@ -74,6 +80,15 @@ def test_every_robot_of_the_project_can_be_simulated(name: str) -> None:
         (SMALL, changed('"base_link"', '"base"'), "the URDF has no link base_link"),
         (SMALL, changed("<sphere", "<capsule"), "a collision shape is capsule, expected one of box, cylinder, sphere, mesh"),
         (SMALL, without(between(URDF, "<limit ", "/>")), "joint tilt_joint is revolute and has no limit"),
+        (SMALL, changed('upper="3.1"', 'upper="0.1"'), "joint tilt_joint tilts from -0.8 to 0.1 rad: it must reach 0, and 0.2 down"),
+        (SMALL, changed('lower="-0.8"', 'lower="0.3"'), "joint tilt_joint tilts from 0.3 to 3.1 rad"),
+        (SMALL, changed(TILT, TILT.replace('xyz="0 1 0"', 'xyz="0 -1 0"')), "joint tilt_joint turns about 0 -1 0: only one joint"),
+        (SMALL, changed(IMU, IMU.replace('"base_link"', '"left_wheel"')), "imu_link moves with joint left_wheel_joint"),
+        (SMALL, changed('mass value="11.0"', 'mass value="-11"'), "link base_link: mass and inertia are -11 0.075 0.16 0.21"),
+        (SMALL, changed('izz="0.21"', 'izz="nan"'), "link base_link: mass and inertia are 11.0 0.075 0.16 nan"),
+        (SMALL, changed("</robot>", '<link name="mast"/></robot>'), "the URDF has more than one link mast"),
+        (SMALL, changed('name="mast_joint"', 'name="tilt_joint"'), "the URDF has more than one joint tilt_joint"),
+        (SMALL, changed("</robot>", CASTER_JOINT.replace("caster_joint", "other") + "</robot>"), "more than one joint to link caster"),
         (SMALL, URDF[:500], "cannot be read"),
     ],
     ids=lambda value: value if isinstance(value, str) and len(value) < 90 else "",
@@ -82,6 +97,34 @@ def test_robot_that_cannot_be_simulated_is_told_in_one_line(robot: RobotBody, te
     found = problems_of(robot, text, tmp_path)
     assert sum(said in line for line in found) == 1, found
     assert all("\n" not in line for line in found)
+
+
+JACKAL = load_robot(robot_file("jackal"))
+JACKAL_URDF = urdf_file(JACKAL).read_text(encoding="utf-8")
+ABOVE = '<origin xyz="0 0 0.1525"/>'  # of the lidar over the foot of its mast
+
+
+def test_lidar_looks_out_of_its_housing_and_not_out_of_the_body(tmp_path: Path) -> None:
+    sealed = '<collision><origin xyz="0 0 0.15"/><geometry><box size="0.1 0.1 0.1"/></geometry></collision>'
+    mast = between(JACKAL_URDF, '<link name="tower">', "</link>")
+    housed = changed(mast, mast.replace("</link>", sealed + "</link>"), JACKAL_URDF)  # as velodyne_description has it
+    assert problems_of(JACKAL, housed, tmp_path) == []
+    assert read_description(housed).housing("laser") == {"tower", "laser"}
+    frame = changed('<parent link="tower"/>', '<parent link="base_link"/>', housed)
+    found = problems_of(JACKAL, changed(ABOVE, '<origin xyz="0 0 0.33"/>', frame), tmp_path)
+    assert found == ["mounts/laser: laser lies inside a collision shape of tower, and would see nothing else"]
+
+
+@pytest.mark.parametrize("shape", ["box", "cylinder", "sphere", "mesh"])
+def test_shape_holds_what_is_inside_wherever_it_stands(shape: str, tmp_path: Path) -> None:
+    trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / "box.stl")
+    sizes = {"box": 'size="0.2 0.2 0.2"', "cylinder": 'radius="0.1" length="0.2"', "sphere": 'radius="0.1"', "mesh": 'filename="box.stl"'}
+    collision = f'<collision><origin xyz="1 0 0" rpy="0 0 1"/><geometry><{shape} {sizes[shape]}/></geometry></collision>'
+    text = f'<robot name="r"><link name="base_link">{collision}</link></robot>'
+    (found,) = read_description(text, tmp_path).shapes["base_link"]
+    T = transform_from_rpy((0.0, 0.0, 0.5), (0.0, 0.0, 0.0))
+    assert found.holds(T, np.array([1.0, 0.03, 0.58]))
+    assert not any(found.holds(T, np.array(place)) for place in ((1.0, 0.03, 0.62), (1.16, 0.0, 0.5), (0.0, 0.0, 0.5)))
 
 
 def test_missing_mesh_of_a_picture_keeps_nobody_from_driving(tmp_path: Path) -> None:

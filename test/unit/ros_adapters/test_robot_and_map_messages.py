@@ -53,8 +53,8 @@ def test_fixed_joints_on_both_sides_of_the_tilt_are_chained() -> None:
     [
         (chain(joint("a", "base_link", "laser")), "no joint that tilts"),
         (chain(joint("a", "mast", "laser", "revolute")), "no chain of joints"),
-        (chain(joint("a", "base_link", "laser", "revolute", axis="0 0 1")), "about the y axis"),
-        (chain(joint("a", "base_link", "m", "revolute"), joint("b", "m", "laser", "revolute")), "one joint must move"),
+        (chain(joint("a", "base_link", "laser", "revolute", axis="0 0 1")), "turns about 0 0 1"),
+        (chain(joint("a", "base_link", "m", "revolute"), joint("b", "m", "laser", "revolute")), "only one joint may move"),
     ],
 )
 def test_urdf_without_one_tilting_joint_is_refused(urdf: str, said: str) -> None:
