@@ -54,6 +54,12 @@ class FinishedMap:
         """Of all vertex_poses of the newest update."""
         return (*self._mapper.stamps_s, *(p.stamp_s for p in self._visits()))
 
+    def kept(self) -> tuple[tuple[float, ...], Array]:
+        """Stamps and poses of the map, and of the first sweep that was made here: after these those of the next come."""
+        first = [] if self._first is None else [self._first]
+        poses = np.concatenate([self._poses, *(p.T_map_base[None] for p in first)])
+        return (*self._mapper.stamps_s, *(p.stamp_s for p in first)), poses
+
     def add_sweep(
         self,
         stamp_s: float,

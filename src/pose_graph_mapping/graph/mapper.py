@@ -66,6 +66,10 @@ class PoseGraphMapper:
         """The stamp of every vertex, seconds."""
         return tuple(self._stamps_s)
 
+    def kept(self) -> tuple[tuple[float, ...], Array]:
+        """Stamps and (V, 4, 4) poses after which those of the next sweep come."""
+        return self.stamps_s, self.graph.poses()
+
     def add_sweep(
         self,
         stamp_s: float,

@@ -70,6 +70,9 @@ def test_answer_has_the_map_s_poses_the_first_place_and_the_newest_with_their_st
     assert (len(first.vertex_poses), len(third.vertex_poses), third.vertex_id) == (len(PLACES) + 1, len(PLACES) + 2, len(PLACES) + 1)
     np.testing.assert_array_equal(third.vertex_poses[-2], first.vertex_poses[-1])
     assert finished.stamps_s == (0.0, 2.0, 4.0, 6.0, 100.0, 102.0)
+    stamps_s, kept = finished.kept()  # after which a sweep that fails is told of
+    assert stamps_s == (0.0, 2.0, 4.0, 6.0, 100.0)
+    np.testing.assert_array_equal(kept, first.vertex_poses)
 
 
 def test_where_nothing_matches_odometry_goes_on_and_grows_uncertain(mapped):
