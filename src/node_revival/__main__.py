@@ -22,6 +22,7 @@ from node_life.life import MEMORY, PULSE
 from node_life.watch import Deaths, RevivalConfig, Watch, processor_s
 from roslaunch_process.children import end_with_parent
 
+_PREFIX = "explore_3dnav_"
 _LOOK_S = 0.25
 _WANTED = (0, 2)  # exit codes of a node that ends as it should
 
@@ -100,10 +101,19 @@ class Revival:
         return process.returncode, why
 
 
+def forget_dead(root: Path) -> None:
+    """Removes the memories that killed processes of this program have left."""
+    for folder in root.glob(f"{_PREFIX}*_*"):
+        if not Path(f"/proc/{folder.name.removeprefix(_PREFIX).partition('_')[0]}").exists():
+            shutil.rmtree(folder, ignore_errors=True)
+
+
 def main(command: Sequence[str]) -> int:
     """Runs the command; its exit code."""
     ram = "/dev/shm"  # a node keeps its state at every step: on a disk that takes a millisecond
-    memory = Path(tempfile.mkdtemp(prefix=f"explore_3dnav_{os.getpid()}_", dir=ram if os.access(ram, os.W_OK) else None))
+    root = ram if os.access(ram, os.W_OK) else tempfile.gettempdir()
+    forget_dead(Path(root))
+    memory = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{os.getpid()}_", dir=root))
     try:
         return Revival(command, memory, RevivalConfig()).run()
     finally:

@@ -12,6 +12,7 @@ import pytest
 
 from node_life import Deaths, Life, RevivalConfig, Watch, processor_s
 from node_life.life import MEMORY
+from node_revival.__main__ import forget_dead
 
 LIVES = "from node_life import Life; import os, sys, time, signal, pathlib; life = Life(); log = pathlib.Path(sys.argv[1])\n"
 
@@ -158,6 +159,15 @@ def test_memory_that_cannot_be_written_is_told_and_stops_nobody(tmp_path: Path) 
     (tmp_path / "state.new").rmdir()
     life.keep("state", 3)
     assert not life.problem and life.kept("state", 0) == 3
+
+
+def test_memory_of_a_process_that_was_killed_is_removed_and_no_other(tmp_path: Path) -> None:
+    dead, living = tmp_path / f"explore_3dnav_{2**22 + 1}_x", tmp_path / f"explore_3dnav_{os.getpid()}_y"
+    for folder in (dead, living):
+        folder.mkdir()
+        (folder / "state").touch()
+    forget_dead(tmp_path)
+    assert not dead.exists() and (living / "state").exists()
 
 
 def test_without_a_process_above_it_nothing_is_kept() -> None:
