@@ -26,6 +26,7 @@ class MapGoalClient(RequestClient):
 
     def finds_itself(self) -> None:
         self.wait_for("paused", seconds=300.0)
+        wait_until(lambda: self._tf.can_transform("map", "base_link", rospy.Time()), 30.0, "tf tells where")
         expect("exploration is off; goals are driven to" in self.told[-1].reason, f"it waits for goals: {self.told[-1].reason}")
         for name in ("start", "stop", "resume"):
             done, why = self.ask(name)
