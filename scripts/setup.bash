@@ -53,7 +53,7 @@ build_workspace() {
     ln -sfn "$root/$part" "$root/.ws/src/explore_3dnav/$part"
   done
   touch "$root/.ws/.catkin_workspace"
-  (cd "$root/.ws" && env -u PYTHONPATH PATH="$root/.venv/bin:/usr/bin:/bin" catkin_make -DPYTHON_EXECUTABLE="$root/.venv/bin/python3" -DCMAKE_BUILD_TYPE=Release -DCOMPILE_KERNELS=OFF)
+  (cd "$root/.ws" && env -u PYTHONPATH PATH="$root/.venv/bin:/usr/bin:/bin" catkin_make --force-cmake -DPYTHON_EXECUTABLE="$root/.venv/bin/python3" -DCMAKE_BUILD_TYPE=Release -DCOMPILE_KERNELS=OFF)
 }
 
 compile_kernels() { "$root/.venv/bin/python" "$root/scripts/compile_kernels.py"; }
