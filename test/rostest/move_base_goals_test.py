@@ -155,6 +155,18 @@ class MoveBaseGoalsTest(FedMoveBase):
         self.assertNotIn("blocked", [m.state for m in self.commands.messages[-40:]])
         self.assertFalse([a for a, b in zip(told, told[1:], strict=False) if a == b], told)
 
+    def test_robot_that_gets_nowhere_gives_its_goal_up_though_each_sweep_brings_a_new_path(self) -> None:
+        self.begin(goal_at(3.0))
+        type(self).ranges = wall_ahead(0.6, 400, 681)
+        began_s = self.clock_s
+        while self.client.get_state() == GoalStatus.ACTIVE and self.clock_s < began_s + 40.0:
+            self.store_straight_ahead()
+            for _ in range(20):
+                self.tick()
+        self.assertEqual(self.client.get_state(), GoalStatus.ABORTED)
+        self.assertIn("no progress for 30 s", self.client.get_goal_status_text())
+        self.assert_stands("idle")
+
     def test_robot_that_has_failed_keeps_no_goal_waiting(self) -> None:
         self.begin(goal_at(3.0))
         events = feed("/exploration/event", RunEvent)
