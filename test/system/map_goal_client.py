@@ -3,6 +3,7 @@
 Prints after each goal "at X Y in map, X Y in world": where it was sent, and where it truly is.
 """
 
+import math
 import time
 
 import rospy
@@ -12,7 +13,7 @@ from goal_client import expect, wait_until
 from nav_msgs.msg import Odometry
 from request_client import RequestClient
 
-GOALS, SLOW_MPS = 3, 0.3
+GOALS, SLOW_MPS, AROUND_M = 3, 0.3, 3.5
 
 
 class MapGoalClient(RequestClient):
@@ -44,9 +45,9 @@ class MapGoalClient(RequestClient):
             print(f"at {at[0]:.3f} {at[1]:.3f} in map, {place.x:.3f} {place.y:.3f} in world", flush=True)
 
     def farthest(self) -> tuple[float, float]:
-        """As far from where the robot is as make_plan leads, of places around home."""
-        here = self.place()
-        return max(self.reachable(), key=lambda p: (p[0] - here[0]) ** 2 + (p[1] - here[1]) ** 2)
+        """As far from where the robot is as make_plan leads, of places around home. Farther off the map ends, and what is new stops it."""
+        x, y = self.place()
+        return max((p for p in self.reachable() if math.hypot(*p) < AROUND_M), key=lambda p: math.hypot(p[0] - x, p[1] - y))
 
     def is_slowed(self) -> None:
         """Between two ticks of lock-step, by dynamic_reconfigure's own client."""
