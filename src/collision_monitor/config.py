@@ -33,6 +33,13 @@ class CollisionMonitorConfig:
         high=10.0,
         at_runtime=True,
     )
+    standing_s: float = parameter(
+        0.0,
+        "s",
+        "what lines met at one place for longer stands there, and is left to the follower; 0: whatever no sweep has mapped may move",
+        low=0.0,
+        high=3600.0,
+    )
     recovery_s: float = parameter(1.0, "s", "time from a stop to the whole command when the way is free again", low=0.05, high=10.0)
 
     def validate(self) -> list[str]:

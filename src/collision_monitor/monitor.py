@@ -56,6 +56,11 @@ class CollisionMonitor:
         """For so long what was met is a stranger."""
         return self._config.memory_s
 
+    @property
+    def standing_s(self) -> float:
+        """What was met at one place for longer is no stranger any more; 0: never so."""
+        return self._config.standing_s
+
     def limited(self, stamp_s: float, v: float, w: float, strangers: ArrayLike) -> Limited:
         """As much of `v` m/s and `w` rad/s as is safe beside `strangers` (N, 2) in base_link, m: points that the map does not explain."""
         points = np.asarray(strangers, dtype=np.float64).reshape(-1, 2)

@@ -102,9 +102,12 @@ class LocalCostmap:
         if self._lines.add_line(stamp_s, hits, free_ends, origin):
             self._view = None
 
-    def strangers(self, within_s: float) -> NDArray[np.float64]:
-        """(N, 2) in map, metres: the cells in which scans, or lines of the last `within_s`, met what the terrain does not explain."""
-        rows, columns = np.nonzero(self._lines.met_within(within_s) | (self._obstacles.marked & ~self._lines.is_known))
+    def strangers(self, within_s: float, standing_s: float = 0.0) -> NDArray[np.float64]:
+        """(N, 2) in map, metres: the cells in which scans, or lines of the last `within_s`, met what the terrain does not explain.
+
+        Above 0, `standing_s` leaves out what lines have met at its place for longer: it stands there, and is marked all the same.
+        """
+        rows, columns = np.nonzero(self._lines.met_within(within_s, standing_s) | (self._obstacles.marked & ~self._lines.is_known))
         return np.asarray(np.column_stack([columns, rows]) + 0.5) * self._config.resolution_m + self._window.origin_xy
 
     def clear_obstacles(self) -> None:

@@ -51,18 +51,20 @@ class LineLayer:
         self._z: Singles = np.full(shape, np.nan, dtype=np.float32)
         self._newest_s = -math.inf
         self.marked: NDArray[np.bool_] = np.zeros(shape[1:], dtype=np.bool_)
+        self._since_s: Floats = np.full(shape[1:], math.inf)
 
     def move(self, window: Window, terrain: TerrainLayer) -> None:
         """Keep the evidence that lies in `window`, at its place; `terrain` has moved there already."""
         self._met_s = shifted(self._met_s, self._window, window, -math.inf)
         self._z = shifted(self._z, self._window, window, math.nan)
+        self._since_s = shifted(self._since_s, self._window, window, math.inf)
         self._window = window
         self.explain(terrain)
 
     def explain(self, terrain: TerrainLayer) -> None:
         """Judge the evidence by a newer terrain of the same window."""
         self._know(terrain)
-        self.marked = self._judged()
+        self._mark()
 
     def add_line(self, stamp_s: float, hits: Floats, free_ends: Floats, origin: Floats) -> bool:
         """Take back what the beams passed through, and keep where they ended; True when a mark appeared or went.
@@ -79,8 +81,13 @@ class LineLayer:
         settled_s = stamp_s - self._config.settling_s
         _pass(self._met_s, ends, origin, corner, self._window.resolution, (self._config.clearing_range_m, settled_s))
         self._keep(stamp_s, hits[np.hypot(*(hits - origin)[:, :2].T) <= self._config.obstacle_range_m])
-        before, self.marked = self.marked, self._judged()
+        before = self.marked
+        self._mark()
         return not np.array_equal(before, self.marked)
+
+    def _mark(self) -> None:
+        self.marked = self._judged()
+        self._since_s = np.where(self.marked, np.minimum(self._since_s, self._newest_s), math.inf)
 
     def _keep(self, stamp_s: float, hits: Floats) -> None:
         """Evidence where at least `least_hits` of them lie in a voxel, at their mean height: a point without company is none."""
@@ -105,9 +112,16 @@ class LineLayer:
         self._ground = np.where(near, ground[row, column] - self._half_cell_m, np.nan).astype(np.float32)
         self._allowed_m = (self._tolerance_m + distance * self._steepest).astype(np.float32)
 
-    def met_within(self, seconds: float) -> NDArray[np.bool_]:
-        """(n, n) the columns that are marked by what lines met in the last `seconds` before the newest."""
-        return self._judged(seconds) if self.marked.any() else self.marked
+    def met_within(self, seconds: float, standing_s: float = 0.0) -> NDArray[np.bool_]:
+        """(n, n) the columns that are marked by what lines met in the last `seconds` before the newest.
+
+        Above 0, `standing_s` leaves out what has stood at its place, or in a column beside it, for longer.
+        """
+        met = self._judged(seconds) if self.marked.any() else self.marked
+        if not standing_s:
+            return met
+        stands = ndimage.binary_dilation(self._newest_s - self._since_s > standing_s, np.ones((3, 3)))
+        return np.asarray(met & ~stands)
 
     def _judged(self, within_s: float = math.inf) -> NDArray[np.bool_]:
         oldest_s = self._newest_s - min(within_s, self._config.keep_s)

@@ -55,3 +55,21 @@ def test_person_whom_the_level_scan_meets_is_a_stranger_and_a_known_wall_is_none
     hits = np.concatenate([post(1.5, 0.0), post(0.99, 0.5)])
     found.add_scan(hits[:, :2], np.empty((0, 2)), (0.0, 0.0), hits[:, 2])
     assert found.strangers(0.3) == pytest.approx(np.array([[1.0, 0.52]]), abs=0.05)
+
+
+def test_what_has_stood_at_its_place_for_long_is_left_to_the_follower_and_a_stranger_again_when_it_moves():
+    found = costmap()
+    for stamp_s in np.arange(1.0, 7.0, 0.5):
+        add(found, stamp_s, post(1.02, 0.5))
+    assert len(found.strangers(1.3)) == 1 and not len(found.strangers(1.3, 5.0))
+    assert found.master().cost_at(np.array([[1.02, 0.52]]))[0] == 254
+    add(found, 7.0, post(0.7, 0.5))
+    assert found.strangers(1.3, 5.0) == pytest.approx(np.array([[0.68, 0.52]]), abs=0.05)
+
+
+def test_what_stands_in_a_window_that_moves_has_stood_there_before():
+    found = costmap()
+    for stamp_s in np.arange(1.0, 7.0, 0.5):
+        found.recenter(0.3 * stamp_s, 0.0)
+        add(found, stamp_s, post(1.02, 0.5))
+    assert len(found.strangers(1.3)) == 1 and not len(found.strangers(1.3, 5.0))
