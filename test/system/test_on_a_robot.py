@@ -30,7 +30,7 @@ def test_robot_that_is_not_simulated_explores_in_real_time(tmp_path: Path) -> No
         run.wait_for_first_sweep(LIMIT_S)
         run.wait(LIMIT_S)
     found = summary(tmp_path)
-    assert str(found["stop_reason"]).startswith("time limit")
+    assert str(found["stop_reason"]).startswith(("time limit", "explored")), "which of the two, the machine's speed decides"
     assert found["sweeps"] >= 2
     assert found["distance_m"] > 1.0
     assert "coverage" not in found, "of a real robot nobody knows the truth"
