@@ -53,6 +53,7 @@ ORDER: dict[str, set[str]] = {
     | TERRAIN
     | {
         "exploration_evaluation",
+        "finished_maps",
         "local_terrain_costmap",
         "map_zones",
         "mount_calibration",
