@@ -9,7 +9,6 @@ from itertools import count
 from typing import TYPE_CHECKING
 
 import actionlib
-import numpy as np
 import rospy
 from actionlib_msgs.msg import GoalID
 from explore_3dnav.srv import PlanPath
@@ -18,6 +17,7 @@ from move_base_msgs.msg import MoveBaseAction, MoveBaseActionGoal, MoveBaseFeedb
 from nav_msgs.msg import Path
 from std_msgs.msg import Header
 
+from path_following.patience import PATIENCE_S, Patience
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import header, pose_message, transform_from_pose
 from ros_adapters.frames import frames
@@ -31,7 +31,6 @@ _PLAN_PATH = "/octomap_server_3dnav_node/plan_path"
 _TOLERANCE_M = 0.5
 _GIVEN_UP = ("stuck", "blocked")
 _MOMENT_S = 0.1
-_PATIENCE_S, _PROGRESS_M = 30.0, 0.1  # a robot that has come no farther in that time, sweeps and new paths included, gets nowhere
 _SIMPLE, _CLICKED = "move_base_simple/goal", "clicked_point"
 _LEAST_QUATERNION = 1e-3  # move_base's: a shorter one is no rotation, any other is made a unit
 
@@ -59,7 +58,7 @@ class GoalAction:
 
     As move_base, it accepts every goal, and aborts what it cannot drive to; then the goal before stays. Simple goals and clicked points
     are goals of the action, too: who lists or cancels goals finds them. A goal stays the robot's until it is reached, cancelled or
-    given up, as after 30 s in which the robot got nowhere: what exploration decides after a sweep on the way there comes later.
+    given up, as after 30 s in which the robot was free to drive and got nowhere: what exploration decides on the way comes later.
     It stands outside the lock-step chain: a goal comes from a person or another program, at any time.
     """
 
@@ -68,7 +67,7 @@ class GoalAction:
         self._active: actionlib.ServerGoalHandle | None = None
         self._goal: PoseStamped | None = None  # of the active one, in map
         self._is_whole = False
-        self._progress: tuple[float, np.ndarray] | None = None  # when and where the robot last got on
+        self._patience = Patience()
         self._numbers = count(1)
         self._plan_path = rospy.ServiceProxy(_PLAN_PATH, PlanPath)
         self._server = actionlib.ActionServer("move_base", MoveBaseAction, self._on_goal, self._on_cancel, auto_start=False)
@@ -124,8 +123,11 @@ class GoalAction:
             self._active.set_canceled(MoveBaseResult(), reason)
         self._active = self._goal = None
 
-    def on_output(self, stamp_s: float, output: "FollowerOutput") -> None:
-        """Feedback, and the goal's end when the follower has reached it or given it up; after a part of the way a sweep is waited for."""
+    def on_output(self, stamp_s: float, output: "FollowerOutput", *, is_held: bool) -> None:
+        """Feedback, and the goal's end when the follower has reached it or given it up; after a part of the way a sweep is waited for.
+
+        is_held: somebody keeps the robot's wheels from turning.
+        """
         if self._active is None:
             return
         if output.state.value in _GIVEN_UP:
@@ -134,21 +136,15 @@ class GoalAction:
         elif output.state.value == "reached" and self._is_whole:
             self._active.set_succeeded(MoveBaseResult(), output.reason)
             self._active = self._goal = None
-        elif self._gets_nowhere(stamp_s):
-            self.give_up(f"no progress for {_PATIENCE_S:.0f} s: {output.reason}")
+        elif self._gets_nowhere(stamp_s, is_held=is_held):
+            self.give_up(f"no progress for {PATIENCE_S:.0f} s: {output.reason}")
             self._driving.stand("the goal was given up: the robot got nowhere")
         else:
             self._tell_position(stamp_s)
 
-    def _gets_nowhere(self, stamp_s: float) -> bool:
-        """Whether the robot has not moved for too long. The follower's patience begins anew with each path, and there is one a sweep."""
+    def _gets_nowhere(self, stamp_s: float, *, is_held: bool) -> bool:
         T_map_base = self._driving.pose()
-        if T_map_base is None:
-            return False
-        at = T_map_base[:3, 3]
-        if self._progress is None or float(np.linalg.norm(at - self._progress[1])) >= _PROGRESS_M:
-            self._progress = stamp_s, at.copy()
-        return stamp_s - self._progress[0] > _PATIENCE_S
+        return T_map_base is not None and self._patience.is_over(stamp_s, T_map_base[:3, 3], is_held=is_held)
 
     def _tell_position(self, stamp_s: float) -> None:
         T_map_base = self._driving.pose()
@@ -200,7 +196,7 @@ class GoalAction:
             self._refuse(handle, str(error))
             return
         self.replace("replaced by a newer goal")
-        self._active, self._goal, self._progress = handle, goal, None
+        self._active, self._goal, self._patience = handle, goal, Patience()
         self._driving.began(asked)
 
     def _refuse(self, handle: "actionlib.ServerGoalHandle", reason: str) -> None:
