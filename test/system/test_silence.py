@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from exploring import PACKAGE, ExploreRun
+from wheels_watcher import wake_up
 
 # what falls silent: the process that is stopped, the node that must name it, and how it calls it
 SILENCES = {
@@ -38,9 +39,9 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="class")
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ExploreRun, ExploreRun, int]]:
-    """The nodes, the robot and the port of their master, once the robot has its first sweep."""
+    """The nodes, the robot and the port of their master, once the robot has its first sweep. One a class: a world has an end."""
     port = free_port()
     out = tmp_path_factory.mktemp("silence")
 
@@ -64,24 +65,24 @@ def watched(port: int, *arguments: object) -> subprocess.CompletedProcess[str]:
     )
 
 
-@pytest.mark.parametrize("what", list(SILENCES))
-def test_wheels_stand_while_it_is_silent_and_go_on_afterwards(robot: tuple[ExploreRun, ExploreRun, int], what: str) -> None:
-    nodes, hardware, port = robot
-    stopped, names_it, called = SILENCES[what]
-    pid = (hardware if stopped.startswith("relay") else nodes).pid_of(stopped)
-    try:
-        done = watched(port, pid, names_it, called)
-    finally:
-        os.kill(pid, signal.SIGCONT)
-    assert done.returncode == 0, f"{what}: {done.stdout}{done.stderr}"
-    print(f"{what}: {done.stdout.strip()}")
+class TestInputThatIsSilent:
+    @pytest.mark.parametrize("what", list(SILENCES))
+    def test_wheels_stand_while_it_is_silent_and_go_on_afterwards(self, robot: tuple[ExploreRun, ExploreRun, int], what: str) -> None:
+        nodes, hardware, port = robot
+        stopped, names_it, called = SILENCES[what]
+        pid = (hardware if stopped.startswith("relay") else nodes).pid_of(stopped)
+        try:
+            done = watched(port, pid, names_it, called)
+        finally:
+            wake_up(pid)
+        assert done.returncode == 0, f"{what}: {done.stdout}{done.stderr}"
+        print(f"{what}: {done.stdout.strip()}")
 
 
-@pytest.mark.parametrize("node", MOVE_IT)
-def test_wheels_stand_while_a_node_is_away_and_go_on_when_it_was_started_again(
-    robot: tuple[ExploreRun, ExploreRun, int], node: str
-) -> None:
-    nodes, _, port = robot
-    done = watched(port, nodes.pid_of(node), "", "", "killed")
-    assert done.returncode == 0, f"{node}: {done.stdout}{done.stderr}"
-    print(f"{node}: {done.stdout.strip()}")
+class TestNodeThatIsAway:
+    @pytest.mark.parametrize("node", MOVE_IT)
+    def test_wheels_stand_and_go_on_when_it_was_started_again(self, robot: tuple[ExploreRun, ExploreRun, int], node: str) -> None:
+        nodes, _, port = robot
+        done = watched(port, nodes.pid_of(node), "", "", "killed")
+        assert done.returncode == 0, f"{node}: {done.stdout}{done.stderr}"
+        print(f"{node}: {done.stdout.strip()}")

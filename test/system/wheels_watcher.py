@@ -10,6 +10,7 @@ import signal
 import sys
 import threading
 import time
+from contextlib import suppress
 
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -19,6 +20,12 @@ DRIVES_MPS, STANDS_MPS = 0.15, 0.03
 SILENT_S = {signal.SIGSTOP: 3.0, signal.SIGKILL: 1.0}  # a node that was killed is not there again before
 BRAKES_WITHIN_S, NAMED_WITHIN_S, GOES_ON_WITHIN_S = 0.33, 1.5, 120.0
 DECELERATION_MPS2 = 3.0  # of config/robot.yaml
+
+
+def wake_up(pid: int) -> None:
+    """Lets a stopped process go on; on a busy machine the one above it may have taken it for hung, and has another in its place."""
+    with suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGCONT)
 
 
 class Watcher:
@@ -74,7 +81,7 @@ def main() -> None:
     time.sleep(SILENT_S[number])
     stood_s, named_s = watcher.stood_after(stopped_s), watcher.named_after(stopped_s, node, topic) if node else 0.0
     if number == signal.SIGSTOP:
-        os.kill(pid, signal.SIGCONT)
+        wake_up(pid)
     # Promised for a machine that does little else: one with more to do than processors takes as much longer.
     slack = max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
     if stood_s > slack * within_s or named_s > slack * NAMED_WITHIN_S:
