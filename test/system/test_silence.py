@@ -1,7 +1,6 @@
 """What the robot is told falls silent while it drives, or a node dies: the wheels stand, /diagnostics names it, and the run goes on."""
 
 import os
-import signal
 import socket
 import subprocess
 import sys
