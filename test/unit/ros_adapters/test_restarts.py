@@ -12,7 +12,7 @@ from node_life import Life
 from node_life.life import PULSE
 from ros_adapters import asking, restarts
 from ros_adapters.asking import AskedService, is_asking
-from ros_adapters.liveness import why_it_stays_away
+from ros_adapters.liveness import Liveness, why_it_stays_away
 
 
 class Server:
@@ -84,6 +84,13 @@ def test_node_that_is_started_again_is_waited_for_and_no_other() -> None:
     assert "away for 70 s" in why_it_stays_away("a", {"a": above}, 70.0)
     assert "3 times" in why_it_stays_away("a", {"a": {**above, "gave_up": "3 times within 60 s"}}, 0.0)
     assert "what starts it again" in why_it_stays_away("a", {"a": {"pid": 2**22 + 1}}, 0.0)
+
+
+def test_restarts_are_those_of_now_and_without_a_master_the_last_that_were_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    liveness = Liveness(["a"])
+    for answer, known in (({}, {}), ({"a": {"pid": 1, "times": 2}, "b": {"pid": 2}}, {"a": 2}), (OSError("no master"), {"a": 2})):
+        monkeypatch.setattr(liveness, "revived", Server(answer).answer)
+        assert liveness.restarts() == known
 
 
 def beats_in(seconds: float, lock: threading.RLock) -> int:  # type: ignore[valid-type]
