@@ -26,10 +26,10 @@ class AskedService:
     One that never was there is not waited for: a node may do without it.
     """
 
-    def __init__(self, name: str, service_type: type, patience_s: float = 60.0) -> None:
-        """`patience_s`: for a node that dies and is started again; a process takes seconds to be there."""
+    def __init__(self, name: str, service_type: type, patience_s: float = 60.0, *, is_known: bool = False) -> None:
+        """`patience_s`: for a node that dies and is started again; a process takes seconds to be there. `is_known`: it has been there."""
         self._name, self._type, self._patience_s = name, service_type, patience_s
-        self._is_known = not Life().is_first  # by this process or the one before
+        self._is_known = is_known or not Life().is_first  # by this process or the one before
         self._proxy: rospy.ServiceProxy | None = None
 
     def __call__(self, *arguments: object) -> genpy.Message:
