@@ -22,6 +22,7 @@ from roslaunch_process import descendants, send
 CHAOS_FILE = "chaos.csv"
 KILL, STOP, STARVE = KINDS = ("kill", "stop", "starve")
 _SENSORS = ("/scan", "/joint_states", "/imu/data", "/wheel_odom")
+_LOOK_S = 0.25
 _STATUS = re.compile(r"\bt=([0-9.]+) s.*\| (.*)$", re.MULTILINE)
 
 
@@ -36,6 +37,7 @@ class ChaosConfig:
     longest_s: float = 20.0  # of a stop (issue 42) and of a starving: a node that is stopped for 5 s is killed as hung
     starved_share: float = 0.1  # of the time a node that starves may run
     starved_period_s: float = 0.2
+    most_at_once: int = 4  # blows while the simulated clock stands: however slow the machine, it goes on between them
     silence_every_s: float = 30.0  # a sensor is silent, on average
     longest_silence_s: float = 1.0  # three times what stops the robot
 
@@ -83,21 +85,30 @@ class BadHand:
         begun_s, promised = time.monotonic(), RevivalConfig()
         spared_s = promised.within_s + promised.silent_s  # a node that hangs is killed so late
         struck_s: dict[str, list[float]] = {}
+        stood_at: list[str] = []
         with self.told.open("w", newline="") as file:
             rows = csv.writer(file, lineterminator="\n")
             rows.writerow(("wall_s", "sim_s", "doing", "kind", "node", "lasts_s"))
             for blow in plan:
-                if self.over.wait(blow.pause_s):
+                if self.over.wait(blow.pause_s) or not self._clock_goes_on(stood_at[-self.config.most_at_once :]):
                     return
                 now_s, pid = time.monotonic(), node_pid(self.root, blow.node)
                 recent = [at_s for at_s in struck_s.get(blow.node, ()) if now_s - at_s < spared_s]
                 if pid is None or len(recent) >= promised.deaths - 1:
                     continue
                 doing = _status(self.log)
+                stood_at.append(doing[0])
                 self._strike(pid, blow)
                 struck_s[blow.node] = [*recent, time.monotonic()]
                 rows.writerow((f"{now_s - begun_s:.2f}", *doing, blow.kind, blow.node, f"{time.monotonic() - now_s:.2f}"))
                 file.flush()
+
+    def _clock_goes_on(self, stood_at: Sequence[str]) -> bool:
+        """Once it shows another time than at each of the newest blows; False when the run is over before."""
+        while len(stood_at) == self.config.most_at_once and set(stood_at) == {_status(self.log)[0]}:
+            if self.over.wait(_LOOK_S):
+                return False
+        return True
 
     def _strike(self, pid: int, blow: Blow) -> None:
         """Until the node may run again, or has ended."""

@@ -116,22 +116,29 @@ def found_in_map(
 def _hand_over_map(store: SessionStore, graph: PoseGraph) -> list[str]:
     """Gives all sweeps of a session to the terrain node; what could not be given, a sentence each.
 
-    By a service, so that none is lost however many there are. Damaged sweeps are left out.
+    By a service, so that none is lost however many there are. Damaged sweeps are left out. A node that dies meanwhile gets all once more.
     """
-    problems: list[str] = []
     try:
         rospy.wait_for_service(_SERVICE, _WAIT_S)
         restore = AskedService(_SERVICE, RestoreSweep, _WAIT_S)
-        for stored in store.sweeps:
-            try:
-                answer = restore(_message(store, graph, stored.vertex_id, stored.stamp_s))
-            except DamagedSweepError as error:
-                problems.append(str(error))
-                continue
-            if not answer.accepted:
-                problems.append(f"sweep {stored.vertex_id} is not in the octomap: {answer.message}")
+        while True:
+            broken, problems = restore.broken, _hand_over_sweeps(restore, store, graph)
+            if restore.broken == broken:
+                return problems
     except (rospy.ROSException, rospy.ServiceException) as error:
-        problems.append(f"the octomap lacks the session's sweeps: {error}")
+        return [f"the octomap lacks the session's sweeps: {error}"]
+
+
+def _hand_over_sweeps(restore: AskedService, store: SessionStore, graph: PoseGraph) -> list[str]:
+    problems: list[str] = []
+    for stored in store.sweeps:
+        try:
+            answer = restore(_message(store, graph, stored.vertex_id, stored.stamp_s))
+        except DamagedSweepError as error:
+            problems.append(str(error))
+            continue
+        if not answer.accepted:
+            problems.append(f"sweep {stored.vertex_id} is not in the octomap: {answer.message}")
     return problems
 
 

@@ -6,6 +6,7 @@ import os
 import re
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -102,6 +103,21 @@ def test_node_is_not_struck_a_third_time_within_a_minute(tmp_path: Path, node: C
     node("scan_filter_node")
     plan = [Blow(0.0, STOP, "move_base_node", 0.01)] * 3 + [Blow(0.0, STOP, "scan_filter_node", 0.01)]
     assert [row["node"] for row in struck(tmp_path, *plan)] == ["move_base_node", "move_base_node", "scan_filter_node"]
+
+
+def test_hand_waits_where_the_clock_has_stood_for_several_blows(tmp_path: Path, node: Callable) -> None:
+    for name in ROBOT_NODES[:6]:
+        node(name)
+    log = tmp_path / "log"
+    log.write_text("t=1.0 s, 2 sweeps | driving\n")
+    hand = BadHand(os.getpid(), log, tmp_path / "chaos.csv")
+    at_work = threading.Thread(target=hand.work, args=(iter([Blow(0.0, KILL, name, 0.0) for name in ROBOT_NODES[:6]]),))
+    at_work.start()
+    at_work.join(1.0)
+    assert at_work.is_alive() and told(tmp_path, {})["kill"] == 4
+    log.write_text("t=1.5 s, 2 sweeps | driving\n")
+    at_work.join(20.0)
+    assert told(tmp_path, {})["kill"] == 6
 
 
 def test_node_that_does_not_run_is_passed_over_and_no_other_is_taken_for_it(tmp_path: Path, node: Callable) -> None:
