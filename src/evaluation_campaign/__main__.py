@@ -1,6 +1,7 @@
 """./evaluate: from arguments to a report and an exit code."""
 
 import argparse
+import math
 import os
 import platform
 import signal
@@ -19,6 +20,7 @@ from stage_config import ConfigError
 
 PROJECT = Path(__file__).resolve().parents[2]
 _REPORTED_PACKAGES = ("numpy", "scipy", "numba", "gtsam", "open3d", "small_gicp", "pybullet", "distributed")
+_MOVERS_OF_A_SOAK = 3  # in every third seed (issue 42)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -52,6 +54,19 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--movers", default="", metavar="N|FILE", help="so many movers in every run, drawn by its seed, or those of a FILE")
     p.add_argument(
+        "--chaos",
+        type=int,
+        metavar="SEED",
+        help="in every run kill, stop and starve nodes, and silence sensors, at moments that SEED draws; default: none of it",
+    )
+    p.add_argument(
+        "--soak",
+        type=int,
+        default=0,
+        metavar="N",
+        help="at least N runs, of seeds from the first on, with --movers in every third seed; a table says what failed, and why",
+    )
+    p.add_argument(
         "--jobs", type=int, default=max(1, (os.cpu_count() or 2) // 2), metavar="N", help="runs at a time; default: half the cores"
     )
     p.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the campaign")
@@ -65,8 +80,8 @@ def parser() -> argparse.ArgumentParser:
 def parse(arguments: list[str] | None = None) -> tuple[Campaign, argparse.Namespace]:
     """The campaign that is asked for, and the options. CampaignProblem for what cannot be run, SystemExit(2) for wrong usage."""
     a = parser().parse_args(arguments)
-    if a.jobs < 1 or a.max_sim_time <= 0 or a.max_wall_time <= 0:
-        raise CampaignProblem("--jobs, --max-sim-time and --max-wall-time must be positive")
+    if a.jobs < 1 or a.max_sim_time <= 0 or a.max_wall_time <= 0 or a.soak < 0:
+        raise CampaignProblem("--jobs, --max-sim-time, --max-wall-time and --soak must be positive")
     worlds, profiles = (tuple(dict.fromkeys(part.strip() for part in text.split(","))) for text in (a.worlds, a.profile))
     for world in worlds:
         _check_world(world)
@@ -86,7 +101,11 @@ def parse(arguments: list[str] | None = None) -> tuple[Campaign, argparse.Namesp
     except ArgumentProblem as error:
         raise CampaignProblem(str(error)) from error
     mapping, seeds = a.mapping or BY_PROFILE, parse_seeds(a.seeds)
-    return Campaign(a.out.absolute(), worlds, seeds, profiles, sensor, limits, robot, a.realism, mapping, movers), a
+    if a.soak:
+        seeds = tuple(range(seeds[0], seeds[0] + math.ceil(a.soak / (len(worlds) * len(profiles)))))
+    movers_every = _MOVERS_OF_A_SOAK if a.soak else 1
+    out = a.out.absolute()
+    return Campaign(out, worlds, seeds, profiles, sensor, limits, robot, a.realism, mapping, movers, movers_every, a.chaos), a
 
 
 def _check_world(world: str) -> None:
@@ -184,7 +203,12 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("\n./evaluate: interrupted; finished runs stay, the same command goes on", file=sys.stderr)
         return 130
-    return _report(campaign)
+    code = _report(campaign)
+    if options.soak:
+        from evaluation_report import write_soak
+
+        print(write_soak(campaign.out), end="")
+    return code
 
 
 def _report(campaign: Campaign) -> int:

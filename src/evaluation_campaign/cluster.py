@@ -52,7 +52,8 @@ def run_all(campaign: Campaign, client: Client, project: Path, on_end: Progress)
             campaign.robot,
             campaign.realism,
             campaign.mapping,
-            campaign.movers,
+            campaign.movers_of(spec),
+            campaign.chaos,
         )
         for spec in campaign.left()
     ]

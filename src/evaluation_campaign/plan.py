@@ -15,13 +15,14 @@ from exploration_evaluation import read_json, write_json
 FORMAT = 1
 BY_PROFILE = "by_profile"  # every run maps as its profile and robot say
 CAMPAIGN_FILE, OUTCOME_FILE = "campaign.json", "outcome.json"
-_IDENTITY = ("format", "worlds", "seeds", "profiles", "sensor", "realism", "mapping", "movers", "limits", "robot")
+_IDENTITY = ("format", "worlds", "seeds", "profiles", "sensor", "realism", "mapping", "movers", "movers_every", "limits", "robot", "chaos")
 _EXTENSIBLE = ("worlds", "seeds", "profiles")
 _SINCE_FORMAT_1 = {
     "sensor": "tilting",
     "realism": "ideal",
     "mapping": "stop_and_go",
     "movers": "",
+    "movers_every": 1,
     "robot": "",
 }  # what campaigns had that do not say it
 
@@ -54,7 +55,10 @@ class RunSpec:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign in its folder; `robot` is the file of its robot, empty for the project's; `mapping` one of MAPPINGS, or BY_PROFILE."""
+    """A campaign in its folder; `robot` is the file of its robot, empty for the project's; `mapping` one of MAPPINGS, or BY_PROFILE.
+
+    `movers` are in the runs of every `movers_every`th seed; `chaos` is the seed of the bad hand, None for none.
+    """
 
     out: Path
     worlds: tuple[str, ...]
@@ -66,6 +70,8 @@ class Campaign:
     realism: str = "hardware"
     mapping: str = BY_PROFILE
     movers: str = ""
+    movers_every: int = 1
+    chaos: int | None = None
 
     @property
     def specs(self) -> tuple[RunSpec, ...]:
@@ -79,6 +85,10 @@ class Campaign:
     def left(self) -> tuple[RunSpec, ...]:
         """The runs that are still to be made."""
         return tuple(spec for spec in self.specs if not self.is_done(spec))
+
+    def movers_of(self, spec: RunSpec) -> str:
+        """The movers of a run; empty for none."""
+        return self.movers if spec.seed % self.movers_every == 0 else ""
 
     def outcome(self, spec: RunSpec) -> dict[str, object]:
         """What became of a run, with its summary under "summary" where there is one. ValueError when it is not done."""

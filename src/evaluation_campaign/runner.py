@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from evaluation_campaign.chaos import hand_at_work, silences, told
 from evaluation_campaign.plan import BY_PROFILE, OUTCOME_FILE, Limits, RunSpec
 from exploration_evaluation import add_clairvoyant, read_json, write_json
 from roslaunch_process import descendants, end_with_parent, free_port, send
@@ -40,6 +41,12 @@ class RunRequest:
     realism: str = "hardware"
     mapping: str = BY_PROFILE
     movers: str = ""
+    chaos: int | None = None
+
+    @property
+    def chaos_seed(self) -> str:
+        """Of the bad hand in this run."""
+        return f"{self.chaos} {self.spec.folder}"
 
 
 def make_run(request: RunRequest) -> dict[str, object]:
@@ -67,6 +74,8 @@ def make_run(request: RunRequest) -> dict[str, object]:
         "started": started,
         "attempts": attempts,
     }
+    if request.chaos is not None:
+        outcome["chaos"] = told(folder, _restarts(folder))
     write_json(folder / OUTCOME_FILE, outcome)
     return outcome
 
@@ -89,6 +98,8 @@ def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
     command += ["--max-sim-time", str(request.limits.sim_s)]
     command += ["--robot", request.robot] if request.robot else []
     command += ["--movers", request.movers] if request.movers else []
+    if request.chaos is not None:
+        command += ["--set", f"pybullet_sim_node/timing/silence={silences(request.chaos_seed, request.limits.sim_s)}"]
     with (folder.parent / f".{folder.name}.log").open("w") as log:
         process = subprocess.Popen(
             command,
@@ -99,12 +110,28 @@ def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
             preexec_fn=partial(end_with_parent, signal.SIGKILL),  # nobody asks for a judgement any more
         )
         try:
-            return process.wait(request.limits.wall_s), True
+            with _bad_hand(request, process.pid, Path(log.name)):
+                return process.wait(request.limits.wall_s), True
         except subprocess.TimeoutExpired:
             return _end(process), False
         except BaseException:
             _end(process)
             raise
+
+
+def _restarts(folder: Path) -> dict[str, int]:
+    """Of each node, as the run has them; nothing where it was not judged."""
+    try:
+        found = read_json(folder / "summary.json").get("restarts")
+    except ValueError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _bad_hand(request: RunRequest, root: int, log: Path) -> contextlib.AbstractContextManager[None]:
+    if request.chaos is None:
+        return contextlib.nullcontext()
+    return hand_at_work(request.chaos_seed, root, log, request.out / request.spec.folder)
 
 
 def _end(process: "subprocess.Popen[bytes]") -> int:

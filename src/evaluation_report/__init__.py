@@ -3,13 +3,14 @@
 In comes the folder that `./evaluate` leaves (campaign.json, and runs/PROFILE/WORLD-SEED with outcome.json and summary.json),
 in any state of completeness; out come report.html, report.md and results.json (`write_report`). `campaign` reads, `statistics`
 counts, `tables`, `charts`, `gallery` and `configuration` are what is shown, `content` puts it in order. `missed_view` draws what one
-run missed. Nothing here judges: scores come from `exploration_evaluation`.
+run missed, `write_soak` tells what failed of many runs. Nothing here judges: scores come from `exploration_evaluation`.
 """
 
 from evaluation_report.campaign import Campaign, Run, Status, load_campaign
 from evaluation_report.config import ReportConfig
 from evaluation_report.missed import missed_view
 from evaluation_report.report import write_report
+from evaluation_report.soak import write_soak
 from evaluation_report.statistics import Interval, Mean, Ratio, SuccessCount, paired_ratio, success_count, wilson_interval
 from evaluation_report.thesis_tables import THESIS_TABLES, Mark, ThesisRun, ThesisTable
 
@@ -32,4 +33,5 @@ __all__ = [
     "success_count",
     "wilson_interval",
     "write_report",
+    "write_soak",
 ]

@@ -169,25 +169,26 @@ def _asked(asked: Mapping[str, Any], key: str, kind: type) -> tuple[Any, ...]:
 
 def _load_run(folder: Path, world: str, seed: int, profile: str) -> Run:
     place = folder / "runs" / profile / f"{world_name(world)}-{seed}"
-    status, error = _outcome(place)
+    status, error, chaos = _outcome(place)
     summary: Mapping[str, Any] = {}
     if status is not Status.MISSING:
         try:
             summary = read_json(place / "summary.json")
         except ValueError as reason:
             error = error or f"not judged: {reason}"
-    return Run(world, seed, profile, place, status, error, summary)
+    return Run(world, seed, profile, place, status, error, {**summary, "chaos": chaos} if chaos else summary)
 
 
-def _outcome(place: Path) -> tuple[Status, str | None]:
+def _outcome(place: Path) -> tuple[Status, str | None, Mapping[str, Any]]:
+    """How it ended, why there is less than a finished run has, and what a bad hand did to it."""
     try:
         outcome = read_json(place / "outcome.json")
         status = Status(outcome.get("status"))
     except ValueError as reason:
         started = place.is_dir() and any(place.iterdir())
-        return Status.MISSING, f"begun but not ended: {reason}" if started else "not made"
+        return Status.MISSING, f"begun but not ended: {reason}" if started else "not made", {}
     error = outcome.get("error")
-    return status, str(error) if error else None
+    return status, str(error) if error else None, _mapping(outcome.get("chaos"))
 
 
 def _not_asked(folder: Path, asked: set[Path]) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """The scores of a run as the report shows them: heading, unit, how to read it from the summary, and how runs are combined."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from statistics import fmean
 
@@ -55,6 +55,18 @@ SCORES: tuple[Score, ...] = (
     Score("time_spent.sweeping_s", "standing to sweep", "s", 1.0, 0),
     Score("time_spent.waiting_s", "waiting", "s", 1.0, 0),
 )
+
+CHAOS_SCORES: tuple[Score, ...] = (
+    Score("chaos.kill", "kills", "", 1.0, 0, "sum"),
+    Score("chaos.stop", "stops", "", 1.0, 0, "sum"),
+    Score("chaos.starve", "starvings", "", 1.0, 0, "sum"),
+    Score("chaos.restarts", "restarts", "", 1.0, 0, "sum"),
+)
+
+
+def scores_of(runs: Iterable[Run]) -> tuple[Score, ...]:
+    """The scores that are shown of runs: what a bad hand did only where there was one."""
+    return SCORES + (CHAOS_SCORES if any(run.number("chaos.kill") is not None for run in runs) else ())
 
 
 def class_time(run: Run) -> float | None:

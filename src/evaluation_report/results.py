@@ -1,7 +1,7 @@
 """The report's numbers for programs: SI units, null for what is not known."""
 
 from evaluation_report.campaign import Campaign, Run
-from evaluation_report.measures import COMPARED, SCORES, class_time, missed_area
+from evaluation_report.measures import COMPARED, class_time, missed_area, scores_of
 from evaluation_report.statistics import mean_of, paired_ratio, success_count, success_ratio
 
 _COUNTED = (
@@ -34,7 +34,7 @@ def results(campaign: Campaign) -> dict[str, object]:
 
 
 def _run(run: Run) -> dict[str, object]:
-    scores = {score.key: run.number(score.key) for score in SCORES}
+    scores = {score.key: run.number(score.key) for score in scores_of([run])}
     counted = {key: run.number(key) for key in _COUNTED}
     return {
         "world": run.world,
@@ -56,7 +56,7 @@ def _group(campaign: Campaign, world: str, profile: str) -> dict[str, object]:
     count = success_count(runs)
     bounds = count.interval
     combined = {}
-    for score in SCORES:
+    for score in scores_of(runs):
         found = mean_of(runs, score.of, score.combine)
         combined[score.key] = {score.combined: found.value, "runs": found.runs, "asked": found.asked}
     for compared in COMPARED:

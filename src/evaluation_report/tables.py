@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from evaluation_report.campaign import Campaign, Run, Status, world_name
-from evaluation_report.measures import COMPARED, SCORES, class_time
+from evaluation_report.measures import COMPARED, Score, class_time, scores_of
 from evaluation_report.statistics import Interval, Mean, Measure, Ratio, SuccessCount, mean_of, mean_over, paired_ratio, success_count
 from evaluation_report.statistics import success_ratio as success_ratio_of
 from evaluation_report.thesis_tables import THESIS_TABLES, Mark, ThesisRun, ThesisTable
@@ -191,20 +191,21 @@ def _printed_mean(label: str, runs: Sequence[ThesisRun], asked: int) -> Row:
 
 def score_table(profile: str, runs: Sequence[Run]) -> Table:
     """All scores of the runs of one world and profile."""
-    columns = ("seed", *(f"{s.heading} [{s.unit}]" if s.unit else s.heading for s in SCORES))
-    return Table(profile, columns, (*(_score_row(run) for run in runs), _score_means(runs)))
+    scores = scores_of(runs)
+    columns = ("seed", *(f"{s.heading} [{s.unit}]" if s.unit else s.heading for s in scores))
+    return Table(profile, columns, (*(_score_row(run, scores) for run in runs), _score_means(runs, scores)))
 
 
-def _score_row(run: Run) -> Row:
+def _score_row(run: Run, scores: Sequence[Score]) -> Row:
     if run.status is not Status.FINISHED:
-        return Row((Cell(str(run.seed), run.status.value), *(Cell(UNKNOWN) for _ in SCORES)), "bad")
-    cells = (Cell(number(s.of(run), s.digits, s.factor)) for s in SCORES)
+        return Row((Cell(str(run.seed), run.status.value), *(Cell(UNKNOWN) for _ in scores)), "bad")
+    cells = (Cell(number(s.of(run), s.digits, s.factor)) for s in scores)
     return Row((Cell(str(run.seed)), *cells), "run" if run.verdict else "bad")
 
 
-def _score_means(runs: Sequence[Run]) -> Row:
+def _score_means(runs: Sequence[Run], scores: Sequence[Score]) -> Row:
     cells = []
-    for s in SCORES:
+    for s in scores:
         found = mean_of(runs, s.of, s.combine)
         kind = "" if s.combined == "mean" else f"{s.combined}, "
         cells.append(Cell(number(found.value, s.digits, s.factor), kind + found.covers))

@@ -72,6 +72,10 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
 }
 
 
+ROBOT_NODES = tuple(node for node in NODE_CONFIGS if node != "pybullet_sim_node")
+"""The nodes of the robot, each of which is started again when it dies."""
+
+
 def config_class(dotted: str) -> type:
     """The dataclass of a dotted name in `NODE_CONFIGS`."""
     module, _, name = dotted.rpartition(".")

@@ -9,7 +9,7 @@ from typing import TypeVar, cast
 V = TypeVar("V")
 
 PULSE, MEMORY = "EXPLORE_3DNAV_PULSE", "EXPLORE_3DNAV_MEMORY"  # a pipe to write to, and a folder
-BEAT = b"."
+BEAT, STILL_STARTING = b".", b"s"
 _OVER = (EOFError, OSError, pickle.UnpicklingError)
 
 
@@ -29,11 +29,11 @@ class Life:
         if self._folder is not None:
             (self._folder / "lived").touch()
 
-    def beat(self) -> None:
-        """Says that the node gets on; where nobody listens nothing happens."""
+    def beat(self, *, starts: bool = False) -> None:
+        """Says that the node gets on, or with its start; where nobody listens nothing happens."""
         if self._pulse is not None:
             try:
-                os.write(self._pulse, BEAT)
+                os.write(self._pulse, STILL_STARTING if starts else BEAT)
             except OSError:
                 self._pulse = None
 

@@ -39,9 +39,9 @@ class Watch:
     has_beaten: bool = False
     _looks: deque[tuple[float, float]] = field(default_factory=deque)
 
-    def beat(self, now_s: float) -> None:
-        """It gets on."""
-        self.since_s, self.has_beaten = now_s, True
+    def beat(self, now_s: float, *, starts: bool = False) -> None:
+        """It gets on, or with its start."""
+        self.since_s, self.has_beaten = now_s, self.has_beaten or not starts
         self._looks.clear()
 
     def hung(self, now_s: float, used_s: float) -> str:

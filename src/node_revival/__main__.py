@@ -18,7 +18,7 @@ import xmlrpc.client
 from collections.abc import Sequence
 from pathlib import Path
 
-from node_life.life import MEMORY, PULSE
+from node_life.life import BEAT, MEMORY, PULSE
 from node_life.watch import Deaths, RevivalConfig, Watch, processor_s
 from roslaunch_process.children import end_with_parent
 
@@ -88,8 +88,8 @@ class Revival:
         try:
             while process.poll() is None:
                 if select.select([reading], [], [], _LOOK_S)[0]:
-                    if os.read(reading, 4096):
-                        watch.beat(time.monotonic())
+                    if beats := os.read(reading, 4096):
+                        watch.beat(time.monotonic(), starts=BEAT not in beats)
                     else:
                         time.sleep(0.01)  # it is about to have ended
                 elif not self._asked_to_end:

@@ -26,11 +26,15 @@ class AskedService:
     One that never was there is not waited for: a node may do without it.
     """
 
-    def __init__(self, name: str, service_type: type, patience_s: float = 60.0) -> None:
-        """`patience_s`: for a node that dies and is started again; a process takes seconds to be there."""
+    def __init__(self, name: str, service_type: type, patience_s: float = 60.0, *, is_known: bool | None = None) -> None:
+        """`patience_s`: for a node that dies and is started again; a process takes seconds to be there.
+
+        `is_known`: whether it has been there; by default where this node has, in a process before.
+        """
         self._name, self._type, self._patience_s = name, service_type, patience_s
-        self._is_known = not Life().is_first  # by this process or the one before
+        self._is_known = not Life().is_first if is_known is None else is_known
         self._proxy: rospy.ServiceProxy | None = None
+        self.broken = 0  # times that it did not answer
 
     def __call__(self, *arguments: object) -> genpy.Message:
         """The answer. ServiceException where it is an error, or does not come in time, or this node ends."""
@@ -52,6 +56,7 @@ class AskedService:
                 if _UNWILLING in str(error) or (_UNKNOWN in str(error) and not self._is_known):
                     raise
                 self._proxy = None
+                self.broken += 1
                 if time.monotonic() > deadline_s or rospy.core.is_shutdown_requested():
                     raise rospy.ServiceException(f"{self._name} does not answer: {error}") from error
             time.sleep(_AGAIN_S)

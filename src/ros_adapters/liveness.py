@@ -8,6 +8,7 @@ import threading
 import time
 import xmlrpc.client
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import rosgraph
@@ -37,6 +38,7 @@ class Liveness:
         self._names = list(names)
         self._addresses: dict[str, tuple[str, int]] = {}
         self._away_since_s: dict[str, float] = {}
+        self._restarts: dict[str, int] = {}
         self._deadline = time.monotonic() + start_limit_s
         self._master = rosgraph.Master(rospy.get_name())
 
@@ -53,11 +55,10 @@ class Liveness:
             return {}
 
     def restarts(self) -> dict[str, int]:
-        """How often each node was started again, of those that were."""
-        try:
-            return {name: int(above["times"]) for name, above in self.revived().items() if "times" in above}
-        except (OSError, xmlrpc.client.Error):
-            return {}
+        """How often each node was started again, of those that were; as heard last where the master cannot be asked."""
+        with suppress(OSError, xmlrpc.client.Error):
+            self._restarts = {name: int(above["times"]) for name, above in self.revived().items() if "times" in above}
+        return self._restarts
 
     def revived(self) -> Revived:
         """What the processes above nodes say on the parameter server."""

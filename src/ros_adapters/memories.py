@@ -12,6 +12,7 @@ from explore_3dnav.msg import ExplorationDecision, RunEvent
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.exploration.decide import Explorer
+from pose_graph_mapping.graph.finished_map import Visits
 from rigid_geometry.transforms import Transform
 from ros_adapters.mapping_mode import OpenSweeps
 from ros_adapters.stage_times import StageTimes
@@ -33,6 +34,7 @@ class MappingMemory:
     loop_closures: int = 0
     refused: int = 0
     refused_in_a_row: int = 0
+    visits: Visits = field(default_factory=Visits)  # in a finished map
 
 
 @dataclass

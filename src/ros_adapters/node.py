@@ -74,6 +74,8 @@ class Node:
         self._tick_topic: CountingPublisher | None = None
         self._watchdog: Callable[[float], None] = lambda _: None
         self.sent_otherwise: Counter[str] = Counter()
+        self._runs = False
+        pulse(self.life, self.lock, lambda: self._runs)
 
     def parameters(self, cls: type[C], *, section: str = "", own: tuple[str, ...] = ("out",)) -> C:
         """The stage's configuration from the private parameters, or those below `section`; `own` are the node's, not the stage's.
@@ -274,7 +276,7 @@ class Node:
 
     def run(self) -> None:
         """Waits for what it listens to, says that it is ready, and serves until shutdown."""
-        pulse(self.life, self.lock)
+        self._runs = True
         ready = rospy.Publisher(READY_TOPIC, String, latch=True, queue_size=1)
         if self.lockstep:
             while not rospy.is_shutdown() and not all(holds() for holds in self._required):

@@ -3,7 +3,7 @@
 import threading
 import time
 import xmlrpc.client
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import rosgraph
 import rospy
@@ -15,14 +15,17 @@ _PERIOD_S = 0.5
 _LISTENERS_WITHIN_S = 5.0  # one of them may have died as well
 
 
-def pulse(life: Life, lock: threading.RLock) -> None:  # type: ignore[valid-type]  # a function in typeshed
-    """Beats for as long as the node works: as its lock, which all its callbacks take, is free now and then, or waits for another node."""
+def pulse(life: Life, lock: threading.RLock, runs: Callable[[], bool]) -> None:  # type: ignore[valid-type]  # a function in typeshed
+    """Beats for as long as the node works: as its lock, which all its callbacks take, is free now and then, or waits for another node.
+
+    Before it `runs` only waiting is work that can be seen here.
+    """
 
     def run() -> None:
         while not rospy.core.is_shutdown_requested():
             if is_asking():
-                life.beat()
-            elif lock.acquire(timeout=_PERIOD_S):  # type: ignore[attr-defined]
+                life.beat(starts=not runs())
+            elif runs() and lock.acquire(timeout=_PERIOD_S):  # type: ignore[attr-defined]
                 lock.release()  # type: ignore[attr-defined]
                 life.beat()
             time.sleep(_PERIOD_S)

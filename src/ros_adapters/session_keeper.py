@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
 from pose_graph_mapping.config import MappingConfig
-from pose_graph_mapping.graph.finished_map import Mapper
+from pose_graph_mapping.graph.finished_map import FinishedMap, Mapper
 from pose_graph_mapping.graph.localisation import LocalisationConfig, Placement, localise
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
@@ -52,15 +52,19 @@ class SessionKeeper:
         """Gives all sweeps to the terrain node; what could not be given, a sentence each."""
         return _hand_over_map(self._store, graph) if self._store else ["there is no folder with sweeps: set ~out"]
 
-    def last_sweep(self, mapper: PoseGraphMapper) -> MappedSweep | None:
-        """The newest sweep on disk, as it is published; None where there is none."""
+    def last_sweep(self, mapper: Mapper) -> MappedSweep | None:
+        """The newest sweep, as it is published; None where there is none. One that was placed in a finished map has no cloud any more."""
+        if isinstance(mapper, FinishedMap):
+            return _visit_message(mapper)
         if not self._store or not self._store.sweeps:
             return None
         last = self._store.sweeps[-1]
         return _message(self._store, mapper.graph, last.vertex_id, last.stamp_s)
 
-    def last_odometry(self) -> NDArray[np.float64] | None:
-        """(4, 4) T_odom_base of the newest sweep on disk."""
+    def last_odometry(self, mapper: Mapper) -> NDArray[np.float64] | None:
+        """(4, 4) T_odom_base of the newest sweep."""
+        if isinstance(mapper, FinishedMap):
+            return None if mapper.visits.last is None else mapper.visits.last.T_odom_base
         measured = self._store.sweeps[-1].measured if self._store and self._store.sweeps else None
         return None if measured is None else measured.T_odom_base
 
@@ -112,23 +116,39 @@ def found_in_map(
 def _hand_over_map(store: SessionStore, graph: PoseGraph) -> list[str]:
     """Gives all sweeps of a session to the terrain node; what could not be given, a sentence each.
 
-    By a service, so that none is lost however many there are. Damaged sweeps are left out.
+    By a service, so that none is lost however many there are. Damaged sweeps are left out. A node that dies meanwhile gets all once more.
     """
-    problems: list[str] = []
     try:
         rospy.wait_for_service(_SERVICE, _WAIT_S)
         restore = AskedService(_SERVICE, RestoreSweep, _WAIT_S)
-        for stored in store.sweeps:
-            try:
-                answer = restore(_message(store, graph, stored.vertex_id, stored.stamp_s))
-            except DamagedSweepError as error:
-                problems.append(str(error))
-                continue
-            if not answer.accepted:
-                problems.append(f"sweep {stored.vertex_id} is not in the octomap: {answer.message}")
+        while True:
+            broken, problems = restore.broken, _hand_over_sweeps(restore, store, graph)
+            if restore.broken == broken:
+                return problems
     except (rospy.ROSException, rospy.ServiceException) as error:
-        problems.append(f"the octomap lacks the session's sweeps: {error}")
+        return [f"the octomap lacks the session's sweeps: {error}"]
+
+
+def _hand_over_sweeps(restore: AskedService, store: SessionStore, graph: PoseGraph) -> list[str]:
+    problems: list[str] = []
+    for stored in store.sweeps:
+        try:
+            answer = restore(_message(store, graph, stored.vertex_id, stored.stamp_s))
+        except DamagedSweepError as error:
+            problems.append(str(error))
+            continue
+        if not answer.accepted:
+            problems.append(f"sweep {stored.vertex_id} is not in the octomap: {answer.message}")
     return problems
+
+
+def _visit_message(finished: FinishedMap) -> MappedSweep | None:
+    last, poses = finished.visits.last, finished.vertex_poses
+    if last is None:
+        return None
+    message = MappedSweep(header=header(last.stamp_s, frames().map), vertex_id=len(poses) - 1, match_refused=not last.matched)
+    message.vertex_poses = [pose_message(T) for T in poses]
+    return message
 
 
 def _message(store: SessionStore, graph: PoseGraph, vertex_id: int, stamp_s: float) -> MappedSweep:

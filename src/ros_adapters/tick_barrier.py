@@ -81,6 +81,8 @@ class TickBarrier:
                 break
             if self._is_answered() and time.monotonic() < self._newcomer_s:
                 return
+            if time.monotonic() >= self._newcomer_s:  # one is back: others may be away yet
+                deadline_s = time.monotonic() + timeout_s
             self._recount()
         which = f"tick {self._ticks} at {self._simulation.stamp_s:.2f} s"
         self._fail(f"{which} was not answered within {timeout_s:.0f} s: {self._answered}")

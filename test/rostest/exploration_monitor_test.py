@@ -7,10 +7,12 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import unittest
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import rosgraph
@@ -22,6 +24,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import Trigger, TriggerResponse
 
 import rostest
+from node_life.life import MEMORY
 from ros_adapters.conversions import header
 
 NODE = "exploration_monitor_node"
@@ -32,12 +35,23 @@ DEATH_LIMIT_S = 10.0
 class Monitor:
     """A running monitor and the folder that it writes to."""
 
-    def __init__(self, out: Path, process: subprocess.Popen[str]) -> None:
-        self.out = out
-        self.process = process
+    def __init__(self, out: Path, command: list[str]) -> None:
+        self.out, self._command = out, command
+        self.process = self._started()
         self.events = feed("/exploration/event", RunEvent)
         self.odometry = feed("/odom", Odometry)
         self.decisions = feed("/exploration/decision", ExplorationDecision)
+
+    def _started(self) -> subprocess.Popen[str]:
+        environment = {**os.environ, MEMORY: str(self.out / "memory")}
+        (self.out / "memory").mkdir(exist_ok=True)
+        return subprocess.Popen(self._command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment)
+
+    def is_killed_and_started_again(self) -> None:
+        """As by node_revival."""
+        self.process.kill()
+        self.process.communicate()
+        self.process = self._started()
 
     def say(self, state: str, reason: str, sweeps: int = 3) -> None:
         self.events.publish(RunEvent(header(110.0, "odom"), state, reason, sweeps, False, "", 0.0, False))
@@ -61,23 +75,31 @@ def monitor(*parameters: str, required: bool = True) -> Iterator[Monitor]:
             f"_required:={str(required).lower()}",
             *(f"_{p}" for p in parameters),
         ]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+        run = Monitor(Path(folder), command)
         try:
-            yield Monitor(Path(folder), process)
+            yield run
         finally:
-            process.kill()
-            process.communicate()
+            run.process.kill()
+            run.process.communicate()
             if rospy.has_param(f"/{NODE}"):  # parameters outlive their node
                 rospy.delete_param(f"/{NODE}")
 
 
 class ExplorationMonitorTest(unittest.TestCase):
     saved: list[str] = []
+    may_save = threading.Event()
 
     @classmethod
     def setUpClass(cls) -> None:
         for node in ("pose_graph_mapping_node", "octomap_server_3dnav_node"):
-            rospy.Service(f"/{node}/save", Trigger, lambda _, node=node: (cls.saved.append(node), TriggerResponse(True, ""))[1])
+            rospy.Service(f"/{node}/save", Trigger, partial(cls.save, node))
+        cls.may_save.set()
+
+    @classmethod
+    def save(cls, node: str, _request: object) -> TriggerResponse:
+        cls.saved.append(node)
+        cls.may_save.wait(20.0)
+        return TriggerResponse(True, "")
 
     def test_explored_world_is_a_success_with_its_counters_and_a_saved_map(self) -> None:
         self.saved.clear()
@@ -117,6 +139,21 @@ class ExplorationMonitorTest(unittest.TestCase):
             victim.wait()
         self.assertEqual((summary["success"], summary["stop_reason"], summary["sweeps"]), (True, "explored: nothing is left", 4))
         self.assertIn("the nodes live on", output)
+
+    def test_monitor_that_dies_after_the_run_ended_is_started_again_and_ends_it_for_the_same_reason(self) -> None:
+        self.saved.clear()
+        self.may_save.clear()
+        with monitor() as run:
+            run.odometry.publish(odometry(100.0))
+            run.odometry.publish(odometry(142.5, x=3.0))
+            time.sleep(0.3)
+            run.say("finished", "explored: nothing is left", sweeps=4)
+            wait_until(lambda: bool(self.saved), "a map that is being saved")
+            run.is_killed_and_started_again()  # nobody tells it anything any more
+            self.may_save.set()
+            summary, output = run.end()
+        found = summary["success"], summary["stop_reason"], summary["sweeps"], summary["sim_time_s"]
+        self.assertEqual(found, (True, "explored: nothing is left", 4, 42.5), output)
 
     def test_failed_run_is_no_success_and_says_why(self) -> None:
         with monitor() as run:

@@ -18,21 +18,10 @@ import yaml
 from exploring import PACKAGE
 from message_mutations import can_be_sent, mutated, of_no_numbers
 
+from explore_command.parameters import ROBOT_NODES
 from roslaunch_process.children import end_with_parent
 
 MESSAGES = 200  # of each topic
-NODES = (
-    "scan_filter_node",
-    "odometry_fusion_node",
-    "sweep_assembler_node",
-    "icp_matcher_node",
-    "pose_graph_mapping_node",
-    "octomap_server_3dnav_node",
-    "octomap_server_3dnav_local_node",
-    "move_base_node",
-    "stop_scan_and_go_node",
-    "exploration_monitor_node",
-)
 SILENT_ABOUT = {  # topics whose messages of NaN are no fault: they have no number, or one that is shown and nothing else
     "/exploration/decision",
     "/exploration/event",
@@ -109,7 +98,7 @@ def nodes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nodes]:
     rospy.set_param("/robot_description", (PACKAGE / "urdf/husky.urdf").read_text())
     rospy.set_param("/exploration_monitor_node", {"sim": False, "max_sim_time": 1e9, "watch": ""})
     rospy.set_param("/stop_scan_and_go_node", PATIENT)  # nobody sweeps here: a run that failed would rightly end the monitor
-    found.start(NODES)
+    found.start(ROBOT_NODES)
     yield found
     found.end()
 
@@ -126,7 +115,7 @@ class Counts:
 
     def _on_message(self, message: Any) -> None:
         for status in message.status:
-            if status.name in NODES and message._connection_header["callerid"] == f"/{status.name}":
+            if status.name in ROBOT_NODES and message._connection_header["callerid"] == f"/{status.name}":
                 numbers = [_COUNT.match(v.value) for v in status.values if not v.key.startswith("input")]
                 self._counts[status.name] = sum(int(n[1]) for n in numbers if n)
 
@@ -204,7 +193,7 @@ def subscribed() -> dict[tuple[str, str], list[str]]:
     _, subscribers, _ = master.getSystemState()
     found = {}
     for topic, names in subscribers:
-        own = [name.strip("/") for name in names if name.strip("/") in NODES]
+        own = [name.strip("/") for name in names if name.strip("/") in ROBOT_NODES]
         if own and types.get(topic, "*") != "*":
             found[topic, types[topic]] = own
     return found
@@ -220,7 +209,7 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
     from std_msgs.msg import String
 
     listener = rospy.Subscriber(ready, String, lambda m: names.add(m.data))
-    until(lambda: names >= set(NODES), 60.0, f"all nodes to be ready: {sorted(names)}")
+    until(lambda: names >= set(ROBOT_NODES), 60.0, f"all nodes to be ready: {sorted(names)}")
     listener.unregister()
     topics = subscribed()
     unknown = {kind for _, kind in topics} - make.keys()
@@ -246,9 +235,9 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
             publishers[topic].publish(of_no_numbers(make[kind](stamp_s)))
         time.sleep(0.3)
     dead = [name for name, process in nodes.running.items() if process.poll() is not None]
-    printed = {name: nodes.log_of(name) for name in NODES}
+    printed = {name: nodes.log_of(name) for name in ROBOT_NODES}
     assert not dead, "\n".join(f"{name}: {printed[name][-3000:]}" for name in dead)
-    assert not [name for name in NODES if "Traceback" in printed[name]], "\n".join(
-        printed[name][printed[name].index("Traceback") - 500 :][:3000] for name in NODES if "Traceback" in printed[name]
+    assert not [name for name in ROBOT_NODES if "Traceback" in printed[name]], "\n".join(
+        printed[name][printed[name].index("Traceback") - 500 :][:3000] for name in ROBOT_NODES if "Traceback" in printed[name]
     )
     assert not silent, f"wrong messages that were not counted on /diagnostics: {silent}\n" + "\n".join(map(nodes.stack_of, silent))

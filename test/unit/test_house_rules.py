@@ -84,7 +84,7 @@ ORDER: dict[str, set[str]] = {
     "terrain_tools": BASE | TERRAIN | {"explore_command", "finished_maps", "mapping_tools", "pose_graph_mapping.session"},
     "run_replay": BASE | MAPPING | TERRAIN | {"exploration_evaluation", "explore_command", "roslaunch_process"},
     "evaluation_report": BASE | {"exploration_evaluation"},
-    "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "roslaunch_process"},
+    "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "node_life", "roslaunch_process"},
 }
 """Every package and what it may import, earlier ones only. Rooms count as packages."""
 SHARED = BASE | {"map_zones", "node_life", "point_cloud2", "visiting_order", "world_files"}

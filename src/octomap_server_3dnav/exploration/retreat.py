@@ -26,9 +26,9 @@ class Retreat:
         self._refused_in_a_row = 0
 
     def add_sweep(self, vertex_id: int, matched: bool) -> None:
-        """What became of a sweep; the first of a map counts as matched."""
+        """What became of a sweep; the first of a map counts as matched, and one that is told again as one."""
         self._refused_in_a_row = 0 if matched else self._refused_in_a_row + 1
-        if matched:
+        if matched and self._matched[-1:] != [vertex_id]:
             self._matched.append(vertex_id)
 
     def target(self, vertex_poses: ArrayLike) -> NDArray[np.float64] | None:

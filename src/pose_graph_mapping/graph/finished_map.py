@@ -28,35 +28,57 @@ _SPACING_M = 1.0  # of the sweeps that one is matched to; a robot that has moved
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class _Placed:
-    """Where a sweep was found, the odometry there, and how well that is known."""
+class Placed:
+    """Where a sweep was found, by its match or by odometry, the odometry there, and how well that is known."""
 
     stamp_s: float
     T_map_base: Array
     T_odom_base: Array
     covariance: Array
+    matched: bool
+
+
+@dataclasses.dataclass(eq=False)
+class Visits:
+    """The first and the newest sweep that were placed: all that a localisation knows beside its map."""
+
+    first: Placed | None = None
+    last: Placed | None = None
+
+    def add(self, placed: Placed) -> None:
+        """One more."""
+        self.first, self.last = self.first or placed, placed
+
+    def all(self) -> tuple[Placed, ...]:
+        """In the order of time."""
+        found = (self.first,) if self.first is self.last else (self.first, self.last)
+        return tuple(p for p in found if p is not None)
 
 
 class FinishedMap:
     """Places each sweep by a match against the clouds around where odometry has it; the first by a search of the whole map."""
 
-    def __init__(self, mapper: PoseGraphMapper, config: MappingConfig, match: Match) -> None:
-        """The map of `mapper`, which nothing is added to."""
+    def __init__(self, mapper: PoseGraphMapper, config: MappingConfig, match: Match, visits: Visits | None = None) -> None:
+        """The map of `mapper`, which nothing is added to; `visits` of a localisation that goes on here."""
         self._mapper, self._config, self._match = mapper, config, match
         self.graph = mapper.graph
         self._poses, self._clouds = mapper.graph.poses(), mapper.vertex_clouds()
-        self._first: _Placed | None = None
-        self._last: _Placed | None = None
+        self.visits = Visits() if visits is None else visits
         self._area: tuple[Array, PointCloud] | None = None  # around where
+
+    @property
+    def vertex_poses(self) -> Array:
+        """Those of the newest update."""
+        return np.concatenate([self._poses, *(p.T_map_base[None] for p in self.visits.all())])
 
     @property
     def stamps_s(self) -> tuple[float, ...]:
         """Of all vertex_poses of the newest update."""
-        return (*self._mapper.stamps_s, *(p.stamp_s for p in self._visits()))
+        return (*self._mapper.stamps_s, *(p.stamp_s for p in self.visits.all()))
 
     def kept(self) -> tuple[tuple[float, ...], Array]:
         """Stamps and poses of the map, and of the first sweep that was made here: after these those of the next come."""
-        first = [] if self._first is None else [self._first]
+        first = [] if self.visits.first is None else [self.visits.first]
         poses = np.concatenate([self._poses, *(p.T_map_base[None] for p in first)])
         return (*self._mapper.stamps_s, *(p.stamp_s for p in first)), poses
 
@@ -78,20 +100,19 @@ class FinishedMap:
         self._check(stamp_s, sweep)
         if placement is not None:
             result, T_map_base = placement.result, as_transform(placement.result.T_reference_reading)
-        elif self._last is not None:
+        elif self.visits.last is not None:
             result, T_map_base = self._matched(voxel_downsample(sweep, self._config.vertex_voxel_m), T_odom)
         else:
             raise ValueError("the first sweep in a finished map is looked for in all of it")
         covariance = result.covariance if result.usable else self._grown(T_odom)
-        self._last = _Placed(float(stamp_s), T_map_base, T_odom, covariance)
-        self._first = self._first or self._last
+        self.visits.add(Placed(float(stamp_s), T_map_base, T_odom, covariance, result.usable))
         return self._update(result, placement.tries if placement else 1, sweep.dropped)
 
     def surroundings(self) -> PointCloud:
         """The map's clouds around where the robot was found last, in map; ValueError before it was."""
-        if self._last is None:
+        if self.visits.last is None:
             raise ValueError("the robot was not found in the map yet")
-        return self._around(self._last.T_map_base)
+        return self._around(self.visits.last.T_map_base)
 
     def vertex_clouds(self) -> tuple[PointCloud, ...]:
         """The light cloud of every vertex, in its body frame."""
@@ -120,8 +141,9 @@ class FinishedMap:
 
     def _matched(self, cloud: PointCloud, T_odom_base: Array) -> tuple[RegistrationResult, Array]:
         """The match, and where the robot is: by it where it can be used, else by odometry."""
-        assert self._last is not None
-        T_guess, grown = self._last.T_map_base @ inverse(self._last.T_odom_base) @ T_odom_base, self._grown(T_odom_base)
+        last = self.visits.last
+        assert last is not None
+        T_guess, grown = last.T_map_base @ inverse(last.T_odom_base) @ T_odom_base, self._grown(T_odom_base)
         result = self._match(self._around(T_guess), cloud, T_guess, grown)
         if result.usable and (why := beyond_correction(T_guess, result.T_reference_reading, grown, self._config)):
             result = dataclasses.replace(result, verdict=Verdict.REFUSED, reason=why)
@@ -129,8 +151,9 @@ class FinishedMap:
 
     def _grown(self, T_odom_base: Array) -> Array:
         """How well the pose is known after the way since the last sweep."""
-        assert self._last is not None
-        return self._last.covariance + odometry_covariance(inverse(self._last.T_odom_base) @ T_odom_base, self._config)
+        last = self.visits.last
+        assert last is not None
+        return last.covariance + odometry_covariance(inverse(last.T_odom_base) @ T_odom_base, self._config)
 
     def _around(self, T_map_base: Array) -> PointCloud:
         """The clouds of vertices within graph_dist_m, of those near each other one: a place that was visited often costs no more."""
@@ -142,17 +165,13 @@ class FinishedMap:
             self._area = here.copy(), merged([self._clouds[k].transformed(self._poses[k]) for k in chosen.tolist()])
         return self._area[1]
 
-    def _visits(self) -> tuple[_Placed, ...]:
-        found = (self._first,) if self._first is self._last else (self._first, self._last)
-        return tuple(p for p in found if p is not None)
-
     def _update(self, result: RegistrationResult, tries: int, dropped: int) -> MappingUpdate:
-        assert self._last is not None
-        poses = np.concatenate([self._poses, [p.T_map_base for p in self._visits()]])
+        poses, last = self.vertex_poses, self.visits.last
+        assert last is not None
         return MappingUpdate(
             vertex_id=len(poses) - 1,
             vertex_poses=poses,
-            T_map_odom=self._last.T_map_base @ inverse(self._last.T_odom_base),
+            T_map_odom=last.T_map_base @ inverse(last.T_odom_base),
             result=result,
             match_used=result.usable,
             tries=tries,

@@ -20,6 +20,13 @@ def test_campaign_is_what_the_arguments_say(tmp_path):
     assert campaign.limits == Limits(50.0, 1800.0) and campaign.out == tmp_path
 
 
+def test_soak_takes_as_many_seeds_as_it_needs_and_movers_go_about_in_every_third(tmp_path):
+    arguments = ["--worlds", "rooms,ramp", "--seeds", "2", "--soak", "9", "--movers", "3", "--chaos", "7", "--out", str(tmp_path)]
+    campaign, _ = parse(arguments)
+    assert (campaign.seeds, len(campaign.specs), campaign.chaos) == ((2, 3, 4, 5, 6), 10, 7)
+    assert {spec.seed for spec in campaign.specs if campaign.movers_of(spec)} == {3, 6}
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
@@ -29,6 +36,7 @@ def test_campaign_is_what_the_arguments_say(tmp_path):
         (["--seeds", "5-1"], "runs backwards"),
         (["--worlds", "docs/ramp.png"], "a height map has no size of its own"),
         (["--jobs", "0"], "must be positive"),
+        (["--soak", "-1"], "must be positive"),
         (["--movers", "many"], "--movers many is neither a number nor a file of movers"),
         (["--max-wall-time", "-1"], "must be positive"),
     ],

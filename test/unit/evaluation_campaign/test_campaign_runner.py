@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from evaluation_campaign import Limits, RunSpec
+from evaluation_campaign import Limits, RunSpec, chaos
 from evaluation_campaign import runner as runner_module
 from evaluation_campaign.runner import DiskFull, RunRequest, make_run
 
@@ -22,7 +22,7 @@ def request_with(tmp_path: Path, script: str, wall_s: float = 20.0) -> RunReques
     project = tmp_path / "project"
     project.mkdir()
     explore = project / "explore"
-    explore.write_text('#!/bin/bash\nwhile [ $# -gt 0 ]; do [ "$1" = --out ] && out=$2; shift; done\n' + script)
+    explore.write_text('#!/bin/bash\nasked="$*"\nwhile [ $# -gt 0 ]; do [ "$1" = --out ] && out=$2; shift; done\n' + script)
     explore.chmod(0o755)
     return RunRequest(SPEC, "spinning", Limits(60.0, wall_s), tmp_path / "campaign", project)
 
@@ -79,6 +79,21 @@ def test_run_is_made_with_the_campaign_s_movers_where_it_has_some(tmp_path):
     assert "--movers" not in (tmp_path / "asked").read_text()
     make_run(replace(request, movers="3"))
     assert "--movers 3" in (tmp_path / "asked").read_text()
+
+
+def test_bad_hand_strikes_the_run_and_what_it_did_is_in_the_outcome(tmp_path, monkeypatch):
+    monkeypatch.setattr(chaos, "blows", lambda _seed, _config: iter([chaos.Blow(0.5, "kill", "move_base_node", 0.0)]))
+    script = f"echo $asked > {tmp_path}/asked\npython3 -c 'import time; time.sleep(300)' __name:=move_base_node\n"
+    told = """echo '{"stop_reason": "explored", "restarts": {"a": 2, "b": 1}}' > "$out/summary.json"\n"""
+    request = request_with(tmp_path, script + told)
+    outcome = make_run(replace(request, chaos=7))
+    assert (outcome["status"], outcome["chaos"]) == ("finished", {"kill": 1, "stop": 0, "starve": 0, "restarts": 3})
+    assert f"timing/silence={chaos.silences('7 runs/ours/rooms-3', 60.0)}" in (tmp_path / "asked").read_text()
+
+
+def test_without_chaos_nothing_is_struck_or_silenced(tmp_path):
+    request = request_with(tmp_path, f"echo $asked > {tmp_path}/asked\n" + summary("explored"))
+    assert "chaos" not in make_run(request) and "silence" not in (tmp_path / "asked").read_text()
 
 
 @pytest.mark.parametrize(

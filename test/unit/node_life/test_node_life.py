@@ -120,6 +120,17 @@ def test_node_has_time_to_start() -> None:
     assert hung_at(Watch(CONFIG, 0.0), 600.0, 1.0) is None  # numba compiles
 
 
+def test_start_may_take_as_long_as_others_are_waited_for_and_then_its_time() -> None:
+    watch = Watch(CONFIG, 0.0)
+    for at_s in (50.0, 100.0, 150.0):
+        assert not watch.hung(at_s - 0.1, 0.0)
+        watch.beat(at_s, starts=True)
+    assert not watch.has_beaten and hung_at(watch, 209.0, 0.0) is None and hung_at(watch, 211.0, 0.0) is not None
+    watch.beat(300.0)
+    watch.beat(301.0, starts=True)
+    assert watch.has_beaten
+
+
 def test_beat_begins_the_time_anew() -> None:
     watch = Watch(CONFIG, 0.0, has_beaten=True)
     assert not watch.hung(4.0, 0.0)

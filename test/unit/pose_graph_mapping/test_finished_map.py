@@ -1,5 +1,7 @@
 """Localisation only: sweeps are placed in a finished map, and the map stays as it is."""
 
+import pickle
+
 import numpy as np
 import pytest
 from synthetic_sweeps import furnished_room, pose, sweep, world_of
@@ -73,6 +75,22 @@ def test_answer_has_the_map_s_poses_the_first_place_and_the_newest_with_their_st
     stamps_s, kept = finished.kept()  # after which a sweep that fails is told of
     assert stamps_s == (0.0, 2.0, 4.0, 6.0, 100.0)
     np.testing.assert_array_equal(kept, first.vertex_poses)
+
+
+def test_localisation_goes_on_in_another_process_as_if_it_were_the_same(mapped):
+    """What is kept of it for a process that is started again is its visits."""
+    mapper, scene, rng = mapped
+    match = create_registration(RegistrationConfig()).match
+    finished = FinishedMap(mapper, MappingConfig(), match)
+    second = visit(finished, scene, rng, 2)[-1]
+    goes_on = FinishedMap(mapper, MappingConfig(), match, pickle.loads(pickle.dumps(finished.visits)))
+    np.testing.assert_array_equal(goes_on.vertex_poses, second.vertex_poses)
+    assert goes_on.stamps_s == finished.stamps_s and len(goes_on.surroundings()) == len(finished.surroundings())
+    cloud, T_odom = sweep(scene, VISITS[2], rng), second.vertex_poses[-1] @ inverse(VISITS[1]) @ VISITS[2]
+    T_odom = inverse(second.T_map_odom) @ T_odom
+    here, there = (m.add_sweep(110.0, *cloud, T_odom, None, None, None) for m in (finished, goes_on))
+    assert there.match_used
+    np.testing.assert_array_equal(here.vertex_poses, there.vertex_poses)
 
 
 def test_where_nothing_matches_odometry_goes_on_and_grows_uncertain(mapped):

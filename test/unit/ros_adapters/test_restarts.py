@@ -4,15 +4,18 @@ import os
 import re
 import threading
 import time
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import rospy
 
 from node_life import Life
-from node_life.life import PULSE
-from ros_adapters import asking, restarts
+from node_life.life import BEAT, PULSE, STILL_STARTING
+from ros_adapters import asking, restarts, session_keeper
 from ros_adapters.asking import AskedService, is_asking
-from ros_adapters.liveness import why_it_stays_away
+from ros_adapters.diagnostics import Diagnostics
+from ros_adapters.liveness import Liveness, why_it_stays_away
 
 
 class Server:
@@ -77,6 +80,40 @@ def test_patience_has_an_end(served) -> None:
         AskedService("x", object, patience_s=0.05)()
 
 
+def test_server_that_has_been_there_by_another_s_word_is_waited_for(served) -> None:
+    server = served(rospy.ServiceException("service [/x] unavailable"), "yes")
+    service = AskedService("x", object, is_known=True)
+    assert (service(), server.calls, service.broken) == ("yes", 2, 1)
+
+
+class DyingTerrain:
+    """In the place of the terrain node's service: its first process dies when it is given the third sweep."""
+
+    def __init__(self, *_: object) -> None:
+        self.broken, self.held = 0, []
+        made.append(self)
+
+    def __call__(self, vertex_id: int) -> SimpleNamespace:
+        if vertex_id == 2 and not self.broken:
+            self.broken, self.held = 1, []
+        self.held.append(vertex_id)
+        return SimpleNamespace(accepted=True)
+
+
+made: list[DyingTerrain] = []
+
+
+def test_terrain_node_that_dies_while_it_is_given_a_session_gets_all_of_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    made.clear()
+    monkeypatch.setattr(session_keeper.rospy, "wait_for_service", lambda *_: None)
+    monkeypatch.setattr(session_keeper, "AskedService", DyingTerrain)
+    monkeypatch.setattr(session_keeper, "_message", lambda _store, _graph, vertex_id, _stamp_s: vertex_id)
+    keeper = session_keeper.SessionKeeper(tmp_path, Diagnostics("x"))
+    monkeypatch.setattr(keeper, "_store", SimpleNamespace(sweeps=[SimpleNamespace(vertex_id=k, stamp_s=float(k)) for k in range(4)]))
+    assert keeper.hand_over(object()) == []
+    assert set(made[0].held) == {0, 1, 2, 3}
+
+
 def test_node_that_is_started_again_is_waited_for_and_no_other() -> None:
     above = {"pid": os.getpid(), "times": 1}
     assert why_it_stays_away("a", {}, 0.0) == "a"
@@ -86,13 +123,20 @@ def test_node_that_is_started_again_is_waited_for_and_no_other() -> None:
     assert "what starts it again" in why_it_stays_away("a", {"a": {"pid": 2**22 + 1}}, 0.0)
 
 
-def beats_in(seconds: float, lock: threading.RLock) -> int:  # type: ignore[valid-type]
+def test_restarts_are_those_of_now_and_without_a_master_the_last_that_were_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    liveness = Liveness(["a"])
+    for answer, known in (({}, {}), ({"a": {"pid": 1, "times": 2}, "b": {"pid": 2}}, {"a": 2}), (OSError("no master"), {"a": 2})):
+        monkeypatch.setattr(liveness, "revived", Server(answer).answer)
+        assert liveness.restarts() == known
+
+
+def beats_in(seconds: float, lock: threading.RLock, beat: bytes = BEAT, *, runs: bool = True) -> int:  # type: ignore[valid-type]
     reading, writing = os.pipe()
     os.set_blocking(reading, False)
-    restarts.pulse(Life({PULSE: str(writing)}), lock)
+    restarts.pulse(Life({PULSE: str(writing)}), lock, lambda: runs)
     time.sleep(seconds)
     try:
-        return len(os.read(reading, 1000))
+        return os.read(reading, 1000).count(beat)
     except BlockingIOError:
         return 0
 
@@ -117,6 +161,12 @@ def test_node_whose_callback_never_ends_does_not_beat(quick: None) -> None:
     threading.Thread(target=hang, daemon=True).start()
     held.wait()
     assert beats_in(0.5, lock) == 0
+
+
+def test_node_that_starts_beats_only_while_it_waits_for_another(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert beats_in(0.3, threading.RLock(), STILL_STARTING, runs=False) == 0 == beats_in(0.3, threading.RLock(), runs=False)
+    monkeypatch.setattr(restarts, "is_asking", lambda: True)
+    assert beats_in(0.5, threading.RLock(), STILL_STARTING, runs=False) > 0 == beats_in(0.5, threading.RLock(), runs=False)
 
 
 def test_node_that_waits_for_another_beats(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,171 @@
+"""A bad hand in a run: it kills, stops and starves nodes, and silences sensors, as a seed draws it.
+
+Blows come in wall time: while a sweep is matched or decided about, the simulated clock stands. Sensors fall silent in simulated time.
+"""
+
+import csv
+import random
+import re
+import signal
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from explore_command.parameters import ROBOT_NODES
+from node_life import RevivalConfig
+from roslaunch_process import descendants, send
+
+CHAOS_FILE = "chaos.csv"
+KILL, STOP, STARVE = KINDS = ("kill", "stop", "starve")
+_SENSORS = ("/scan", "/joint_states", "/imu/data", "/wheel_odom")
+_LOOK_S = 0.25
+_STATUS = re.compile(r"\bt=([0-9.]+) s.*\| (.*)$", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class ChaosConfig:
+    """How bad the hand is; seconds of wall time, of silences in simulated time."""
+
+    pause_s: float = (
+        3.0  # between two blows, on average and exponentially distributed: a node takes as long to be back, so several are away
+    )
+    shares: tuple[float, ...] = (0.6, 0.25, 0.15)  # of KINDS
+    longest_s: float = 20.0  # of a stop (issue 42) and of a starving: a node that is stopped for 5 s is killed as hung
+    starved_share: float = 0.1  # of the time a node that starves may run
+    starved_period_s: float = 0.2
+    most_at_once: int = 4  # blows while the simulated clock stands: however slow the machine, it goes on between them
+    silence_every_s: float = 30.0  # a sensor is silent, on average
+    longest_silence_s: float = 1.0  # three times what stops the robot
+
+
+@dataclass(frozen=True)
+class Blow:
+    """What is done to a node, `pause_s` after the one before it; `lasts_s` is 0 for a kill."""
+
+    pause_s: float
+    kind: str
+    node: str
+    lasts_s: float
+
+
+def blows(seed: str, config: ChaosConfig, nodes: Sequence[str] = ROBOT_NODES) -> Iterator[Blow]:
+    """Without end; each node has its turn before one has the next."""
+    draws = random.Random(seed)
+    while True:
+        for node in draws.sample(nodes, len(nodes)):
+            pause_s, (kind,) = draws.expovariate(1.0 / config.pause_s), draws.choices(KINDS, config.shares)
+            yield Blow(pause_s, kind, node, 0.0 if kind == KILL else draws.uniform(0.0, config.longest_s))
+
+
+def silences(seed: str, until_s: float, config: ChaosConfig | None = None) -> str:
+    """Of the sensors, as pybullet_sim_node's timing/silence has them."""
+    config = config or ChaosConfig()
+    draws, found, at_s = random.Random(f"{seed} silences"), [], 0.0
+    while (at_s := at_s + draws.expovariate(1.0 / config.silence_every_s)) < until_s:
+        found.append(f"{draws.choice(_SENSORS)} {at_s:.2f} {at_s + draws.uniform(0.0, config.longest_silence_s) + 0.01:.2f}")
+    return ", ".join(found)
+
+
+@dataclass
+class BadHand:
+    """Strikes the nodes below a process, whose output `log` has, until `over`; what it did goes to the file `told`."""
+
+    root: int
+    log: Path
+    told: Path
+    config: ChaosConfig = field(default_factory=ChaosConfig)
+    over: threading.Event = field(default_factory=threading.Event)
+
+    def work(self, plan: Iterator[Blow]) -> None:
+        """All blows of the plan that nodes survive by what is promised: who was struck as often as it may die is spared for a while."""
+        begun_s, promised = time.monotonic(), RevivalConfig()
+        spared_s = promised.within_s + promised.silent_s  # a node that hangs is killed so late
+        struck_s: dict[str, list[float]] = {}
+        stood_at: list[str] = []
+        with self.told.open("w", newline="") as file:
+            rows = csv.writer(file, lineterminator="\n")
+            rows.writerow(("wall_s", "sim_s", "doing", "kind", "node", "lasts_s"))
+            for blow in plan:
+                if self.over.wait(blow.pause_s) or not self._clock_goes_on(stood_at[-self.config.most_at_once :]):
+                    return
+                now_s, pid = time.monotonic(), node_pid(self.root, blow.node)
+                recent = [at_s for at_s in struck_s.get(blow.node, ()) if now_s - at_s < spared_s]
+                if pid is None or len(recent) >= promised.deaths - 1:
+                    continue
+                doing = _status(self.log)
+                stood_at.append(doing[0])
+                self._strike(pid, blow)
+                struck_s[blow.node] = [*recent, time.monotonic()]
+                rows.writerow((f"{now_s - begun_s:.2f}", *doing, blow.kind, blow.node, f"{time.monotonic() - now_s:.2f}"))
+                file.flush()
+
+    def _clock_goes_on(self, stood_at: Sequence[str]) -> bool:
+        """Once it shows another time than at each of the newest blows; False when the run is over before."""
+        while len(stood_at) == self.config.most_at_once and set(stood_at) == {_status(self.log)[0]}:
+            if self.over.wait(_LOOK_S):
+                return False
+        return True
+
+    def _strike(self, pid: int, blow: Blow) -> None:
+        """Until the node may run again, or has ended."""
+        if blow.kind == KILL:
+            send(signal.SIGKILL, [pid])
+            return
+        begun_s, period_s = time.monotonic(), self.config.starved_period_s
+        runs_s = self.config.starved_share * period_s if blow.kind == STARVE else 0.0
+        while time.monotonic() - begun_s < blow.lasts_s and _runs(pid) and not self.over.is_set():
+            send(signal.SIGSTOP, [pid])
+            self.over.wait(period_s - runs_s)
+            if runs_s:
+                send(signal.SIGCONT, [pid])
+                self.over.wait(runs_s)
+        send(signal.SIGCONT, [pid])
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+def node_pid(root: int, node: str) -> int | None:
+    """The process of a node below another process; None while there is none."""
+    for pid in descendants(root):
+        try:
+            words = Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
+        except OSError:
+            continue
+        if f"__name:={node}" in words and "node_revival" not in words:
+            return pid
+    return None
+
+
+def _status(log: Path) -> tuple[str, str]:
+    """Simulated seconds and what the robot does, by the newest status line; empty before the first."""
+    found = _STATUS.findall(log.read_text(errors="replace")) if log.exists() else []
+    return found[-1] if found else ("", "")
+
+
+@contextmanager
+def hand_at_work(seed: str, root: int, log: Path, folder: Path) -> Iterator[None]:
+    """A bad hand strikes what is below `root` until this is left."""
+    hand = BadHand(root, log, folder / CHAOS_FILE)
+    at_work = threading.Thread(target=hand.work, args=(blows(seed, hand.config),), daemon=True)
+    at_work.start()
+    try:
+        yield
+    finally:
+        hand.over.set()
+        at_work.join()
+
+
+def told(folder: Path, restarts: Mapping[str, int]) -> dict[str, int]:
+    """What was done in a run, each kind counted, and how often nodes were started again."""
+    with (folder / CHAOS_FILE).open(newline="") as file:
+        done = Counter(row["kind"] for row in csv.DictReader(file))
+    return {**{kind: done[kind] for kind in KINDS}, "restarts": sum(restarts.values())}
