@@ -1,5 +1,6 @@
 """What every node does the same way: parameters, subscriptions under one lock, the barrier, diagnostics, and the word that it is ready."""
 
+import os
 import sys
 import threading
 import time
@@ -175,6 +176,9 @@ class Node:
             except rospy.ROSException:
                 if not rospy.core.is_shutdown_requested():  # then topics are closed while messages still come
                     raise
+            except MemoryError:  # what it knows may be half changed: the next process takes up what was kept
+                sys.stderr.write(f"[explore] {self.name}: no memory is left, by the limit of `ulimit -v` or of the machine\n")
+                os._exit(1)
             return None
 
         return run
@@ -287,5 +291,5 @@ class Node:
             time.sleep(_WATCH_PERIOD_S)
             if not self.lockstep:
                 self.guarded(self._watchdog)(time.monotonic())
-            self.diagnostics.holds("nothing is kept for a restart", self.life.problem)
+            self.diagnostics.on_terminal("nothing is kept for a restart", self.life.problem)
             self.dropping(lambda _: self.diagnostics.report_news())(None)

@@ -11,22 +11,23 @@ from explore_command.parameters import NODE_CONFIGS
 
 ROOT = Path(__file__).resolve().parents[2]
 ADAPTERS = "ros_adapters"
-BASE = {"robot_body", "rigid_geometry", "stage_config"}
+BASE = {"robot_body", "rigid_geometry", "stage_config", "whole_files"}
 MAPPING = {"pose_graph_mapping", *(f"pose_graph_mapping.{room}" for room in ("registration", "graph", "session"))}
 TERRAIN = {f"octomap_server_3dnav.{room}" for room in ("octree", "terrain", "navigation", "exploration")}
 ORDER: dict[str, set[str]] = {
     # shared
+    "whole_files": set(),
     "stage_config": set(),
     "rigid_geometry": set(),
     "robot_body": {"rigid_geometry", "stage_config"},
     "point_cloud2": set(),
     "sensor_checks": BASE,
     "visiting_order": set(),
-    "map_zones": set(),
-    "node_life": set(),
+    "map_zones": {"whole_files"},
+    "node_life": {"whole_files"},
     "world_files": {"rigid_geometry"},
     # stages
-    "simulated_movers": {"stage_config"},
+    "simulated_movers": {"stage_config", "whole_files"},
     "pybullet_simulation": BASE | {"simulated_movers", "world_files"},
     "odometry_fusion": BASE | {"sensor_checks"},
     "mount_calibration": BASE,
@@ -66,7 +67,7 @@ ORDER: dict[str, set[str]] = {
     },
     # programs: they use stages, and no stage uses them
     "roslaunch_process": set(),
-    "node_revival": {"node_life", "roslaunch_process"},
+    "node_revival": {"node_life", "roslaunch_process", "whole_files"},
     "explore_command": BASE
     | {
         "world_files",

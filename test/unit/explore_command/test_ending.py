@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from explore_command.ending import cause_of_death, ended
+from explore_command import ending
+from explore_command.ending import cause_of_death
 
 NODE_DIED = "\x1b[31m[move_base_node-12] process has died [pid 7, exit code -9, cmd /x/move_base_node __name:=move_base_node]."
 REQUIRED = "===REQUIRED process [{}] has died!\nprocess has {}\nInitiating shutdown!\n==="
@@ -32,6 +33,10 @@ def run_folder(folder: Path, log: str = "", **files: object) -> Path:
     for name, content in files.items():
         (folder / f"{name}.json").write_text(json.dumps(content))
     return folder
+
+
+def ended(out: Path, code: int, *, interrupted: bool) -> int:
+    return ending.ended(out, code, interrupted, (out / "roslaunch.log").read_text())
 
 
 def summary_of(folder: Path) -> dict[str, object]:

@@ -1,0 +1,7 @@
+"""Files that are whole or not there, lines that wait for the disk, and what a person is told of a disk that takes nothing."""
+
+from whole_files.lines import WaitingLines
+from whole_files.refusals import refusal
+from whole_files.whole import remove_unfinished, sync_folder, write_whole, written_whole
+
+__all__ = ["WaitingLines", "refusal", "remove_unfinished", "sync_folder", "write_whole", "written_whole"]
