@@ -38,6 +38,8 @@ def ended(out: Path, launch_code: int, interrupted: bool, log: str) -> int:
         print("\n".join(wrong or log.strip().splitlines()[-15:]), file=sys.stderr)
         if wrong:
             return 2
+    if not summary.exists():
+        cause = cause or "the run has no summary"
     if cause:
         print(f"./explore: {cause}; {_what_to_do(out)}", file=sys.stderr)
     return 1

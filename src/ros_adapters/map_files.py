@@ -58,7 +58,7 @@ class MapFiles:
             self._changed.notify_all()
             done = self._changed.wait_for(lambda: self._request is None and not self._busy, timeout_s)
             self._waiting -= 1
-            problem = self._error or ("" if done else "still writing")
+            problem = f"map not saved: {self._error}" if self._error else ("" if done else "still writing")
             return not problem, problem or f"{', '.join(self._written)} saved in {self._folder}"
 
     def close(self) -> None:
@@ -78,7 +78,7 @@ class MapFiles:
             try:
                 self._write(tree, terrain, path)
             except OSError as problem:
-                error = f"map not saved: {refusal(problem, self._folder or Path())}"
+                error = refusal(problem, self._folder or Path())
             self._tell(error)
             with self._changed:
                 self._busy, self._error, written_s = False, error, time.monotonic()

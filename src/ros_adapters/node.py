@@ -28,6 +28,7 @@ from ros_adapters.restarts import pulse, wait_for_listeners
 from ros_adapters.results_folder import results_folder
 from ros_adapters.urdf_mount import robot_of_parameters
 from stage_config import ConfigError, load_config
+from whole_files import words_end_nobody
 
 C = TypeVar("C")
 M = TypeVar("M")
@@ -62,6 +63,7 @@ class Node:
     """
 
     def __init__(self, name: str) -> None:
+        words_end_nobody()
         rospy.init_node(name, disable_rostime=True)
         self.name = name
         self.life = Life()

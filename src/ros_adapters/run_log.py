@@ -261,7 +261,8 @@ class RunLog:
         """What a robot knows of its run by itself; the distance is its odometry's."""
         known, reason = {**self._run_description(), **counters, "distance_m": round(self._distance_m, 3)}, counters["stop_reason"]
         known["success"] = succeeded_alone(reason, self._distance_m, known["set_aside_frontiers"])
-        known["success"] = known["success"] and not known["not_on_disk"]
         known["faults"] = [] if known["success"] else [str(Fault.STAYED if reason.startswith("explored") else Fault.NOT_EXPLORED)]
+        if known["not_on_disk"]:
+            known["success"], known["faults"] = False, [*known["faults"], str(Fault.NOT_ON_DISK)]
         self._write("summary.json", partial(write_json, value=known))
         return known

@@ -1,6 +1,7 @@
 """The rules of the house: who may import whom, how long and wide code may be, what a node says of itself, which configuration it reads."""
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -245,3 +246,17 @@ def configs_read_by(path: Path) -> set[tuple[str, str]]:
 def test_node_reads_the_configurations_that_overrides_are_checked_against(node: str) -> None:
     listed = {(section, dotted.rpartition(".")[2]) for section, dotted in NODE_CONFIGS[node].items()}
     assert configs_read_by(ROOT / "nodes" / node) == listed
+
+
+WRITERS = {"whole_files", "node_life", "node_revival"}  # the last two write to RAM
+BARE = re.compile(r"\.write_text\(|\.write_bytes\(|\bopen\([^)]*[\"'][wax]b?\+?[\"']|os\.(replace|rename)\(")
+IN_WHOLE = re.compile(r"unfinished|probe")
+
+
+@pytest.mark.parametrize("path", [*NODES, *sorted(SRC.rglob("*.py"))], ids=lambda p: p.name)
+def test_file_is_written_whole_or_not_at_all(path: Path) -> None:
+    """By `whole_files`: who writes otherwise leaves half a file on a full disk."""
+    if path.parent.name in WRITERS or path.name == "runner.py":  # whose logs are of its children
+        return
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert not [line for line in lines if BARE.search(line) and not IN_WHOLE.search(line)]

@@ -3,6 +3,8 @@
 import errno
 import os
 import resource
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -120,3 +122,18 @@ def test_lines_begin_anew_or_go_on_after_the_last_whole_one(tmp_path: Path) -> N
 def test_refusal_names_the_file_and_what_to_do_in_one_line(code: int, advice: str, tmp_path: Path) -> None:
     text = refusal(OSError(code, os.strerror(code)), tmp_path / "not there yet" / "map.bt")
     assert text.startswith(str(tmp_path / "not there yet" / "map.bt")) and advice in text and "\n" not in text
+
+
+@pytest.mark.parametrize("code", [0, 3])
+def test_words_on_a_full_disk_end_nobody(code: int, tmp_path: Path) -> None:
+    body = (
+        "import logging, sys; from whole_files import words_end_nobody; words_end_nobody()\n"
+        "logging.getLogger().addHandler(logging.FileHandler('/dev/full'))\n"
+        "for _ in range(3): print('x' * 9000, flush=True); sys.stderr.write('y'); logging.error('z')\n"
+        f"open(sys.argv[1], 'w').write('lived'); sys.exit({code})"
+    )
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-c", body, str(tmp_path / "log")]
+        path = os.pathsep.join(p for p in sys.path if p)
+        done = subprocess.run(command, stdout=full, stderr=full, env={**os.environ, "PYTHONPATH": path}, check=False)
+    assert (done.returncode, (tmp_path / "log").read_text()) == (code, "lived")
