@@ -31,6 +31,7 @@ from exploration_evaluation import (
 )
 from exploration_evaluation.mesh import RayScene
 from rigid_geometry import transform_points
+from whole_files import written_whole
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -67,10 +68,9 @@ def missed_view(run_dir: Path | str, robot: RobotShape | None = None, config: Ev
     vertices, triangles = read_mesh(folder / "world.ply")
     drive = _drive(folder, (vertices, triangles), robot or read_robot(folder), config or EvaluationConfig())
     figure = _figure(drive, RayScene(vertices, triangles), float(vertices[:, 2].max()), folder.name)
-    # In two steps, so that a picture is whole or not there.
-    beside = folder / f".{NAME}"
-    figure.savefig(beside, dpi=_DPI, format="png", facecolor="white")
-    return beside.replace(folder / NAME)
+    with written_whole(folder / NAME) as unfinished:
+        figure.savefig(unfinished, dpi=_DPI, format="png", facecolor="white")
+    return folder / NAME
 
 
 def _drive(folder: Path, mesh: tuple[Floats, Ints], robot: RobotShape, config: EvaluationConfig) -> _Drive:

@@ -1,7 +1,6 @@
 """Writes a campaign's report: report.html (one file), report.md with the charts in figures/, and results.json."""
 
 import html
-import os
 import re
 import shutil
 from pathlib import Path
@@ -17,6 +16,7 @@ from evaluation_report.content import Content, report_content
 from evaluation_report.results import results
 from evaluation_report.tables import Cell, Table
 from exploration_evaluation import write_json
+from whole_files import write_whole
 
 _NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=(?:%|m²|m|cm|s|min|deg|m/s)(?:\W|$))")
 _TEMPLATES = Path(__file__).parent / "templates"
@@ -33,11 +33,10 @@ def write_report(campaign_dir: Path, config: ReportConfig | None = None) -> tupl
     figures = _write_figures(campaign, content)
     environment = _environment()
     pages = (("report.html", "report.html.j2"), ("report.md", "report.md.j2"))
-    html_page, markdown = (
-        _write(campaign.directory / name, environment.get_template(template).render(c=content, figures=figures, colours=PROFILE_COLOURS))
-        for name, template in pages
-    )
-    return html_page, markdown
+    for name, template in pages:
+        text = environment.get_template(template).render(c=content, figures=figures, colours=PROFILE_COLOURS)
+        write_whole(campaign.directory / name, text)
+    return campaign.directory / "report.html", campaign.directory / "report.md"
 
 
 def _environment() -> Environment:
@@ -94,14 +93,6 @@ def _write_figures(campaign: Campaign, content: Content) -> dict[str, str]:
         for kind, svg in (("coverage", world.time_chart), ("distance", world.distance_chart), ("activity", world.activity_chart)):
             if svg:
                 name = f"figures/{kind}_{world.name}.svg"
-                _write(campaign.directory / name, standalone(svg))
+                write_whole(campaign.directory / name, standalone(svg))
                 written[f"{world.name} {kind}"] = name
     return written
-
-
-def _write(path: Path, text: str) -> Path:
-    """So that a reader sees the old file or the whole new one."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    beside.write_text(text, encoding="utf-8")
-    os.replace(beside, path)
-    return path

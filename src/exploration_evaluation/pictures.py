@@ -32,6 +32,7 @@ from exploration_evaluation.picture_content import (
 )
 from exploration_evaluation.run_files import JsonObject
 from exploration_evaluation.voxel_renderer import Canvas, Depth, Image, View, render_cubes
+from whole_files import written_whole
 
 Floats = NDArray[np.float64]
 
@@ -60,10 +61,9 @@ def draw_pictures(directory: Path | str, summary: JsonObject | None = None) -> t
     written = []
     for name, (direction, view) in _VIEWS.items():
         figure = _figure(without_front_walls(voxels, view), path, view, direction, summary or {})
-        # In two steps, so that a picture is whole or not there.
-        beside = folder / f".{name}"
-        figure.savefig(beside, dpi=_DPI, format="png", facecolor="white")
-        written.append(beside.replace(folder / name))
+        with written_whole(folder / name) as unfinished:
+            figure.savefig(unfinished, dpi=_DPI, format="png", facecolor="white")
+        written.append(folder / name)
     return tuple(written)
 
 

@@ -50,6 +50,7 @@ def _fault(fault: str, s: Mapping[str, Any]) -> str:
         Fault.FELL: "it fell",
         Fault.TOUCHED: f"{_value(s, 'collisions')} collision{'s' if s.get('collisions') != 1 else ''}",
         Fault.NOT_SAVED: "its map was not saved",
+        Fault.NOT_ON_DISK: "not all of it is on disk",
         Fault.MISSED: f"{_share(s, 'coverage')} of the reachable ground seen, {missed} missed in one piece",
         Fault.STAYED: "it never left its start",
         Fault.OUTSIDE: f"it came {_value(s, 'outside_m', '.2f', ' m')} to where it may not be",

@@ -7,7 +7,6 @@ cut off where that loses more than its last line, or holds something else than i
 import csv
 import json
 import math
-import os
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +19,7 @@ from scipy.spatial.transform import Rotation
 from exploration_evaluation.config import RobotShape
 from exploration_evaluation.scores import ContactEpisode, contact_episodes
 from robot_body import DESCRIPTION, laser_height_m, load_robot
+from whole_files import write_whole
 
 Floats = NDArray[np.float64]
 Trajectory = tuple[Floats, Floats]
@@ -136,13 +136,7 @@ def read_json(path: Path) -> JsonObject:
 
 def write_json(path: Path, value: JsonObject) -> None:
     """Writes a JSON object so that a reader sees the old file or the whole new one; NaN becomes null."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    with beside.open("w", encoding="utf-8") as file:
-        json.dump(_plain(value), file, indent=2, allow_nan=False)
-        file.write("\n")
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(beside, path)
+    write_whole(path, json.dumps(_plain(value), indent=2, allow_nan=False) + "\n")
 
 
 def _table(path: Path, columns: int) -> Floats:

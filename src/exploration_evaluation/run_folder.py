@@ -93,15 +93,14 @@ def evaluate_run(
 ) -> JsonObject:
     """Scores a run folder against the true mesh, (V, 3) and (T, 3) in the world frame, and writes its summary.json.
 
-    The summary has all that run.json and counters.json report (`_REPORTED` at least, None where they do not) and, of the judge:
-    success and what speaks against it ("faults"), coverage, coverage_straight (with ground that is driven straight only),
-    missed_piece_m2, reachable_area_m2, reachable_straight_m2, turning_area_m2, map_rmse_m, map_p95_m, trajectory_ate_m,
-    trajectory_origin_error_m, map_tilt_rad, collisions, collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m,
-    end_from_start_m, end_from_start_rad, outside_m,
+    The summary has all that run.json and counters.json report (`_REPORTED` at least) and, of the judge: success and what speaks against it
+    ("faults"), coverage, coverage_straight (with ground that is driven straight only), missed_piece_m2, reachable_area_m2,
+    reachable_straight_m2, turning_area_m2, map_rmse_m, map_p95_m, trajectory_ate_m, trajectory_origin_error_m, map_tilt_rad, collisions,
+    collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m, end_from_start_m, end_from_start_rad, outside_m,
     coverage_curve (a CurvePoint a sweep), ground_ahead, rpe_translation_m, rpe_rotation_rad, wrong_edges, shortest_length_m, path_ratio,
     activity_s, time_spent, compute_s, runtime_s, visible_surface_m2, seen_surface_share, map_completeness_rms_m, map_completeness_p95_m,
-    classification (confusion, false-safe and false-unsafe ground), movers, ghosts_m2, and "missing": what is
-    None and why. `robot` is by default that of the folder's robot.yaml. ValueError when the folder does not exist, or that is none.
+    classification (confusion, false-safe and false-unsafe ground), movers, ghosts_m2, and "missing": what is None and why. `robot` is by
+    default that of the folder's robot.yaml. ValueError when the folder does not exist, or that is none.
     """
     folder = Path(directory)
     if not folder.is_dir():
@@ -163,6 +162,7 @@ class _Judgement:
             outside_m=scores["outside_m"],
             explores=was_to_explore(reported),
             budget_share=budget_share(reported, scores["distance_m"]),
+            on_disk=not reported.get("not_on_disk"),
         )
 
     def _try(self, what: str, get: Callable[[], V]) -> V | None:

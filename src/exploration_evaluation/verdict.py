@@ -28,6 +28,7 @@ class Fault(StrEnum):
     FELL = "fell"
     TOUCHED = "collision"
     NOT_SAVED = "no map"
+    NOT_ON_DISK = "not on disk"
     MISSED = "coverage"
     STAYED = "stayed"
     NOT_HOME = "not home"
@@ -42,6 +43,7 @@ class Outcome:
     coverage: share of the reachable ground in the map. missed_piece_m2: the largest connected piece that it lacks.
     start: how far the robot was from its start. outside_m: by how much it came to where it may not be, None where it may be everywhere.
     explores: False for a robot that was only to drive to goals. budget_share: what it spent of its budget, None without one.
+    on_disk: False where something could not be written.
     """
 
     stop_reason: str | None
@@ -54,6 +56,7 @@ class Outcome:
     outside_m: float | None = None
     explores: bool = True
     budget_share: float | None = None
+    on_disk: bool = True
 
     @property
     def is_to_be_whole(self) -> bool:
@@ -69,6 +72,7 @@ def faults(outcome: Outcome, config: EvaluationConfig) -> tuple[Fault, ...]:
         Fault.FELL: o.fell is True,
         Fault.TOUCHED: o.collisions is not None and o.collisions > 0,
         Fault.NOT_SAVED: o.explores and not o.map_saved,
+        Fault.NOT_ON_DISK: not o.on_disk,
         Fault.MISSED: whole and _is_missed(o.coverage, o.missed_piece_m2, config),
         Fault.STAYED: whole and _has_stayed(o, config),
         Fault.NOT_HOME: _is_not_home(o, config),

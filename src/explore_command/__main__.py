@@ -7,9 +7,11 @@ from explore_command.arguments import ArgumentProblem, ExploreArguments, parse
 from explore_command.launching import as_robot_is_built, effective_robot, parameter_problem, run_launch, world_problem
 from explore_command.results_folder import claimed_out, prepare_out
 from explore_command.sessions import clock_after
+from whole_files import words_end_nobody
 
 
 def main(argv: list[str] | None = None) -> int:
+    words_end_nobody()
     try:
         arguments = parse(argv)
         if arguments.check_only:

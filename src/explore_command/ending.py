@@ -19,21 +19,27 @@ def cause_of_death(launch_code: int, log: str) -> str | None:
     return f"{found[1].replace('master', 'rosmaster')} died" if found else None
 
 
-def ended(out: Path, launch_code: int, interrupted: bool) -> int:
-    """Says what there is to say about a run whose processes have all ended; 0 when it succeeded, 2 for a wrong parameter, else 1."""
-    log, summary = (out / "roslaunch.log").read_text(errors="replace"), out / "summary.json"
+def ended(out: Path, launch_code: int, interrupted: bool, log: str) -> int:
+    """Says what there is to say about a run whose processes have all ended; 0 when it succeeded, 2 for a wrong parameter, else 1.
+
+    log: all that roslaunch said.
+    """
+    summary, has_begun = out / "summary.json", (out / "run.json").exists()
     cause = None if interrupted else cause_of_death(launch_code, log)
-    if not summary.exists() and (out / "run.json").exists():
+    if not summary.exists() and has_begun:
         from exploration_evaluation.ending import INTERRUPTED, judged_for_monitor  # loads numba: only when it is needed
 
         print(judged_for_monitor(out, cause or INTERRUPTED), flush=True)
-    if not summary.exists():
+    if summary.exists():
+        if json.loads(summary.read_text()).get("success") is True:
+            return 0
+    elif not has_begun:
         wrong = [line for line in log.splitlines() if "wrong parameter" in line]
         print("\n".join(wrong or log.strip().splitlines()[-15:]), file=sys.stderr)
         if wrong:
             return 2
-    elif json.loads(summary.read_text()).get("success") is True:
-        return 0
+    if not summary.exists():
+        cause = cause or "the run has no summary"
     if cause:
         print(f"./explore: {cause}; {_what_to_do(out)}", file=sys.stderr)
     return 1

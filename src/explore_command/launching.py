@@ -14,6 +14,7 @@ from robot_body import PACKAGE_FOLDER, RobotBody, fixed_laser_problem, is_fixed,
 from roslaunch_process import free_port, hand_on_signals, shown_lines, start_launch
 from simulated_movers import asked_movers
 from stage_config import ConfigError
+from whole_files import WaitingLines, write_whole
 
 _SHUTDOWN_S = 60
 _SHELL = PACKAGE_FOLDER / ".ws/devel/setup.bash"
@@ -129,13 +130,13 @@ def launch_arguments(arguments: ExploreArguments, robot: RobotBody, overrides: P
 
 def _write_parameters(arguments: ExploreArguments, robot: RobotBody) -> Path:
     """robot.yaml, and the file with the parameters of --profile and --set, for the launch file."""
-    (arguments.out / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(robot), sort_keys=False))
+    write_whole(arguments.out / "robot.yaml", yaml.safe_dump(robot_mapping(robot), sort_keys=False))
     overrides = all_overrides(arguments.profile, arguments.set_parameters)
     for elsewhere in (ROBOT, COMMAND):  # in robot.yaml, and among the launch file's arguments
         overrides.pop(elsewhere, None)
     overrides.setdefault("exploration_monitor_node", {})["profile"] = arguments.profile
     path = arguments.out / "overrides.yaml"
-    path.write_text(yaml.safe_dump(overrides))
+    write_whole(path, yaml.safe_dump(overrides))
     return path
 
 
@@ -151,13 +152,15 @@ def run_launch(arguments: ExploreArguments, robot: RobotBody, clock_start_s: flo
     )
     print(_where_to_look_now(arguments, port), flush=True)
     values = launch_arguments(arguments, robot, _write_parameters(arguments, robot), clock_start_s)
-    with (arguments.out / "roslaunch.log").open("w", buffering=1) as log:
-        launch = start_launch("explore.launch", values, port, arguments.out / "log", _SHUTDOWN_S, kept_open=(lock,))
-        caught = hand_on_signals(launch)
-        for line in shown_lines(launch, _MONITOR_MARK):
-            log.write(f"{line}\n")
-        launch_code = launch.wait()
-    code = ended(arguments.out, launch_code, bool(caught))
+    log, said = WaitingLines(arguments.out / "roslaunch.log"), []
+    launch = start_launch("explore.launch", values, port, arguments.out / "log", _SHUTDOWN_S, kept_open=(lock,))
+    caught = hand_on_signals(launch)
+    for line in shown_lines(launch, _MONITOR_MARK):
+        log.add(f"{line}\n")
+        said.append(line)
+    launch_code = launch.wait()
+    log.close()
+    code = ended(arguments.out, launch_code, bool(caught), "\n".join(said))
     if arguments.clairvoyant:
         _compare_with_clairvoyant(arguments.out)
     print(_where_to_look_afterwards(arguments.out), flush=True)

@@ -6,6 +6,8 @@ import shutil
 from itertools import count
 from pathlib import Path
 
+from whole_files import refusal, remove_unfinished, written_whole
+
 _RUN_FILES: tuple[str, ...] = (
     "run.json",
     "summary.json",
@@ -41,6 +43,7 @@ _RUN_FILES += (
     "roslaunch.log",
 )
 _RUN_FOLDERS = ("sweeps", "log")
+_LEAST_BYTES = 10_000_000  # a sweep of the largest sensor, and what a run writes at its start
 
 
 class ArgumentProblem(ValueError):
@@ -59,7 +62,7 @@ def claimed_out(out: Path, may_be_another: bool) -> tuple[Path, int]:
             folder.mkdir(parents=True, exist_ok=True)
             descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
         except OSError as error:
-            raise ArgumentProblem(f"--out {folder}: cannot be written: {error.strerror}") from error
+            raise ArgumentProblem(f"--out {refusal(error, folder)}") from error
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
@@ -82,11 +85,12 @@ def prepare_out(out: Path, force: bool, keep_sweeps: bool = False) -> None:
             if not force:
                 raise ArgumentProblem(f"--out {out}: not empty; --force overwrites the run in it")
             _remove_run(out, keep_sweeps)
-        probe = out / ".writable"
-        probe.touch()
-        probe.unlink()
+        remove_unfinished(out)
+        with written_whole(out / ".writable") as probe:
+            probe.write_bytes(bytes(_LEAST_BYTES))
+        (out / ".writable").unlink()
     except OSError as error:
-        raise ArgumentProblem(f"--out {out}: cannot be written: {error.strerror}") from error
+        raise ArgumentProblem(f"--out {refusal(error, out)}") from error
 
 
 def _remove_run(out: Path, keep_sweeps: bool) -> None:

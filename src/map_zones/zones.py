@@ -14,6 +14,7 @@ import yaml
 from numpy.typing import ArrayLike, NDArray
 
 from map_zones.polygon import Floats, distance_m, is_inside, polygon_problem
+from whole_files import write_whole
 
 _KINDS = ("bounds", "no_go")
 _KEYS = {"polygon", "low", "high"}
@@ -155,5 +156,5 @@ def read_zones(path: Path) -> Zones:
 
 
 def write_zones(zones: Zones, path: Path) -> None:
-    """As a file that `read_zones` reads."""
-    path.write_text(yaml.safe_dump(zones_mapping(zones), sort_keys=False))
+    """As a file that `read_zones` reads; OSError where the disk does not take it."""
+    write_whole(path, yaml.safe_dump(zones_mapping(zones), sort_keys=False))

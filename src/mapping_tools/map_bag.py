@@ -29,9 +29,10 @@ from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_resume import resume
-from pose_graph_mapping.session.session_store import SessionStore, write_atomically
+from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import origin_text, transform_from_rpy
 from stage_config import to_mapping
+from whole_files import write_whole
 
 Array = NDArray[np.float64]
 
@@ -193,7 +194,7 @@ def _ended(a: argparse.Namespace, summary: dict[str, object]) -> int:
         _say(f"{len(missing)} sweeps could not be placed: {', '.join(str(entry['sweep']) for entry in missing)}")
     _say(f"{a.out}: {summary['vertices']} vertices, {summary['edges']} edges, {summary['loop_closures']} loops closed")
     try:
-        write_atomically(a.out / SUMMARY, (json.dumps(summary, indent=1, allow_nan=False) + "\n").encode("utf-8"))
+        write_whole(a.out / SUMMARY, (json.dumps(summary, indent=1, allow_nan=False) + "\n").encode("utf-8"))
     except OSError as error:
         _say(f"{SUMMARY} could not be written: {error}")
         return 1

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pose_graph_mapping.session.session_files import write_atomically
 from rigid_geometry import origin_bytes, origin_near, read_origin
+from whole_files import write_whole
 
 Array = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ class MapOrigin:
         if self._known is None:
             self._known = origin_near(T_far[:3, 3])
             if self._known.any():
-                write_atomically(self._path, origin_bytes(self._known))
+                write_whole(self._path, origin_bytes(self._known))
             else:
                 self._path.unlink(missing_ok=True)
         T = np.array(T_far, dtype=np.float64)

@@ -19,7 +19,8 @@ from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_resume import resume
-from pose_graph_mapping.session.session_store import SessionStore, copy_session, write_atomically
+from pose_graph_mapping.session.session_store import SessionStore, copy_session
+from whole_files import write_whole
 
 SUMMARY = "merge_summary.json"
 _TOLD = ("run.json", "robot.yaml", "robot.urdf", "mount_calibration.yaml", "world_origin.json", "map_origin.json")
@@ -87,7 +88,7 @@ def merge(a: argparse.Namespace) -> int:
         "damaged": list(damaged),
         "edges_left_out": [[e.i, e.j, e.kind.value] for e in resumed.mapper.graph.rejected()],
     }
-    write_atomically(a.out / SUMMARY, (json.dumps(summary, indent=1, allow_nan=False) + "\n").encode("utf-8"))
+    write_whole(a.out / SUMMARY, (json.dumps(summary, indent=1, allow_nan=False) + "\n").encode("utf-8"))
     _say(f"{a.out}: {before} sweeps of {a.first} and {len(store.sweeps) - before} of {a.second}, {len(not_placed)} not placed")
     return 1 if not_placed else 0
 
@@ -112,7 +113,7 @@ def _copied(source: Path, target: Path) -> SessionStore:
     store = copy_session(source, target)
     for name in _TOLD:
         if (source / name).is_file():
-            write_atomically(target / name, (source / name).read_bytes())
+            write_whole(target / name, (source / name).read_bytes())
     return store
 
 

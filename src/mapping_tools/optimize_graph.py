@@ -17,7 +17,7 @@ from mapping_tools.graph_solving import NumberedGraph, SolvedGraph, numbered, so
 from mapping_tools.sesync_error import isotropic
 from pose_graph_mapping.graph.graph_files import GraphFile, g2o_text, read_graph_file
 from pose_graph_mapping.graph.graph_measurements import GraphNotSolvable
-from pose_graph_mapping.session.session_files import write_atomically
+from whole_files import write_whole
 
 SOLVED, NOT_SOLVABLE, BAD_INPUT = 0, 1, 2
 
@@ -68,7 +68,7 @@ def optimize(options: argparse.Namespace) -> int:
         solved = solve_robust(graph.problem, options.outlier_chi2, _say, graph.freedom)
     content = report(file, graph, solved, options.plain)
     content["time_s"] = round(time.monotonic() - start, 3)
-    write_atomically(options.out, output(file, graph, solved).encode("ascii"))
+    write_whole(options.out, output(file, graph, solved).encode("ascii"))
     if options.json:
         _write_json(options.json, content)
     print(summary(content))
@@ -91,7 +91,7 @@ def _check(options: argparse.Namespace) -> None:
 
 
 def _write_json(path: Path, content: Mapping[str, object]) -> None:
-    write_atomically(path, (json.dumps(content, indent=1) + "\n").encode("ascii"))
+    write_whole(path, (json.dumps(content, indent=1) + "\n").encode("ascii"))
 
 
 def _say(text: str) -> None:

@@ -24,7 +24,6 @@ from mapping_tools.prepared_cloud import prepared
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from pose_graph_mapping.registration.methods import create_registration
-from pose_graph_mapping.session.session_files import write_atomically
 from rigid_geometry import (
     as_transform,
     inverse,
@@ -33,6 +32,7 @@ from rigid_geometry import (
     transform_from_rpy,
 )
 from stage_config import load_config
+from whole_files import write_whole
 
 Array = NDArray[np.float64]
 
@@ -216,7 +216,7 @@ def register(options: argparse.Namespace) -> int:
     print(summary(result, seconds))
     if options.out:
         found = {**report(result, seconds), "degenerate_directions_about": _plain(centre_of(reading.cloud) + reading.origin)}
-        write_atomically(options.out, (json.dumps(found, indent=1) + "\n").encode("ascii"))
+        write_whole(options.out, (json.dumps(found, indent=1) + "\n").encode("ascii"))
     return USABLE if result.usable else NOT_USABLE
 
 

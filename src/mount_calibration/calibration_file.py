@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import yaml
 
 from mount_calibration.tilt_calibration import NOMINAL, PARAMETERS, TiltCalibration
+from whole_files import write_whole
 
 SECTION = "mount_calibration"
 DEFAULT_FILE = Path("~/.ros/explore_3dnav/mount_calibration.yaml")
@@ -24,9 +24,7 @@ def write_calibration(calibration: TiltCalibration, path: Path) -> None:
     values: dict[str, object] = dict(zip(PARAMETERS, calibration.values.tolist(), strict=True))
     values["covariance"] = np.asarray(calibration.covariance, dtype=np.float64).tolist()
     path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    unfinished.write_text(_HEAD + yaml.safe_dump({SECTION: values}, sort_keys=False, default_flow_style=None), encoding="utf-8")
-    unfinished.replace(path)
+    write_whole(path, _HEAD + yaml.safe_dump({SECTION: values}, sort_keys=False, default_flow_style=None))
 
 
 def read_calibration(path: Path) -> TiltCalibration:

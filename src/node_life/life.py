@@ -1,10 +1,14 @@
 """The node's side: it says that it gets on, and keeps what it has to remember where a next process of it finds that."""
 
+import contextlib
+import errno
 import os
 import pickle
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeVar, cast
+
+from whole_files import refusal
 
 V = TypeVar("V")
 
@@ -27,7 +31,10 @@ class Life:
     def begun(self) -> None:
         """From now on the next process of this node is not the first."""
         if self._folder is not None:
-            (self._folder / "lived").touch()
+            try:
+                (self._folder / "lived").touch()
+            except OSError as error:
+                self.problem = refusal(error, self._folder / "lived")
 
     def beat(self, *, starts: bool = False) -> None:
         """Says that the node gets on, or with its start; where nobody listens nothing happens."""
@@ -44,13 +51,15 @@ class Life:
         """
         if self._folder is None:
             return
-        new = self._folder / f"{name}.new"
+        new = self._folder / f"{name}.new"  # in RAM: nothing is to be waited for, as `write_whole` does
         try:
             new.write_bytes(pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
             new.replace(self._folder / name)
             self.problem = ""
         except OSError as error:
-            self.problem = f"{name}: {error}"
+            self.problem = refusal(error, self._folder / name)
+            with contextlib.suppress(OSError):
+                new.unlink()
 
     def kept(self, name: str, otherwise: V) -> V:
         """What the process before remembered last under a name; `otherwise`, of the same type, where there is nothing."""
@@ -63,11 +72,18 @@ class Life:
         """Adds a value to those noted under a name."""
         if self._folder is None:
             return
+        path, data = self._folder / name, pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
         try:
-            with (self._folder / name).open("ab") as file:
-                file.write(pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
+            descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+            try:
+                size = os.fstat(descriptor).st_size
+                if os.write(descriptor, data) < len(data):  # half of one would hide all that come after it
+                    os.ftruncate(descriptor, size)
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            finally:
+                os.close(descriptor)
         except OSError as error:
-            self.problem = f"{name}: {error}"
+            self.problem = refusal(error, path)
 
     def notes(self, name: str) -> list[object]:
         """All that was noted under a name, oldest first; one that was being written when the process died is left out."""

@@ -21,9 +21,12 @@ from pathlib import Path
 from node_life.life import BEAT, MEMORY, PULSE
 from node_life.watch import Deaths, RevivalConfig, Watch, processor_s
 from roslaunch_process.children import end_with_parent
+from whole_files import refusal
 
 _PREFIX = "explore_3dnav_"
 _LOOK_S = 0.25
+_ROOTS = ("/dev/shm", tempfile.gettempdir())  # a node keeps its state at every step: on a disk that takes a millisecond
+_ROOM_BYTES = 1_000_000
 _WANTED = (0, 2)  # exit codes of a node that ends as it should
 
 
@@ -45,7 +48,7 @@ class _Master:
 class Revival:
     """One node and its processes, one after the other."""
 
-    def __init__(self, command: Sequence[str], memory: Path, config: RevivalConfig) -> None:
+    def __init__(self, command: Sequence[str], memory: Path | None, config: RevivalConfig) -> None:
         self._command, self._memory, self._config = command, memory, config
         self._node = next((word[8:] for word in command if word.startswith("__name:=")), Path(command[0]).name)
         self._asked_to_end = False
@@ -60,6 +63,9 @@ class Revival:
         while True:
             code, why = self._live()
             if self._asked_to_end or code in _WANTED:
+                return code if code >= 0 else 128 - code
+            if self._memory is None:  # the next one would take itself for the first
+                self._master.tell("gave_up", "it died, and nothing was kept of it")
                 return code if code >= 0 else 128 - code
             why = why or (f"killed by signal {-code}" if code < 0 else f"exit code {code}")
             if deaths.too_many(time.monotonic()):
@@ -81,7 +87,7 @@ class Revival:
     def _live(self) -> tuple[int, str]:
         """One process from its start to its end: its code, and why it was ended here, if it was."""
         reading, writing = os.pipe()
-        environment = {**os.environ, PULSE: str(writing), MEMORY: str(self._memory)}
+        environment = {**os.environ, PULSE: str(writing), **({MEMORY: str(self._memory)} if self._memory else {})}
         process = subprocess.Popen(self._command, env=environment, pass_fds=(writing,), preexec_fn=end_with_parent)
         os.close(writing)
         watch, why = Watch(self._config, time.monotonic()), ""
@@ -110,14 +116,28 @@ def forget_dead(root: Path) -> None:
 
 def main(command: Sequence[str]) -> int:
     """Runs the command; its exit code."""
-    ram = "/dev/shm"  # a node keeps its state at every step: on a disk that takes a millisecond
-    root = ram if os.access(ram, os.W_OK) else tempfile.gettempdir()
-    forget_dead(Path(root))
-    memory = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{os.getpid()}_", dir=root))
+    memory = _memory()
     try:
         return Revival(command, memory, RevivalConfig()).run()
     finally:
-        shutil.rmtree(memory, ignore_errors=True)
+        if memory is not None:
+            shutil.rmtree(memory, ignore_errors=True)
+
+
+def _memory() -> Path | None:
+    """A new folder for what a node keeps; None, and a word, where there is no room for one."""
+    told = []
+    for root in map(Path, _ROOTS):
+        forget_dead(root)
+        try:
+            folder = Path(tempfile.mkdtemp(prefix=f"{_PREFIX}{os.getpid()}_", dir=root))
+            (folder / "room").write_bytes(bytes(_ROOM_BYTES))
+            (folder / "room").unlink()
+            return folder
+        except OSError as error:
+            told.append(refusal(error, root / _PREFIX))
+    sys.stderr.write(f"[explore] nothing is kept for a restart: {'; '.join(told)}\n")
+    return None
 
 
 if __name__ == "__main__":

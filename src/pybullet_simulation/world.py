@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pybullet_simulation.solids import Solid
 from rigid_geometry import origin_bytes
 from simulated_movers import MoverSpec
+from whole_files import write_whole, written_whole
 from world_files import HeightField, Surface
 
 Array = NDArray[np.float64]
@@ -52,11 +53,10 @@ class World:
         """Writes the joint mesh (.ply, .obj, .stl), for the judge, and beside it the origin of a far world; OSError when it cannot be."""
         mesh = o3d.geometry.TriangleMesh(o3d.utility.Vector3dVector(self.vertices), o3d.utility.Vector3iVector(self.triangles))
         if any(self.origin):
-            path.with_name(WORLD_ORIGIN).write_bytes(origin_bytes(self.origin))
-        part = path.with_name(f".part_{path.name}")
-        if not o3d.io.write_triangle_mesh(part, mesh):
-            raise OSError(f"the world's mesh could not be written to {path}")
-        part.replace(path)
+            write_whole(path.with_name(WORLD_ORIGIN), origin_bytes(self.origin))
+        with written_whole(path) as unfinished:
+            if not o3d.io.write_triangle_mesh(unfinished, mesh):
+                raise OSError(f"the world's mesh could not be written to {path}")
 
 
 def joined(parts: Sequence[Solid | Surface]) -> tuple[Array, NDArray[np.int32]]:

@@ -1,6 +1,8 @@
-"""Services of nodes that may be started again: who asks waits for them, and asks again."""
+"""What a node waits for that is not its own: services of nodes that may be started again, and disks."""
 
+import contextlib
 import time
+from collections.abc import Iterator
 
 import genpy
 import rospy
@@ -12,12 +14,22 @@ _UNWILLING, _UNKNOWN = (
     "responded with an error",
     "unavailable",
 )  # as rospy says of a server that is there, and of one that the master knows not
-_asking: list[str] = []
+_waited_for: list[str] = []
 
 
-def is_asking() -> bool:
-    """Whether this process waits for another's answer: it hangs no more than that one does."""
-    return bool(_asking)
+def is_waiting() -> bool:
+    """Whether this process waits for another's answer, or for a disk: it hangs no more than that does."""
+    return bool(_waited_for)
+
+
+@contextlib.contextmanager
+def waiting_for(name: str) -> Iterator[None]:
+    """While it lasts, this process waits for another, or for a disk."""
+    _waited_for.append(name)
+    try:
+        yield
+    finally:
+        _waited_for.remove(name)
 
 
 class AskedService:
@@ -38,11 +50,8 @@ class AskedService:
 
     def __call__(self, *arguments: object) -> genpy.Message:
         """The answer. ServiceException where it is an error, or does not come in time, or this node ends."""
-        _asking.append(self._name)
-        try:
+        with waiting_for(self._name):
             return self._ask(arguments)
-        finally:
-            _asking.remove(self._name)
 
     def _ask(self, arguments: tuple[object, ...]) -> genpy.Message:
         deadline_s = time.monotonic() + self._patience_s

@@ -47,6 +47,13 @@ class Diagnostics:
         else:
             self._conditions.pop(what, None)
 
+    def on_terminal(self, what: str, text: str) -> None:
+        """As `holds`, of what a person has to mend: when it begins and when it is over `./explore` shows it, too."""
+        if bool(text) != (what in self._conditions):
+            rospy.logwarn(f"[explore] {self._name}: {what}: {text or 'no longer'}")
+            self._conditions.setdefault(what, text)
+        self.holds(what, text)
+
     def report(self, stamp_s: float) -> None:
         """Publishes when a second has passed or something is new; `stamp_s` is that of the newest data."""
         self._stamp_s = stamp_s

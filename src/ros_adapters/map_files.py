@@ -3,14 +3,15 @@
 import math
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import rospy
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.classify import Terrain
+from whole_files import refusal, written_whole
 
 _REST_S = 5.0  # wall time between two writings: they take half a second of a core that the robot's next metres need
 
@@ -21,8 +22,9 @@ class MapFiles:
     What is on disk is at most a few seconds old; `wait` and `close` write what is newest at once.
     """
 
-    def __init__(self, folder: Path | None) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path | None, tell: Callable[[str], None] = lambda _: None) -> None:
+        """`tell` hears after each writing why the map is not on disk; empty when it is."""
+        self._folder, self._tell = folder, tell
         self._changed = threading.Condition()
         self._request: tuple[OctreeMap, Terrain | None, NDArray[np.float64] | None] | None = None
         self._is_empty = True
@@ -56,7 +58,7 @@ class MapFiles:
             self._changed.notify_all()
             done = self._changed.wait_for(lambda: self._request is None and not self._busy, timeout_s)
             self._waiting -= 1
-            problem = self._error or ("" if done else "still writing")
+            problem = f"map not saved: {self._error}" if self._error else ("" if done else "still writing")
             return not problem, problem or f"{', '.join(self._written)} saved in {self._folder}"
 
     def close(self) -> None:
@@ -76,8 +78,8 @@ class MapFiles:
             try:
                 self._write(tree, terrain, path)
             except OSError as problem:
-                error = f"map not saved: {problem}"
-                rospy.logerr(error)
+                error = refusal(problem, self._folder or Path())
+            self._tell(error)
             with self._changed:
                 self._busy, self._error, written_s = False, error, time.monotonic()
                 self._changed.notify_all()
@@ -97,8 +99,6 @@ class MapFiles:
 
     def _save_arrays(self, name: str, **arrays: NDArray[np.generic]) -> None:
         assert self._folder is not None
-        beside = self._folder / f".{name}"
-        with beside.open("wb") as file:
+        with written_whole(self._folder / name) as unfinished, unfinished.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)  # type: ignore[arg-type]
-        beside.replace(self._folder / name)
         self._written.append(name)

@@ -1,5 +1,6 @@
 """What every node does the same way: parameters, subscriptions under one lock, the barrier, diagnostics, and the word that it is ready."""
 
+import os
 import sys
 import threading
 import time
@@ -27,6 +28,7 @@ from ros_adapters.restarts import pulse, wait_for_listeners
 from ros_adapters.results_folder import results_folder
 from ros_adapters.urdf_mount import robot_of_parameters
 from stage_config import ConfigError, load_config
+from whole_files import words_end_nobody
 
 C = TypeVar("C")
 M = TypeVar("M")
@@ -61,6 +63,7 @@ class Node:
     """
 
     def __init__(self, name: str) -> None:
+        words_end_nobody()
         rospy.init_node(name, disable_rostime=True)
         self.name = name
         self.life = Life()
@@ -177,6 +180,9 @@ class Node:
             except rospy.ROSException:
                 if not rospy.core.is_shutdown_requested():  # then topics are closed while messages still come
                     raise
+            except MemoryError:  # what it knows may be half changed: the next process takes up what was kept
+                sys.stderr.write(f"[explore] {self.name}: no memory is left, by the limit of `ulimit -v` or of the machine\n")
+                os._exit(1)
             return None
 
         return run
@@ -289,5 +295,5 @@ class Node:
             time.sleep(_WATCH_PERIOD_S)
             if not self.lockstep:
                 self.guarded(self._watchdog)(time.monotonic())
-            self.diagnostics.holds("nothing is kept for a restart", self.life.problem)
+            self.diagnostics.on_terminal("nothing is kept for a restart", self.life.problem)
             self.dropping(lambda _: self.diagnostics.report_news())(None)

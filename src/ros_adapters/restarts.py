@@ -9,21 +9,21 @@ import rosgraph
 import rospy
 
 from node_life import Life
-from ros_adapters.asking import is_asking
+from ros_adapters.asking import is_waiting
 
 _PERIOD_S = 0.5
 _LISTENERS_WITHIN_S = 5.0  # one of them may have died as well
 
 
 def pulse(life: Life, lock: threading.RLock, runs: Callable[[], bool]) -> None:  # type: ignore[valid-type]  # a function in typeshed
-    """Beats for as long as the node works: as its lock, which all its callbacks take, is free now and then, or waits for another node.
+    """Beats for as long as the node works: as its lock, which all its callbacks take, is free now and then, or waits for a node or disk.
 
     Before it `runs` only waiting is work that can be seen here.
     """
 
     def run() -> None:
         while not rospy.core.is_shutdown_requested():
-            if is_asking():
+            if is_waiting():
                 life.beat(starts=not runs())
             elif runs() and lock.acquire(timeout=_PERIOD_S):  # type: ignore[attr-defined]
                 lock.release()  # type: ignore[attr-defined]

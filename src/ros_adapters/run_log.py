@@ -1,8 +1,10 @@
 """What a run leaves for the judge and for the person who watches it: files, counters and the status line."""
 
 import csv
+import io
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 
 from exploration_evaluation import format_summary, write_json
-from exploration_evaluation.ending import judged_at_end
+from exploration_evaluation.ending import judged_at_end, why_not
 from exploration_evaluation.pictures import draw_pictures
 from exploration_evaluation.verdict import Fault, succeeded_alone
 from mount_calibration import RECORDED_FILE, TiltCalibration, write_calibration
@@ -22,6 +24,7 @@ from rigid_geometry import quat_xyzw_from_transform
 from robot_body import DESCRIPTION, RobotBody, robot_mapping
 from ros_adapters.conversions import plain, stamp_of, transform_from_pose
 from ros_adapters.mapping_mode import OFF
+from whole_files import WaitingLines, refusal, write_whole
 
 VERSION = "0.1.0"
 _COUNTED = ("pose_graph_mapping_node", "octomap_server_3dnav_node")
@@ -67,30 +70,45 @@ class RunLog:
         self._distance_m = 0.0
         self._last_xy: NDArray[np.float64] | None = None
         self.__dict__.update(memory or {})
-        mode = "w" if memory is None else "a"
+        self._not_written: dict[str, str] = {}  # by file
         self._truth_file = self._contacts_file = self._events_file = None
         if out and judged:
-            self._truth_file = (out / "trajectory_truth.txt").open(mode, buffering=1)
-            self._contacts_file = (out / "contacts.csv").open(mode, buffering=1)
+            self._truth_file = WaitingLines(out / "trajectory_truth.txt", goes_on=memory is not None)
+            self._contacts_file = WaitingLines(out / "contacts.csv", goes_on=memory is not None)
         if out:
-            self._events_file = (out / "events.csv").open(mode, newline="", buffering=1)
+            self._events_file = WaitingLines(out / "events.csv", goes_on=memory is not None)
         if memory is None:
             self._begin(out, robot, calibration)
 
     def _begin(self, out: Path | None, robot: RobotBody, calibration: TiltCalibration | None) -> None:
         """What the folder has from the beginning."""
         if self._contacts_file:
-            self._contacts_file.write("stamp,link,speed_mps,force_n,other\n")
+            self._contacts_file.add("stamp,link,speed_mps,force_n,other\n")
         if out and self._events_file:
-            self._events_file.write("stamp_s,wall_s,state,reason,sweeps\n")
-            write_json(out / "run.json", self._run_description())
-            (out / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(robot), sort_keys=False))
+            self._events_file.add("stamp_s,wall_s,state,reason,sweeps\n")
+            self._write("run.json", partial(write_json, value=self._run_description()))
+            self._write("robot.yaml", partial(write_whole, content=yaml.safe_dump(robot_mapping(robot), sort_keys=False)))
             if description := self._parameters.get("robot_description"):
-                (out / DESCRIPTION).write_text(str(description))
+                self._write(DESCRIPTION, partial(write_whole, content=str(description)))
             if calibration is None or calibration.is_nominal:
-                (out / RECORDED_FILE).unlink(missing_ok=True)  # of an earlier run
+                self._write(RECORDED_FILE, partial(Path.unlink, missing_ok=True))  # of an earlier run
             else:
-                write_calibration(calibration, out / RECORDED_FILE)
+                self._write(RECORDED_FILE, partial(write_calibration, calibration))
+
+    def _write(self, name: str, write: Callable[[Path], object]) -> None:
+        """A file of the folder. A disk that does not take it stops nobody, and is told."""
+        assert self._out is not None
+        self._not_written.pop(name, None)
+        try:
+            write(self._out / name)
+        except OSError as error:
+            self._not_written[name] = refusal(error, self._out / name)
+
+    @property
+    def not_written(self) -> str:
+        """Which file the disk did not take, and why, of all the first; empty when all is on disk."""
+        lines = (file.problem for file in (self._truth_file, self._contacts_file, self._events_file) if file)
+        return next((text for text in (*lines, *self._not_written.values()) if text), "")
 
     def memory(self) -> dict[str, object]:
         """What a log that goes on needs beside the folder."""
@@ -123,12 +141,12 @@ class RunLog:
     def truth(self, stamp_s: float, T_world_base: NDArray[np.float64]) -> None:
         if self._truth_file and not self._is_over(stamp_s):
             numbers = (*T_world_base[:3, 3], *quat_xyzw_from_transform(T_world_base))
-            self._truth_file.write(f"{stamp_s:.3f} " + " ".join(f"{v:.6f}" for v in numbers) + "\n")
+            self._truth_file.add(f"{stamp_s:.3f} " + " ".join(f"{v:.6f}" for v in numbers) + "\n")
 
     def contact(self, message: Contact) -> None:
         if self._contacts_file and not self._is_over(stamp_of(message)):
             numbers = f"{message.speed_mps:.4f},{message.force_n:.2f}"
-            self._contacts_file.write(f"{stamp_of(message):.3f},{message.link},{numbers},{message.other}\n")
+            self._contacts_file.add(f"{stamp_of(message):.3f},{message.link},{numbers},{message.other}\n")
 
     def event(self, message: RunEvent) -> None:
         is_known = (message.state, message.header.stamp) == (self._event.state, self._event.header.stamp)  # latched, and heard again
@@ -137,7 +155,9 @@ class RunLog:
         self._event = plain(message, RunEvent)
         if self._events_file:
             row = (f"{stamp_of(message):.3f}", f"{time.monotonic() - self._begun:.3f}", message.state, message.reason, message.sweeps)
-            csv.writer(self._events_file, lineterminator="\n").writerow(row)
+            line = io.StringIO()
+            csv.writer(line, lineterminator="\n").writerow(row)
+            self._events_file.add(line.getvalue())
 
     def decision(self, message: ExplorationDecision) -> None:
         self._decision = plain(message, ExplorationDecision)
@@ -159,7 +179,7 @@ class RunLog:
         new = [{**at, "parameter": name, "before": before.get(name), "value": v} for name, v in values.items() if before.get(name) != v]
         self._changes += new
         if self._out and new and not self.finished:
-            write_json(self._out / "run.json", self._run_description())
+            self._write("run.json", partial(write_json, value=self._run_description()))
 
     def odometry(self, message: Odometry) -> None:
         stamp_s, xy = stamp_of(message), transform_from_pose(message.pose.pose)[:2, 3]
@@ -209,10 +229,10 @@ class RunLog:
             "restarts": dict(restarts),
         }
 
-    def finish(self, reason: str, *, judge: bool = True, restarts: Mapping[str, int] | None = None) -> str:
+    def finish(self, reason: str, *, judge: bool = True, restarts: Mapping[str, int] | None = None, not_saved: Sequence[str] = ()) -> str:
         """Writes the counters, has the run judged where there is a true world and `judge` says so; the text for the terminal.
 
-        `restarts`: how often each node was started again, of those that were.
+        `restarts`: how often each node was started again, of those that were. `not_saved`: what other nodes could not save.
         """
         counters = self._counters(reason, restarts or {})
         if not self._out:
@@ -220,14 +240,21 @@ class RunLog:
         for file in (self._truth_file, self._contacts_file, self._events_file):
             if file:
                 file.close()
-        write_json(self._out / "counters.json", counters)
+        not_on_disk = [*([] if self._parameters.get("mapping") == OFF else not_saved), *([self.not_written] if self.not_written else [])]
+        counters["not_on_disk"] = not_on_disk
+        self._write("counters.json", partial(write_json, value=counters))
+        return "\n".join((self._told(reason, counters, judge=judge), *(f"not on disk: {text}" for text in not_on_disk)))
+
+    def _told(self, reason: str, counters: Mapping[str, Any], *, judge: bool) -> str:
+        """The verdict, as text."""
+        assert self._out is not None
         if self._judged:
             return judged_at_end(self._out) if judge else f"ended: {reason}"
         summary = self._own_summary(self._out, counters)
         try:
             draw_pictures(self._out, summary)
-        except ValueError as error:
-            return f"{format_summary(summary)}\nno pictures: {error}"
+        except (ValueError, OSError) as error:
+            return f"{format_summary(summary)}\nno pictures: {why_not(error, self._out)}"
         return format_summary(summary)
 
     def _own_summary(self, out: Path, counters: Mapping[str, Any]) -> dict[str, Any]:
@@ -235,5 +262,7 @@ class RunLog:
         known, reason = {**self._run_description(), **counters, "distance_m": round(self._distance_m, 3)}, counters["stop_reason"]
         known["success"] = succeeded_alone(reason, self._distance_m, known["set_aside_frontiers"])
         known["faults"] = [] if known["success"] else [str(Fault.STAYED if reason.startswith("explored") else Fault.NOT_EXPLORED)]
-        write_json(out / "summary.json", known)
+        if known["not_on_disk"]:
+            known["success"], known["faults"] = False, [*known["faults"], str(Fault.NOT_ON_DISK)]
+        self._write("summary.json", partial(write_json, value=known))
         return known

@@ -19,11 +19,13 @@ from pose_graph_mapping.registration.cloud import PointCloud
 from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import DamagedSweepError, NotOnDiskError, SessionStore
-from ros_adapters.asking import AskedService
+from ros_adapters.asking import AskedService, waiting_for
 from ros_adapters.conversions import Singles, cloud_message, free_arrays, header, pose_message
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.frames import frames
+from whole_files import refusal
 
+_NOT_ON_DISK = "the session is not on disk"
 _SERVICE, _WAIT_S = "octomap_server_3dnav_node/restore_sweep", 30.0
 
 
@@ -79,11 +81,13 @@ class SessionKeeper:
         """Puts the newest vertex's sweep on disk; a disk that takes nothing stops nobody, and is named."""
         if not self._store or self._is_finished:
             return
-        try:
-            beams = PointCloud.of_finite(*free_arrays(free))
-            self._store.add_sweep(len(graph) - 1, stamp_s, *cloud, graph, measured, free=beams)
-        except NotOnDiskError as error:
-            self._diagnostics.dropped("sweep not on disk", str(error))
+        beams, problem = PointCloud.of_finite(*free_arrays(free)), ""
+        with waiting_for("disk"):
+            try:
+                self._store.add_sweep(len(graph) - 1, stamp_s, *cloud, graph, measured, free=beams)
+            except NotOnDiskError as error:
+                problem = str(error)
+        self._diagnostics.on_terminal(_NOT_ON_DISK, problem)
         self._diagnostics.values["sweeps not on disk"] = self._store.not_on_disk
 
     def save(self, mapper: Mapper) -> tuple[bool, str]:
@@ -94,10 +98,13 @@ class SessionKeeper:
         if not self._store or vertices == self._saved_vertices:
             return True, "nothing new to save"
         try:
-            left_out = self._store.save(mapper.graph, gone=mapper.gone())
+            with waiting_for("disk"):
+                left_out = self._store.save(mapper.graph, gone=mapper.gone())
         except OSError as error:
-            self._diagnostics.dropped("save", str(error))
-            return False, str(error)
+            problem = str(error) if isinstance(error, NotOnDiskError) else refusal(error, self._store.folder)
+            self._diagnostics.on_terminal(_NOT_ON_DISK, problem)
+            return False, problem
+        self._diagnostics.on_terminal(_NOT_ON_DISK, "")
         self._saved_vertices = vertices
         return True, "; ".join((f"{vertices} vertices saved", *left_out))
 

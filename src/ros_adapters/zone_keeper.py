@@ -19,6 +19,7 @@ from ros_adapters.conversions import header
 from ros_adapters.frames import frames
 from ros_adapters.node import Node
 from ros_adapters.zone_messages import zone_list, zones_of
+from whole_files import refusal
 
 FILE, REPLAN = "zones.yaml", "/move_base_node/replan"
 _BOUNDS, _NO_GO = ColorRGBA(0.2, 0.9, 0.3, 1.0), ColorRGBA(0.95, 0.2, 0.2, 1.0)
@@ -51,7 +52,12 @@ class ZoneKeeper:
         self._node.life.keep(_MEMORY, zones)
         if self._folder is not None:
             path = Path(self._folder) / FILE
-            write_zones(zones, path) if zones.are_set else path.unlink(missing_ok=True)
+            problem = ""
+            try:
+                write_zones(zones, path) if zones.are_set else path.unlink(missing_ok=True)
+            except OSError as error:
+                problem = refusal(error, path)
+            self._node.diagnostics.on_terminal("the zones are not on disk", problem)
         self._markers.publish(zone_markers(zones))
         self._list.publish(zone_list(zones))
 

@@ -5,7 +5,6 @@ voxels), /occupied and /plan at the end; /events. All in map. Messages are those
 """
 
 import json
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -22,6 +21,7 @@ from rigid_geometry import transform_from_rpy, transform_points
 from run_replay import mcap_messages as ros
 from run_replay.recorded_run import ClassifiedVoxels, RecordedRun, read_run
 from run_replay.timeline import frames
+from whole_files import written_whole
 
 Floats = NDArray[np.float64]
 
@@ -45,13 +45,8 @@ def export(folder: Path, target: Path) -> int:
     """
     run = read_run(folder)
     found = sorted(_messages(folder, run), key=lambda recorded: recorded.stamp_s)
-    beside = target.with_name(f".{target.name}.{os.getpid()}")
-    try:
-        with beside.open("wb") as file:
-            _write(Writer(file), found, _about(folder))
-        beside.replace(target)
-    finally:
-        beside.unlink(missing_ok=True)
+    with written_whole(target) as unfinished, unfinished.open("wb") as file:
+        _write(Writer(file), found, _about(folder))
     return len(found)
 
 

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from octomap_server_3dnav.exploration import first_decision
-from octomap_server_3dnav.octree.octree_files import replace_file
 from octomap_server_3dnav.terrain.classify import Terrain
 from robot_body import robot_file
 from terrain_tools import octree_survey
@@ -26,6 +25,7 @@ from terrain_tools.criteria import Criteria, read_criteria
 from terrain_tools.ground import Point
 from terrain_tools.map_source import CLOUDS, OCTREES, ORIGINS, read_map
 from terrain_tools.results import CLASSES, NUMBERS, PATH, PICTURE, csv_bytes, json_bytes, numbers, ply_bytes, prepare_folder
+from whole_files import write_whole
 
 Array = NDArray[np.float64]
 
@@ -151,16 +151,16 @@ def _write(options: argparse.Namespace, by: Criteria, found: Analysis, asked: As
     if found.terrain is not None:
         from terrain_tools.picture import png_bytes  # loads matplotlib: only where there is something to draw
 
-        replace_file(options.out / CLASSES, ply_bytes(found.terrain, asked.origin))
+        write_whole(options.out / CLASSES, ply_bytes(found.terrain, asked.origin))
         begun = time.perf_counter()
-        replace_file(options.out / PICTURE, png_bytes(found, found.terrain, options.map.name, asked.start, asked.goal))
+        write_whole(options.out / PICTURE, png_bytes(found, found.terrain, options.map.name, asked.start, asked.goal))
         time_s["picture"] = round(time.perf_counter() - begun, 4)
     if found.path is not None:
-        replace_file(options.out / PATH, csv_bytes(found.path))
+        write_whole(options.out / PATH, csv_bytes(found.path))
     places = {"origin_m": asked.origin, "start_m": asked.start, "goal_m": asked.goal}
     content: dict[str, Any] = {"file": str(options.map), **places, **numbers(found, by)}
     content["time_s"] = {**time_s, **content["time_s"]}
-    replace_file(options.out / NUMBERS, json_bytes(content))
+    write_whole(options.out / NUMBERS, json_bytes(content))
 
 
 def summary(found: Analysis, terrain: Terrain) -> str:

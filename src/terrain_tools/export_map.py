@@ -19,12 +19,12 @@ from mapping_tools.map_origin import ORIGIN as MAP_ORIGIN
 from octomap_server_3dnav.navigation.passages import navigable_terrain
 from octomap_server_3dnav.octree.map_builder import MapBuilder
 from octomap_server_3dnav.octree.octree import OctreeMap
-from octomap_server_3dnav.octree.octree_files import replace_file
 from pose_graph_mapping.session.session_files import pcd_bytes, ply_bytes
 from rigid_geometry import read_origin
 from robot_body import robot_file
 from terrain_tools.criteria import Criteria, read_criteria
 from terrain_tools.storey_maps import StoreyMap, pgm_bytes, read_classified, storey_maps, tif_bytes, yaml_bytes
+from whole_files import write_whole
 
 OCTREES, CLASSES, CLOUD, ORIGIN = ("map.ot", "map.bt"), "terrain.npz", "cloud.pcd", "world_origin.json"
 _ROBOT = "robot.yaml"
@@ -162,7 +162,7 @@ def export_map(options: argparse.Namespace) -> None:
     )
     files = [file for target in options.out for file in exported(source, target, voxels=options.voxels)]
     for path, content, what in files:
-        replace_file(path, content)
+        write_whole(path, content)
         print(f"{path}: {what}")
 
 

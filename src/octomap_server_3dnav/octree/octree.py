@@ -16,8 +16,9 @@ from _octree_binding import SweepVoxels as SweepVoxels  # given out by trace_swe
 from numpy.typing import ArrayLike, NDArray
 
 from octomap_server_3dnav.octree.column_runs import KEY_OFFSET, ColumnRuns, VoxelState
-from octomap_server_3dnav.octree.octree_files import file_header, parsed_file, replace_file
+from octomap_server_3dnav.octree.octree_files import file_header, parsed_file
 from octomap_server_3dnav.octree.sensor_model import SensorModel as SensorModel  # the map is made with one
+from whole_files import write_whole
 
 _UP = (0.0, 0.0, 1.0)
 
@@ -231,11 +232,11 @@ class OctreeMap:
 
     def write_bt(self, path: str | os.PathLike[str]) -> None:
         """Write a .bt file. An older file is replaced when the new one is complete."""
-        replace_file(Path(path), self.bt_bytes())
+        write_whole(Path(path), self.bt_bytes())
 
     def write_ot(self, path: str | os.PathLike[str]) -> None:
         """Write an .ot file. An older file is replaced when the new one is complete."""
-        replace_file(Path(path), self.ot_bytes())
+        write_whole(Path(path), self.ot_bytes())
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], sensor_model: SensorModel | None = None) -> "OctreeMap":

@@ -1,12 +1,8 @@
-"""octomap's files: what stands before the data of a .bt or .ot file, and files that are never half there."""
+"""octomap's files: what stands before the data of a .bt or .ot file."""
 
-import contextlib
-import os
 import re
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -75,19 +71,3 @@ def _plain_nodes(header: FileHeader, tree: str, data: bytes) -> bytes:
         raise ValueError(f"its header says {header.nodes} nodes of {wanted} bytes ({tree}), its data are {len(data)} bytes")
     nodes = np.frombuffer(data, dtype=np.uint8).reshape(header.nodes, 5 + extra)
     return nodes[:, [0, 1, 2, 3, -1]].tobytes()
-
-
-def replace_file(path: Path, content: bytes) -> None:
-    """Write beside `path` and rename, so that there is never half a file; OSError as the system gives it."""
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)  # mkstemp's 0600 would hide the map from others
-        os.replace(temporary, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
-        raise

@@ -24,6 +24,7 @@ from pose_graph_mapping.graph.graph_problem import GraphProblem, poses_of, tree_
 from pose_graph_mapping.graph.gravity_bias import estimated_bias
 from pose_graph_mapping.graph.incremental_graph import IncrementalGraph
 from rigid_geometry import as_covariance, as_transform
+from whole_files import write_whole
 
 Array = NDArray[np.float64]
 
@@ -184,7 +185,7 @@ class PoseGraph:
 
     def save_g2o(self, path: str | os.PathLike[str]) -> None:
         """Write `g2o_text` to a file."""
-        Path(path).write_text(self.g2o_text(), encoding="ascii")
+        write_whole(Path(path), self.g2o_text())
 
     @classmethod
     def load_g2o(cls, path: str | os.PathLike[str], outlier_chi2: float = 30.0) -> PoseGraph:

@@ -1,12 +1,10 @@
-"""Files of a session: replaced in one step, sweeps that check themselves, and clouds and trajectories in formats that others open."""
+"""Files of a session: sweeps that check themselves, and clouds and trajectories in formats that others open."""
 
 from __future__ import annotations
 
 import io
 import json
-import os
 import zipfile
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,30 +15,6 @@ from pose_graph_mapping.session.session_record import SweepEntry
 from rigid_geometry import quat_xyzw_from_transform
 
 Array = NDArray[np.float64]
-
-
-def sync_folder(folder: Path) -> None:
-    """Returns when the names in a folder are on disk."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Replace `path` by `data` so that a reader, or a crash, sees the old file or the new one; OSError as the system gives it."""
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        with open(temporary, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
-    sync_folder(path.parent)
 
 
 def sweep_bytes(cloud: PointCloud, stamp_s: float, record: str, free: PointCloud | None = None) -> bytes:

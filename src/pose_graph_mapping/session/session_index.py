@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pose_graph_mapping.session.session_files import recorded_entry, write_atomically
+from pose_graph_mapping.session.session_files import recorded_entry
 from pose_graph_mapping.session.session_record import StoredSweep, index_line, sweep_of_line, sweep_of_payload
+from whole_files import write_whole
 
 INDEX = "sweeps/index.json"
 _OPEN, _NEXT, _CLOSE = "[\n", ",", "]\n"
@@ -59,7 +60,7 @@ class SessionIndex:
     def rewrite(self, sweeps: Sequence[StoredSweep]) -> None:
         """Replaces the file by an index of `sweeps`, in one step."""
         text = _OPEN + f"\n{_NEXT}".join(index_line(s) for s in sweeps) + "\n" + _CLOSE
-        write_atomically(self._path, text.encode("ascii"))
+        write_whole(self._path, text.encode("ascii"))
         self._end = len(text) - len(_CLOSE)
 
     def _next(self, lines: _Lines) -> StoredSweep | None:

@@ -24,19 +24,18 @@ from pose_graph_mapping.session.session_files import (
     ply_bytes,
     sweep_bytes,
     sweep_clouds,
-    sync_folder,
     tum_text,
-    write_atomically,
 )
 from pose_graph_mapping.session.session_graph import StoredGraph
 from pose_graph_mapping.session.session_index import SessionIndex, sweep_file
 from pose_graph_mapping.session.session_record import GraphChange, Measured, StoredSweep, payload_text
+from whole_files import refusal, sync_folder, write_whole
 
 Array = NDArray[np.float64]
 
 
 class NotOnDiskError(OSError):
-    """A sweep could not be written, and waits in memory; the text says what the system says."""
+    """A sweep could not be written, and waits in memory; the text says why, in one line."""
 
 
 class DamagedSweepError(ValueError):
@@ -68,6 +67,11 @@ class SessionStore:
         for stored in self._index.sweeps:
             if stored.change is not None:
                 self._graph.apply(stored.change)
+
+    @property
+    def folder(self) -> Path:
+        """Where all of it lies."""
+        return self._directory
 
     @property
     def sweeps(self) -> tuple[StoredSweep, ...]:
@@ -152,11 +156,11 @@ class SessionStore:
             left_out.append(f"{len(graph)} vertices for {len(stamps_s)} stored sweeps: the first {count} are saved")
         self._write_waiting()
         poses = graph.poses()[:count]
-        write_atomically(self._directory / "graph.g2o", graph.g2o_text(count).encode("ascii"))
-        write_atomically(self._directory / "trajectory.txt", tum_text(stamps_s[:count], poses).encode("ascii"))
+        write_whole(self._directory / "graph.g2o", graph.g2o_text(count).encode("ascii"))
+        write_whole(self._directory / "trajectory.txt", tum_text(stamps_s[:count], poses).encode("ascii"))
         points = self.merged_points(poses, map_voxel_m, left_out, gone)
-        write_atomically(self._directory / "cloud.ply", ply_bytes(points))
-        write_atomically(self._directory / "cloud.pcd", pcd_bytes(points))
+        write_whole(self._directory / "cloud.ply", ply_bytes(points))
+        write_whole(self._directory / "cloud.pcd", pcd_bytes(points))
         return tuple(left_out)
 
     def merged_points(self, vertex_poses: Array, voxel_m: float, left_out: list[str] | None = None, gone: Gone | None = None) -> Array:
@@ -194,7 +198,7 @@ class SessionStore:
             except OSError as error:
                 first, last = self._waiting[0].vertex_id, self._waiting[-1].vertex_id
                 which = f"sweep {last} is" if first == last else f"sweeps {first} to {last} are"
-                raise NotOnDiskError(error.errno, f"{which} not on disk: {error.strerror or error}", str(self._directory)) from error
+                raise NotOnDiskError(f"{which} not on disk: {refusal(error, self._directory / 'sweeps')}") from error
             del self._waiting[0]
 
     def _write(self, sweep: _Waiting) -> None:
@@ -202,7 +206,7 @@ class SessionStore:
         file, count = sweep_file(sweep.vertex_id), len(sweep.cloud)
         stored = StoredSweep(sweep.vertex_id, sweep.stamp_s, file, count, 0, "", sweep.measured, sweep.change)
         data = sweep_bytes(sweep.cloud, sweep.stamp_s, payload_text(stored), sweep.free)
-        write_atomically(self._directory / file, data)
+        write_whole(self._directory / file, data)
         digest = hashlib.sha256(data).hexdigest()
         self._index.append(StoredSweep(sweep.vertex_id, sweep.stamp_s, file, count, len(data), digest, sweep.measured, sweep.change))
 
@@ -231,7 +235,7 @@ def _link_or_copy(path: Path, copy: Path) -> None:
     except FileNotFoundError:
         raise
     except OSError:
-        write_atomically(copy, path.read_bytes())
+        write_whole(copy, path.read_bytes())
 
 
 __all__ = [
@@ -242,5 +246,4 @@ __all__ = [
     "copy_session",
     "ply_bytes",
     "tum_text",
-    "write_atomically",
 ]

@@ -28,6 +28,7 @@ def test_good_run_succeeds() -> None:
         ({"fell": True}, Fault.FELL),
         ({"collisions": 1}, Fault.TOUCHED),
         ({"map_saved": False}, Fault.NOT_SAVED),
+        ({"on_disk": False}, Fault.NOT_ON_DISK),
         ({"coverage": 0.95}, Fault.MISSED),  # five parts in a hundred are missing
         ({"coverage": 0.98, "missed_piece_m2": 5.1}, Fault.MISSED),  # a storey of a large building
         ({"coverage": 0.98, "start": StartDistance(0.9, 0.9, 0.0)}, Fault.STAYED),

@@ -1,11 +1,15 @@
 """What a run's end says: what died, what to do, and an exit code that knows of no success where nobody judged."""
 
+import errno
 import json
+import os
 from pathlib import Path
 
 import pytest
 
-from explore_command.ending import cause_of_death, ended
+import exploration_evaluation.ending
+from explore_command import ending
+from explore_command.ending import cause_of_death
 
 NODE_DIED = "\x1b[31m[move_base_node-12] process has died [pid 7, exit code -9, cmd /x/move_base_node __name:=move_base_node]."
 REQUIRED = "===REQUIRED process [{}] has died!\nprocess has {}\nInitiating shutdown!\n==="
@@ -34,6 +38,10 @@ def run_folder(folder: Path, log: str = "", **files: object) -> Path:
     return folder
 
 
+def ended(out: Path, code: int, *, interrupted: bool) -> int:
+    return ending.ended(out, code, interrupted, (out / "roslaunch.log").read_text())
+
+
 def summary_of(folder: Path) -> dict[str, object]:
     return dict(json.loads((folder / "summary.json").read_text()))
 
@@ -46,6 +54,19 @@ def test_run_without_a_summary_gets_one_with_what_died(tmp_path: Path, capsys: p
     assert summary_of(out) == {"world": "rooms", "sweeps": 3, "stop_reason": "roslaunch was killed", "success": False}
     told = capsys.readouterr()
     assert told.err == f"./explore: roslaunch was killed; what was mapped is in {out}, and ./explore --resume {out} goes on with it\n"
+
+
+def test_run_that_cannot_be_judged_is_no_success_and_says_how_it_goes_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(exploration_evaluation.ending, "write_json", refuse)
+    out = run_folder(tmp_path, run={"world": "rooms"})
+    assert ended(out, 0, interrupted=False) == 1
+    told = capsys.readouterr()
+    assert "is full: make room there" in told.out and told.err.startswith("./explore: the run has no summary; nothing was mapped yet")
 
 
 def test_folder_without_a_sweep_cannot_be_resumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

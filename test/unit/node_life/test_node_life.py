@@ -1,15 +1,18 @@
 """A process above a node starts it again when it was killed, broke or hangs, gives it up when it dies too often, and keeps its memory."""
 
 import os
+import resource
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+import node_revival.__main__
 from node_life import Deaths, Life, RevivalConfig, Watch, processor_s
 from node_life.life import MEMORY
 from node_revival.__main__ import forget_dead
@@ -187,3 +190,42 @@ def test_without_a_process_above_it_nothing_is_kept() -> None:
     life.note("y", 1)
     life.beat()
     assert life.is_first and life.kept("x", None) is None and life.notes("y") == []
+
+
+@contextmanager
+def files_of_at_most(size: int) -> Iterator[None]:
+    """Writes beyond so many bytes of a file fail, as on a full disk."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_memory_without_room_keeps_what_it_has_and_says_so(tmp_path: Path) -> None:
+    life = Life({MEMORY: str(tmp_path)})
+    life.keep("state", "small")
+    with files_of_at_most(1000):
+        life.keep("state", "large" * 1000)
+    assert "state: files here may not be so large" in life.problem
+    assert life.kept("state", "") == "small" and [p.name for p in tmp_path.iterdir()] == ["state"]
+    life.keep("state", "new")
+    assert (life.kept("state", ""), life.problem) == ("new", "")
+
+
+def test_note_that_has_no_room_hides_no_later_one(tmp_path: Path) -> None:
+    life = Life({MEMORY: str(tmp_path)})
+    life.note("notes", "first")
+    with files_of_at_most(1000):
+        life.note("notes", "large" * 1000)
+        life.note("notes", "second")
+    assert life.notes("notes") == ["first", "second"]
+
+
+def test_without_room_for_a_memory_a_node_lives_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys) -> None:
+    monkeypatch.setattr(node_revival.__main__, "_ROOTS", ("/proc/nowhere", str(tmp_path / "gone")))
+    body = "import pathlib, sys; pathlib.Path(sys.argv[1]).open('a').write('lived '); sys.exit(1)"
+    assert node_revival.__main__.main([sys.executable, "-c", body, str(tmp_path / "log"), "__name:=a_node"]) == 1
+    assert (tmp_path / "log").read_text() == "lived "
+    assert "nothing is kept for a restart: /proc/nowhere/" in capsys.readouterr().err

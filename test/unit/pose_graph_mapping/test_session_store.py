@@ -23,7 +23,6 @@ from pose_graph_mapping.session.session_store import (
     copy_session,
     ply_bytes,
     tum_text,
-    write_atomically,
 )
 from rigid_geometry import inverse, quat_xyzw_from_transform, transform_from_rpy
 
@@ -327,18 +326,9 @@ def _write_and_die(folder, accepted, last, torn):
         os._exit(0)
 
 
-def test_crash_while_replacing_leaves_the_old_file(tmp_path, monkeypatch):
-    path = tmp_path / "graph.g2o"
-    write_atomically(path, b"old")
-    monkeypatch.setattr(os, "replace", lambda a, b: (_ for _ in ()).throw(OSError("no")))
-    with pytest.raises(OSError, match="no"):
-        write_atomically(path, b"new")
-    assert path.read_bytes() == b"old" and os.listdir(tmp_path) == ["graph.g2o"]
-
-
 def test_data_are_on_disk_before_the_index_names_them(tmp_path, monkeypatch):
-    order, write, append = [], session_store.write_atomically, session_index.SessionIndex.append
-    monkeypatch.setattr(session_store, "write_atomically", lambda path, data: (order.append(path.name), write(path, data)))
+    order, write, append = [], session_store.write_whole, session_index.SessionIndex.append
+    monkeypatch.setattr(session_store, "write_whole", lambda path, data: (order.append(path.name), write(path, data)))
     monkeypatch.setattr(session_index.SessionIndex, "append", lambda self, s: (order.append("index"), append(self, s)))
     filled(tmp_path, 2)
     assert order == ["000000.npz", "index", "000001.npz", "index"]
@@ -377,9 +367,9 @@ def test_full_disk_keeps_sweeps_in_memory_until_there_is_room(tmp_path, monkeypa
 
     monkeypatch.setattr(session_index.SessionIndex, "append", full)
     for which in ("sweep 1 is", "sweeps 1 to 2 are"):
-        with pytest.raises(NotOnDiskError, match=f"{which} not on disk: No space left on device"):
+        with pytest.raises(NotOnDiskError, match=f"{which} not on disk: .* is full: make room there"):
             add(store, graph)
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(OSError, match="is full"):
         store.save(graph)
     assert (len(store.sweeps), store.not_on_disk) == (1, 2) and len(store.load_sweep(2)) == 500
     assert (tmp_path / INDEX).read_bytes() == before

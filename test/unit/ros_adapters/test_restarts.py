@@ -13,7 +13,7 @@ import rospy
 from node_life import Life
 from node_life.life import BEAT, PULSE, STILL_STARTING
 from ros_adapters import asking, restarts, session_keeper
-from ros_adapters.asking import AskedService, is_asking
+from ros_adapters.asking import AskedService, is_waiting
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.liveness import Liveness, why_it_stays_away
 
@@ -30,7 +30,7 @@ class Server:
 
     def answer(self, *_arguments: object) -> object:
         self.calls += 1
-        self.asked_meanwhile = is_asking()
+        self.asked_meanwhile = is_waiting()
         now = self.script.pop(0) if len(self.script) > 1 else self.script[0]
         if isinstance(now, Exception):
             raise now
@@ -56,7 +56,7 @@ ABSENT = rospy.ServiceException("unable to connect to service: [Errno 111] Conne
 def test_service_that_died_is_asked_again_until_it_answers(served, error: Exception) -> None:
     server = served(error, error, "yes")
     assert AskedService("x", object)() == "yes" and server.calls == 3
-    assert server.asked_meanwhile and not is_asking()
+    assert server.asked_meanwhile and not is_waiting()
 
 
 @pytest.mark.parametrize("words", ["service [/x] responded with an error: no map", "service [/x] unavailable"])
@@ -64,7 +64,7 @@ def test_server_that_does_not_want_and_one_that_nobody_knows_are_asked_once(serv
     server = served(rospy.ServiceException(words))
     with pytest.raises(rospy.ServiceException, match=re.escape(words)):
         AskedService("x", object)()
-    assert server.calls == 1 and not is_asking()
+    assert server.calls == 1 and not is_waiting()
 
 
 def test_server_that_has_answered_is_waited_for_while_it_begins_anew(served) -> None:
@@ -165,13 +165,13 @@ def test_node_whose_callback_never_ends_does_not_beat(quick: None) -> None:
 
 def test_node_that_starts_beats_only_while_it_waits_for_another(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:
     assert beats_in(0.3, threading.RLock(), STILL_STARTING, runs=False) == 0 == beats_in(0.3, threading.RLock(), runs=False)
-    monkeypatch.setattr(restarts, "is_asking", lambda: True)
+    monkeypatch.setattr(restarts, "is_waiting", lambda: True)
     assert beats_in(0.5, threading.RLock(), STILL_STARTING, runs=False) > 0 == beats_in(0.5, threading.RLock(), runs=False)
 
 
 def test_node_that_waits_for_another_beats(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:
     lock, held = threading.RLock(), threading.Event()
-    monkeypatch.setattr(restarts, "is_asking", lambda: True)
+    monkeypatch.setattr(restarts, "is_waiting", lambda: True)
 
     def wait() -> None:
         with lock:

@@ -1,6 +1,8 @@
 """What is written about a run ends where the run ends, however long its nodes go on."""
 
+import errno
 import json
+import os
 import pickle
 from pathlib import Path
 
@@ -9,9 +11,11 @@ import pytest
 from explore_3dnav.msg import Contact, ExplorationDecision, RunEvent
 from nav_msgs.msg import Odometry
 
+from exploration_evaluation import ending
 from mount_calibration import RECORDED_FILE, TiltCalibration, read_calibration
 from rigid_geometry import transform_from_rpy
 from robot_body import DESCRIPTION, RobotBody, load_robot, robot_from_mapping
+from ros_adapters import run_log
 from ros_adapters.conversions import header
 from ros_adapters.run_log import RunLog
 
@@ -172,3 +176,31 @@ def test_log_that_goes_on_after_its_process_died_is_one_log(tmp_path: Path) -> N
     assert len(np.loadtxt(tmp_path / "trajectory_truth.txt")) == 40
     assert (tmp_path / "contacts.csv").read_text().count("\n") == 41
     assert [line.split(",")[2] for line in (tmp_path / "events.csv").read_text().splitlines()] == ["state", "driving", "finished"]
+
+
+def test_disk_that_takes_nothing_ends_no_log_and_no_success_comes_of_it(tmp_path: Path) -> None:
+    """As on a full disk, by /dev/full."""
+    for name in ("trajectory_truth.txt", "events.csv"):
+        (tmp_path / name).symlink_to("/dev/full")
+    told = finished_at_2(tmp_path, judged=False)
+    assert told.startswith("FAILED") and f"not on disk: {tmp_path / 'events.csv'}: the disk /" in told
+    summary = read_summary(tmp_path)
+    assert summary["success"] is False and summary["faults"] == ["not on disk"]
+    assert "is full: make room there" in str(summary["not_on_disk"])
+
+
+def test_folder_that_became_read_only_is_told_and_not_judged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: Path, **_: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+
+    monkeypatch.setattr(run_log, "write_json", refuse)
+    monkeypatch.setattr(ending, "write_json", lambda path, _: refuse(path))
+    told = finished_at_2(tmp_path, judged=True)
+    assert told.startswith(f"not judged: {tmp_path / 'summary.json'}: the disk /") and "is read-only: mount it for writing" in told
+    assert f"python -m exploration_evaluation {tmp_path}" in told
+
+
+def test_what_a_node_could_not_save_speaks_against_a_run(tmp_path: Path) -> None:
+    log = RunLog(tmp_path, {}, RobotBody(), judged=False)
+    log.finish("explored: all", not_saved=["octomap_server_3dnav_node: map not saved: it is full"])
+    assert read_summary(tmp_path)["faults"] == ["not on disk"]

@@ -1,0 +1,54 @@
+"""The one way in which a file gets its name: when all of it is on disk."""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+_UNFINISHED = ".part.{}"  # libraries go by what a name ends with
+
+
+def write_whole(path: Path, content: bytes | str) -> None:
+    """Replaces `path`, so that a reader, or a crash, sees the old file or the new one; a text is written as UTF-8.
+
+    OSError as the system gives it: the old file is as it was, and nothing lies beside it.
+    """
+    with written_whole(path) as unfinished:
+        unfinished.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+
+
+@contextlib.contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """The same for a library that writes files: gives a path beside `path`, whose file has the name afterwards.
+
+    Where the body fails, or the disk, the old file is as it was.
+    """
+    unfinished = path.with_name(_UNFINISHED.format(path.name))
+    try:
+        yield unfinished
+        _sync(unfinished)
+        os.replace(unfinished, path)
+    except BaseException:
+        with contextlib.suppress(OSError):  # a disk that became read-only keeps it
+            unfinished.unlink()
+        raise
+    sync_folder(path.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Returns when the names in a folder are on disk."""
+    _sync(folder)
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Removes what programs that were killed while they wrote have left in a folder."""
+    for path in folder.glob(_UNFINISHED.format("*")):
+        path.unlink(missing_ok=True)
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
