@@ -18,11 +18,13 @@ from pathlib import Path
 from explore_command.parameters import ROBOT_NODES
 from node_life import RevivalConfig
 from roslaunch_process import descendants, send
+from whole_files import WaitingLines
 
 CHAOS_FILE = "chaos.csv"
 KILL, STOP, STARVE = KINDS = ("kill", "stop", "starve")
 _SENSORS = ("/scan", "/joint_states", "/imu/data", "/wheel_odom")
 _LOOK_S = 0.25
+_ROW = "{},{},{},{},{},{}\n"
 _STATUS = re.compile(r"\bt=([0-9.]+) s.*\| (.*)$", re.MULTILINE)
 
 
@@ -86,22 +88,22 @@ class BadHand:
         spared_s = promised.within_s + promised.silent_s  # a node that hangs is killed so late
         struck_s: dict[str, list[float]] = {}
         stood_at: list[str] = []
-        with self.told.open("w", newline="") as file:
-            rows = csv.writer(file, lineterminator="\n")
-            rows.writerow(("wall_s", "sim_s", "doing", "kind", "node", "lasts_s"))
-            for blow in plan:
-                if self.over.wait(blow.pause_s) or not self._clock_goes_on(stood_at[-self.config.most_at_once :]):
-                    return
-                now_s, pid = time.monotonic(), node_pid(self.root, blow.node)
-                recent = [at_s for at_s in struck_s.get(blow.node, ()) if now_s - at_s < spared_s]
-                if pid is None or len(recent) >= promised.deaths - 1:
-                    continue
-                doing = _status(self.log)
-                stood_at.append(doing[0])
-                self._strike(pid, blow)
-                struck_s[blow.node] = [*recent, time.monotonic()]
-                rows.writerow((f"{now_s - begun_s:.2f}", *doing, blow.kind, blow.node, f"{time.monotonic() - now_s:.2f}"))
-                file.flush()
+        lines = WaitingLines(self.told)
+        lines.add(_ROW.format("wall_s", "sim_s", "doing", "kind", "node", "lasts_s"))
+        for blow in plan:
+            if self.over.wait(blow.pause_s) or not self._clock_goes_on(stood_at[-self.config.most_at_once :]):
+                break
+            now_s, pid = time.monotonic(), node_pid(self.root, blow.node)
+            recent = [at_s for at_s in struck_s.get(blow.node, ()) if now_s - at_s < spared_s]
+            if pid is None or len(recent) >= promised.deaths - 1:
+                continue
+            sim_s, doing = _status(self.log)
+            stood_at.append(sim_s)
+            self._strike(pid, blow)
+            struck_s[blow.node] = [*recent, time.monotonic()]
+            lasted_s = time.monotonic() - now_s
+            lines.add(_ROW.format(f"{now_s - begun_s:.2f}", sim_s, f'"{doing}"', blow.kind, blow.node, f"{lasted_s:.2f}"))
+        lines.close()
 
     def _clock_goes_on(self, stood_at: Sequence[str]) -> bool:
         """Once it shows another time than at each of the newest blows; False when the run is over before."""

@@ -8,6 +8,7 @@ from scipy.stats import binomtest
 from evaluation_report.campaign import Campaign, Run, Status, load_campaign, world_name
 from evaluation_report.measures import CHAOS_SCORES
 from evaluation_report.wording import UNKNOWN
+from whole_files import write_whole
 
 SOAK_FILE = "soak.md"
 _CONFIDENCE = 0.95
@@ -17,7 +18,7 @@ _COLUMNS = ("world", "runs", "failures", "success, 95 %", "at least, at 95 %", *
 def write_soak(campaign_dir: Path) -> str:
     """The table and the causes as Markdown, which go to soak.md, too. ValueError as `load_campaign` raises it."""
     text = soak_text(load_campaign(campaign_dir))
-    (campaign_dir / SOAK_FILE).write_text(text, encoding="utf-8")
+    write_whole(campaign_dir / SOAK_FILE, text)
     return text
 
 

@@ -58,6 +58,25 @@ class LockstepSimTest(unittest.TestCase):
         type(self).answered += 1
         self.done.publish(SimulationTick(tick.header, ["/cmd_vel"], [self.sent], tick.recount))
 
+    def wait_for_recount(self) -> SimulationTick:
+        """The last tick, told anew because a node is ready once more. It is told anew every few seconds then, until it is answered."""
+        before = self.ticks.messages[-1].recount
+        self.ready.publish("chain")
+        wait_until(lambda: self.ticks.messages[-1].recount > before, "a recount")
+        return self.ticks.messages[-1]
+
+    def answer_recount(self, tick: SimulationTick, commands: int) -> SimulationTick:
+        """Answers a tick as it was told last, until the next one comes, which is returned."""
+
+        def is_next() -> bool:
+            newest = self.ticks.messages[-1]
+            self.done.publish(SimulationTick(tick.header, ["/cmd_vel"], [commands], newest.recount))
+            return stamp_of(newest) > stamp_of(tick)
+
+        wait_until(is_next, "the next tick")
+        type(self).answered = next(k for k, m in enumerate(self.ticks.messages) if stamp_of(m) > stamp_of(tick))
+        return self.ticks.messages[self.answered]
+
     def go_on(self, ticks: int, *turn_rates: float) -> None:
         """Each tick with these commands."""
         for _ in range(ticks):
@@ -130,30 +149,22 @@ class LockstepSimTest(unittest.TestCase):
         time.sleep(QUIET_S)
         self.assertEqual(len(self.ticks.messages), self.answered + 1)
 
-    def test_9_clock_stands_as_long_as_nodes_come_back(self) -> None:
+    def test_90_clock_stands_as_long_as_nodes_come_back(self) -> None:
         tick = self.next_tick()
-        for recount in (1, 2, 3):  # 20 s together, and after 15 without any it would be over
-            self.ready.publish("chain")
-            wait_until(lambda recount=recount: self.ticks.messages[-1].recount == recount, f"recount {recount}")
+        for _ in range(3):  # 20 s together, and after 15 without any it would be over
+            self.wait_for_recount()
             time.sleep(7.0)
-        self.done.publish(SimulationTick(tick.header, ["/cmd_vel"], [self.sent], 3))
-        told = len(self.ticks.messages)
-        wait_until(lambda: len(self.ticks.messages) > told, "the next tick")
-        type(self).answered = told
+        self.answer_recount(tick, self.sent)
 
-    def test_99_node_that_is_ready_once_more_has_the_last_tick_told_again_and_all_count_anew(self) -> None:
+    def test_91_node_that_is_ready_once_more_has_the_last_tick_told_again_and_all_count_anew(self) -> None:
         before = self.next_tick()
-        self.ready.publish("chain")
-        wait_until(lambda: self.ticks.messages[-1].recount == 4, "the recount")
-        told = len(self.ticks.messages)
-        self.assertEqual((stamp_of(self.ticks.messages[-1]), self.ticks.messages[-1].counts), (stamp_of(before), before.counts))
+        again = self.wait_for_recount()
+        self.assertEqual((stamp_of(again), again.counts), (stamp_of(before), before.counts))
         self.done.publish(SimulationTick(before.header, ["/cmd_vel"], [self.sent], before.recount))  # of the process before
         time.sleep(QUIET_S)
-        self.assertEqual(len(self.ticks.messages), told)
-        self.done.publish(SimulationTick(before.header, ["/cmd_vel"], [0], 4))  # of one that has sent nothing yet
-        wait_until(lambda: len(self.ticks.messages) > told, "the next tick")
-        after = self.ticks.messages[told]
-        self.assertEqual((round(stamp_of(after) - stamp_of(before), 3), after.recount), (0.05, 4))
+        self.assertEqual(stamp_of(self.ticks.messages[-1]), stamp_of(before))
+        after = self.answer_recount(before, 0)  # of one that has sent nothing yet
+        self.assertEqual(round(stamp_of(after) - stamp_of(before), 3), 0.05)
 
 
 if __name__ == "__main__":
