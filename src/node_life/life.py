@@ -2,8 +2,10 @@
 
 import contextlib
 import errno
+import faulthandler
 import os
 import pickle
+import signal
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TypeVar, cast
@@ -14,6 +16,8 @@ V = TypeVar("V")
 
 PULSE, MEMORY = "EXPLORE_3DNAV_PULSE", "EXPLORE_3DNAV_MEMORY"  # a pipe to write to, and a folder
 BEAT, STILL_STARTING = b".", b"s"
+SHOW_STACKS = signal.SIGUSR1
+_STACKS = "stacks"
 _OVER = (EOFError, OSError, pickle.UnpicklingError)
 
 
@@ -35,6 +39,13 @@ class Life:
                 (self._folder / "lived").touch()
             except OSError as error:
                 self.problem = refusal(error, self._folder / "lived")
+
+    def show_stacks(self) -> None:
+        """From now on SHOW_STACKS writes what all threads are at where `stacks_of` finds it: for when it hangs."""
+        if self._folder is not None:
+            with contextlib.suppress(OSError):
+                self._stacks = (self._folder / _STACKS).open("w")  # stays open: it is written to in the signal's handler
+                faulthandler.register(SHOW_STACKS, file=self._stacks)
 
     def beat(self, *, starts: bool = False) -> None:
         """Says that the node gets on, or with its start; where nobody listens nothing happens."""
@@ -99,3 +110,11 @@ class Life:
         """Nothing is kept or noted under a name any more."""
         if self._folder is not None:
             (self._folder / name).unlink(missing_ok=True)
+
+
+def stacks_of(folder: Path) -> str:
+    """What the threads of the process with this memory were at when it was asked last; empty where it was not, or did not answer."""
+    try:
+        return (folder / _STACKS).read_text()
+    except OSError:
+        return ""

@@ -6,6 +6,7 @@ the node again, and why it gave up.
 The node's memory is a folder that lives as long as this process.
 """
 
+import contextlib
 import os
 import select
 import shutil
@@ -18,13 +19,14 @@ import xmlrpc.client
 from collections.abc import Sequence
 from pathlib import Path
 
-from node_life.life import BEAT, MEMORY, PULSE
+from node_life.life import BEAT, MEMORY, PULSE, SHOW_STACKS, stacks_of
 from node_life.watch import Deaths, RevivalConfig, Watch, processor_s
 from roslaunch_process.children import end_with_parent
 from whole_files import refusal
 
 _PREFIX = "explore_3dnav_"
 _LOOK_S = 0.25
+_ANSWERS_WITHIN_S = 0.5
 _ROOTS = ("/dev/shm", tempfile.gettempdir())  # a node keeps its state at every step: on a disk that takes a millisecond
 _ROOM_BYTES = 1_000_000
 _WANTED = (0, 2)  # exit codes of a node that ends as it should
@@ -101,10 +103,25 @@ class Revival:
                 elif not self._asked_to_end:
                     why = why or watch.hung(time.monotonic(), processor_s(process.pid))
                     if why:
+                        why += self._stacks(process)
                         process.kill()
         finally:
             os.close(reading)
         return process.returncode, why
+
+    def _stacks(self, process: "subprocess.Popen[bytes]") -> str:
+        """Has a node that hangs say where, beside its log file; in words where that is, empty where it does not say."""
+        log = next((word[7:] for word in self._command if word.startswith("__log:=")), "")
+        if self._memory is None or not log:
+            return ""
+        process.send_signal(SHOW_STACKS)
+        time.sleep(_ANSWERS_WITHIN_S)
+        if not (told := stacks_of(self._memory)):
+            return ""
+        path = Path(f"{log}.hung")
+        with contextlib.suppress(OSError):
+            path.write_text(told)
+        return f" ({path} says where)"
 
 
 def forget_dead(root: Path) -> None:

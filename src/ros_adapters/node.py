@@ -67,6 +67,7 @@ class Node:
         rospy.init_node(name, disable_rostime=True)
         self.name = name
         self.life = Life()
+        self.life.show_stacks()
         self.lock = threading.RLock()
         self.lockstep = bool(rospy.get_param("/lockstep", False))
         self.diagnostics = Diagnostics(name)

@@ -27,6 +27,7 @@ def revive(tmp_path: Path) -> Iterator[object]:
 
     def start(body: str) -> subprocess.Popen[str]:
         command = [sys.executable, "-m", "node_revival", sys.executable, "-c", LIVES + body, str(tmp_path / "log"), "__name:=a_node"]
+        command.append(f"__log:={tmp_path}/a_node.log")
         environment = {**os.environ, "ROS_MASTER_URI": "http://localhost:1", "TMPDIR": str(tmp_path)}
         started.append(subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, start_new_session=True))
         return started[-1]
@@ -95,6 +96,12 @@ def test_stopped_node_is_ended_and_started_again(revive, tmp_path: Path) -> None
     os.killpg(process.pid, signal.SIGINT)
     process.wait(30.0)
     assert "made no progress for" in process.stderr.read()
+
+
+def test_node_that_hangs_says_where(revive, tmp_path: Path) -> None:
+    revive(KEEPS_ITS_NAME.replace("time.sleep(600)", "\ndef in_vain():\n time.sleep(600)\nlife.show_stacks()\nin_vain()"))
+    lines(tmp_path, 2)
+    assert "in in_vain" in (tmp_path / "a_node.log.hung").read_text()
 
 
 CONFIG = RevivalConfig(silent_s=5.0, busy_s=60.0, start_s=60.0)
