@@ -15,19 +15,22 @@ class RevivalConfig:
     delay_s: float = 0.5  # until it is started again: the master and the listeners have noticed by then
     deaths: int = 3  # so many within `within_s`, and it is given up (issue 42)
     within_s: float = 60.0
-    busy_share: float = 0.5  # of the time a thread runs, or waits for a processor: that is work. One that only polls has some per cent
+    busy_share: float = 0.5  # of the time threads run, or wait for a processor: that is work. Those that only poll have a tenth, or two
 
 
 def processor_s(pid: int) -> float:
-    """Seconds for which the busiest thread of a process has run or waited for a processor so far; 0.0 when it is gone."""
-    most = 0.0
+    """Seconds for which all threads of a process have run or waited for a processor so far; 0.0 when it is gone.
+
+    Of all of them: two threads that compute take turns at Python's lock, and neither has half of the time.
+    """
+    used = 0.0
     for task in Path(f"/proc/{pid}/task").glob("*/schedstat"):
         try:
             ran_ns, waited_ns, _ = task.read_text().split()
         except (OSError, ValueError):
             continue
-        most = max(most, 1e-9 * (float(ran_ns) + float(waited_ns)))
-    return most
+        used += 1e-9 * (float(ran_ns) + float(waited_ns))
+    return used
 
 
 @dataclass

@@ -5,6 +5,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -158,6 +159,25 @@ def test_work_of_any_thread_is_seen() -> None:
     while time.thread_time() - begun_s < 0.2:
         pass
     assert processor_s(os.getpid()) - before_s > 0.1
+
+
+def test_threads_that_take_turns_at_pythons_lock_work() -> None:
+    over = threading.Event()
+
+    def compute() -> None:
+        while not over.is_set():
+            pass
+
+    at_work = [threading.Thread(target=compute) for _ in range(4)]  # a quarter of the time each
+    for thread in at_work:
+        thread.start()
+    before_s, begun_s = processor_s(os.getpid()), time.monotonic()
+    time.sleep(1.0)
+    share = (processor_s(os.getpid()) - before_s) / (time.monotonic() - begun_s)
+    over.set()
+    for thread in at_work:
+        thread.join()
+    assert share > CONFIG.busy_share
 
 
 def test_what_was_being_written_at_death_is_left_out(tmp_path: Path) -> None:
