@@ -60,3 +60,8 @@ class DrivingMemory:
     told: tuple[DriveState | None, int] = (None, 0)
     nods: bool = False
     event: RunEvent | None = None
+
+    def takes(self, stamp_s: float) -> bool:
+        """Whether the decision about a sweep takes effect now: each once, though nodes that are started again say and hear it again."""
+        is_new, self.taken_s = stamp_s != self.taken_s, stamp_s
+        return is_new

@@ -30,7 +30,10 @@ SILENT_ABOUT = {  # topics whose messages of NaN are no fault: they have no numb
 }
 PATIENT = {"sweep_start_limit_s": 60.0, "sweep_limit_s": 600.0, "decision_limit_s": 3600.0}
 _COUNT = re.compile(r"^(\d+)\b")
-_OF_ROSPY = re.compile(r"\[rospy\.internal\]\[ERROR\][^\n]*Inbound TCP/IP connection failed:\nTraceback(?:\n?[^\n]+)+")
+_OF_ROSPY = re.compile(
+    r"\[rospy\.internal\]\[(?:ERROR|WARNING)\][^\n]*(?:Inbound TCP/IP connection failed|Unknown error initiating TCP/IP socket)[^\n]*:\s*"
+    r"Traceback(?:\n?[^\n]+)+"
+)
 
 
 class Nodes:
@@ -49,7 +52,7 @@ class Nodes:
             return subprocess.Popen(command, env=self._environment, stdout=log, stderr=subprocess.STDOUT, preexec_fn=end_with_parent)
 
     def log_of(self, name: str) -> str:
-        """What the node printed, but for rospy's own word about a listener that left before it was heard: the fuzzer's."""
+        """What the node printed, but for rospy's own word about a connection that was gone before it was made, as by two at a time."""
         return _OF_ROSPY.sub("", (self.folder / f"{name}.log").read_text(errors="replace"))
 
     def stack_of(self, name: str) -> str:

@@ -16,6 +16,9 @@ from ros_adapters import asking, restarts, session_keeper
 from ros_adapters.asking import AskedService, is_waiting
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.liveness import Liveness, why_it_stays_away
+from ros_adapters.mapping_mode import OpenSweeps, Results, ResultTimes
+from ros_adapters.memories import DrivingMemory
+from stop_scan_and_go import ScanWhileDriving, StopScanAndGoConfig
 
 
 class Server:
@@ -121,6 +124,15 @@ def test_node_that_is_started_again_is_waited_for_and_no_other() -> None:
     assert "away for 70 s" in why_it_stays_away("a", {"a": above}, 70.0)
     assert "3 times" in why_it_stays_away("a", {"a": {**above, "gave_up": "3 times within 60 s"}}, 0.0)
     assert "what starts it again" in why_it_stays_away("a", {"a": {"pid": 2**22 + 1}}, 0.0)
+
+
+def test_decision_that_comes_twice_before_its_time_takes_effect_once() -> None:
+    memory = DrivingMemory(ScanWhileDriving(StopScanAndGoConfig()), OpenSweeps(ResultTimes(), driving=True))
+    results, taken = Results(ResultTimes(), lockstep=True, driving=True), []
+    for stamp_s in (2.0, 2.0, 4.0):
+        results.add(stamp_s, lambda stamp_s=stamp_s: taken.append(stamp_s) if memory.takes(stamp_s) else None)
+    results.take_until(10.0)
+    assert taken == [2.0, 4.0]
 
 
 def test_restarts_are_those_of_now_and_without_a_master_the_last_that_were_heard(monkeypatch: pytest.MonkeyPatch) -> None:
