@@ -10,6 +10,7 @@ from sensor_msgs.msg import PointCloud2
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session import session_store
 from pose_graph_mapping.session.session_record import Measured
+from ros_adapters import session_keeper
 from ros_adapters.asking import is_waiting
 from ros_adapters.session_keeper import SessionKeeper
 
@@ -38,6 +39,16 @@ def test_node_that_waits_for_its_disk_is_not_hung(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(session_store, "write_whole", lambda path, data: (waited.append(is_waiting()), write(path, data)))
     keep_one(SessionKeeper(tmp_path, Told()), PoseGraph())  # type: ignore[arg-type]
     assert waited == [True] and not is_waiting()
+
+
+def test_slow_disk_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told, clock_s = Told(), iter([0.0, 0.1, 10.0, 17.0])
+    monkeypatch.setattr(session_keeper.time, "monotonic", lambda: next(clock_s))
+    keeper, graph = SessionKeeper(tmp_path, told), PoseGraph()  # type: ignore[arg-type]
+    keep_one(keeper, graph)
+    assert "its disk is slow" not in told.said
+    keep_one(keeper, graph)
+    assert told.said["its disk is slow"] == f"{tmp_path}: a sweep took 7 s: name a folder elsewhere"
 
 
 def test_full_disk_is_told_until_it_takes_the_sweeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
