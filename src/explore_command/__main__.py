@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from explore_command.arguments import ArgumentProblem, ExploreArguments, parse
 from explore_command.launching import as_robot_is_built, effective_robot, parameter_problem, run_launch, world_problem
+from explore_command.limits import limits_problem
 from explore_command.results_folder import claimed_out, prepare_out
 from explore_command.sessions import clock_after
 from whole_files import words_end_nobody
@@ -17,7 +18,7 @@ def main(argv: list[str] | None = None) -> int:
         if arguments.check_only:
             print("set up; for a ROS shell: source .ws/devel/setup.bash")
             return 0
-        if problem := parameter_problem(arguments):
+        if problem := limits_problem() or parameter_problem(arguments):
             raise ArgumentProblem(problem)
         robot = effective_robot(arguments)
         arguments = as_robot_is_built(arguments, robot)

@@ -29,8 +29,13 @@ class Life:
         given = os.environ if environment is None else environment
         self._pulse = int(given[PULSE]) if PULSE in given else None
         self._folder = Path(given[MEMORY]) if MEMORY in given else None
-        self.problem = ""  # why nothing is kept any more
+        self._problems: dict[str, str] = {}  # by name
         self.is_first = self._folder is None or not (self._folder / "lived").exists()
+
+    @property
+    def problem(self) -> str:
+        """Why something is not kept any more; empty when all is."""
+        return next(iter(self._problems.values()), "")
 
     def begun(self) -> None:
         """From now on the next process of this node is not the first."""
@@ -38,7 +43,7 @@ class Life:
             try:
                 (self._folder / "lived").touch()
             except OSError as error:
-                self.problem = refusal(error, self._folder / "lived")
+                self._problems["lived"] = refusal(error, self._folder / "lived")
 
     def show_stacks(self) -> None:
         """From now on SHOW_STACKS writes what all threads are at where `stacks_of` finds it: for when it hangs."""
@@ -66,9 +71,9 @@ class Life:
         try:
             new.write_bytes(pickle.dumps(value, pickle.HIGHEST_PROTOCOL))
             new.replace(self._folder / name)
-            self.problem = ""
+            self._problems.pop(name, None)
         except OSError as error:
-            self.problem = refusal(error, self._folder / name)
+            self._problems[name] = refusal(error, self._folder / name)
             with contextlib.suppress(OSError):
                 new.unlink()
 
@@ -94,7 +99,7 @@ class Life:
             finally:
                 os.close(descriptor)
         except OSError as error:
-            self.problem = refusal(error, path)
+            self._problems[name] = refusal(error, path)
 
     def notes(self, name: str) -> list[object]:
         """All that was noted under a name, oldest first; one that was being written when the process died is left out."""

@@ -175,6 +175,13 @@ class MappingConfig:
     """Algorithms 1 and 2, the graph and what is saved."""
 
     graph_dist_m: float = parameter(8.0, "m", "clouds of vertices this near along the graph make the area cloud (Alg. 1)", low=0.1)
+    area_most_sweeps: int = parameter(
+        80,
+        "-",
+        "of more that are so near the area has evenly many from the oldest to the newest: who stays in one place for hours has thousands. "
+        "An exploring robot has at most 78, in ramp",
+        low=5,
+    )
     num_icp_tries: int = parameter(
         3, "-", "tries of a match: area, last sweep alone, area of twice the distance (Alg. 1, line 15)", low=1, high=3
     )

@@ -17,6 +17,7 @@ from ros_adapters.node import Node
 from stage_config import ConfigError, Configuration, RuntimeParameter, changed_sections, runtime_parameters
 
 C = TypeVar("C", bound=Configuration)
+_MEMORY = "reconfigured"
 _GROUP, _TYPES = "Default", {bool: "bool", int: "int", float: "double", str: "str"}
 
 
@@ -30,7 +31,10 @@ class Section(Generic[C]):
 
 
 class Reconfiguration:
-    """Serves ~set_parameters; the node's lock is held while values change, so that no callback has some of each."""
+    """Serves ~set_parameters; the node's lock is held while values change, so that no callback has some of each.
+
+    A node that is started again has the values that it was told; one that is launched anew has those of the parameter server.
+    """
 
     def __init__(self, node: Node, *sections: Section) -> None:
         """`sections`: where the node's parameters are in use."""
@@ -39,9 +43,18 @@ class Reconfiguration:
         self._configs: dict[str, Configuration] = {section.name: section.config for section in sections}
         self._descriptions = node.publisher("~parameter_descriptions", ConfigDescription, latch=True)
         self._updates = node.publisher("~parameter_updates", Config, latch=True)
+        self._changes: dict[str, object] = {}
+        self._take_up(node.life.kept(_MEMORY, {}))
         self._descriptions.publish(_description(runtime_parameters(self._configs)))
         self._updates.publish(self._now())
         node.serve("~set_parameters", Reconfigure, self._on_set)
+
+    def _take_up(self, changes: dict[str, object]) -> None:
+        """What the process before this one was told; its node was started again."""
+        try:
+            self._change(changes)
+        except ValueError as error:
+            self._node.diagnostics.dropped("parameters of before", str(error))
 
     def _on_set(self, request: ReconfigureRequest) -> ReconfigureResponse:
         with self._node.lock:
@@ -61,6 +74,8 @@ class Reconfiguration:
                     self._use[before](self._configs[before])
                 raise
         self._tell(new)
+        self._changes |= changes
+        self._node.life.keep(_MEMORY, self._changes)
 
     def _tell(self, new: dict[str, Configuration]) -> None:
         if not new:

@@ -107,7 +107,8 @@ class ServedMap:
 
     def forget(self) -> None:
         """The map is empty; what is on disk stays there until it is written again."""
-        self.builder = MapBuilder(self.builder.config, self.builder.tree.sensor_model, self.builder.robot)
+        was = self.builder
+        self.builder = MapBuilder(was.config, was.tree.sensor_model, was.robot, was.shelf.another())
         self._plans.forget("no sweep is in the map yet")
         self._files.forget()
         self.stamp_s, self.is_loaded = math.nan, False

@@ -1,5 +1,6 @@
 """The session folder of the mapping node: sweeps go to disk as they come, and a session that ended, however it ended, goes on."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from ros_adapters.frames import frames
 from whole_files import refusal
 
 _NOT_ON_DISK = "the session is not on disk"
+_SLOW_S = 2.0  # the robot's next sweep comes after as long
 _SERVICE, _WAIT_S = "octomap_server_3dnav_node/restore_sweep", 30.0
 
 
@@ -81,13 +83,15 @@ class SessionKeeper:
         """Puts the newest vertex's sweep on disk; a disk that takes nothing stops nobody, and is named."""
         if not self._store or self._is_finished:
             return
-        beams, problem = PointCloud.of_finite(*free_arrays(free)), ""
+        beams, problem, begun_s = PointCloud.of_finite(*free_arrays(free)), "", time.monotonic()
         with waiting_for("disk"):
             try:
                 self._store.add_sweep(len(graph) - 1, stamp_s, *cloud, graph, measured, free=beams)
             except NotOnDiskError as error:
                 problem = str(error)
         self._diagnostics.on_terminal(_NOT_ON_DISK, problem)
+        if (took_s := time.monotonic() - begun_s) > _SLOW_S:
+            self._diagnostics.on_terminal("its disk is slow", f"{self._store.folder}: a sweep took {took_s:.0f} s: name a folder elsewhere")
         self._diagnostics.values["sweeps not on disk"] = self._store.not_on_disk
 
     def save(self, mapper: Mapper) -> tuple[bool, str]:

@@ -2,9 +2,13 @@
 """dynamic_reconfigure's own client at move_base_node: what it reads, changes and is refused, and that the run remembers."""
 
 import json
+import os
+import signal
 import sys
+import xmlrpc.client
 from pathlib import Path
 
+import rosgraph
 import rospy
 from dynamic_reconfigure import DynamicReconfigureCallbackException
 from dynamic_reconfigure.client import Client
@@ -14,6 +18,7 @@ from fed_move_base import NODE, FedMoveBase
 from node_testing import wait_for_node, wait_until
 
 import rostest
+from ros_adapters.reconfigure import values_of
 
 SPEED = "follower_max_speed_mps"
 
@@ -92,6 +97,27 @@ class ReconfigureTest(FedMoveBase):
         self.assertEqual((told()["node"], told()["parameter"], told()["before"]), (NODE, SPEED, 0.5))
         self.assertAlmostEqual(told()["stamp_s"], self.clock_s, places=3)
         self.assertNotEqual(rospy.get_param(f"/{NODE}/follower/max_speed_mps", None), 0.45)
+
+    def test_node_that_is_started_again_has_what_it_was_told(self) -> None:
+        self.client.update_configuration({SPEED: 0.35, "costmap_inflation_radius_m": 0.8})
+        pid = self.pid()
+        os.kill(pid, signal.SIGKILL)
+        wait_until(lambda: self.pid() not in (0, pid), "the next process of the node", 30.0)
+        wait_until(lambda: self.told().get(SPEED) == 0.35, "its parameters", 30.0)
+        self.assertEqual(self.told()["costmap_inflation_radius_m"], 0.8)
+
+    def pid(self) -> int:
+        """Of the node's process, 0 while there is none."""
+        try:
+            return int(xmlrpc.client.ServerProxy(rosgraph.Master("/test").lookupNode(f"/{NODE}")).getPid("/test")[2])
+        except (OSError, rosgraph.MasterError):
+            return 0
+
+    def told(self) -> dict[str, object]:
+        try:
+            return values_of(rospy.ServiceProxy(f"/{NODE}/set_parameters", Reconfigure)(Config()).config)
+        except rospy.ServiceException:
+            return {}
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from message_mutations import can_be_sent, mutated, of_no_numbers
 from explore_command.parameters import ROBOT_NODES
 from roslaunch_process.children import end_with_parent
 
-MESSAGES = 200  # of each topic
+MESSAGES, LEAST = 200, 2000  # of each topic, and of all
 SILENT_ABOUT = {  # topics whose messages of NaN are no fault: they have no number, or one that is shown and nothing else
     "/exploration/decision",
     "/exploration/event",
@@ -219,7 +219,7 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
     assert not unknown, f"no right message to begin with: {unknown}"
     publishers = {topic: rospy.Publisher(topic, get_message_class(kind), queue_size=1000) for topic, kind in topics}
     time.sleep(2.0)
-    stamp_s = time.time()
+    stamp_s, sent = time.time(), 0
     for _ in range(MESSAGES):
         stamp_s += 0.01
         for topic, kind in topics:
@@ -227,9 +227,11 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
             wrong = mutated(right, rng)
             if can_be_sent(wrong):
                 publishers[topic].publish(wrong)
+                sent += 1
             if rng.random() < 0.3:
                 publishers[topic].publish(right)
         time.sleep(0.01)
+    assert sent >= LEAST, f"only {sent} wrong messages could be sent"
     told = {name for (topic, _), listeners in topics.items() for name in listeners if topic not in SILENT_ABOUT}
     before, deadline = {name: counts.of(name) for name in told}, time.monotonic() + 20.0
     while time.monotonic() < deadline and (silent := [name for name in sorted(told) if counts.of(name) <= before[name]]):

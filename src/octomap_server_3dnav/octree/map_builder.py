@@ -4,15 +4,18 @@ Between pose_graph_mapping and the terrain analysis: each sweep is cropped to th
 graph moves by more than an eighth of a voxel is drawn anew. Clouds whose place somebody else knows are inserted and forgotten.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from octomap_server_3dnav.octree.beams import Beams as Beams
+from octomap_server_3dnav.octree.beams import Bounds, beyond, inside
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.octree.map_config import MapConfig as MapConfig  # the map is made with one
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel, SweepVoxels
+from octomap_server_3dnav.octree.shelf import Shelf
 from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
 from rigid_geometry import as_transforms, rotation_angles, transform_points
 from rigid_geometry.transforms import Transform
@@ -28,29 +31,21 @@ RUNS_MARGIN_M = 2.25  # columns beyond a classified radius that inflation and th
 
 
 @dataclass(frozen=True, eq=False)
-class Beams:
-    """One sweep in base_link: hits and their origins (N, 3) float32, ends and origins of beams that met nothing (M, 3) float32."""
-
-    points: NDArray[np.float32]
-    origins: NDArray[np.float32]
-    free_ends: NDArray[np.float32]
-    free_origins: NDArray[np.float32]
-
-
-@dataclass(frozen=True, eq=False)
 class _Seen:
     """What a sweep adds to tree and heights."""
 
     voxels: list[SweepVoxels]
-    hits: HitHeights
+    stood_on: NDArray[np.float32]  # (N, 3) of the ground under the robot, where the beams saw none
+    hits: HitHeights  # and these
 
 
 @dataclass(eq=False)
 class _PlacedSweep:
     vertex_id: int
-    beams: Beams
+    beams: Callable[[], Beams]
     T_map_base: Transform  # where the tree has it
-    seen: _Seen  # from there
+    voxels: list[SweepVoxels]  # seen from there; the hits are made of the beams again
+    stood_on: NDArray[np.float32]
     cleared: list[SweepVoxels] = field(default_factory=list)  # by hand, after it and before the next
 
 
@@ -62,11 +57,11 @@ class MapBuilder:
     of a large map, and no answer depends on how far the work has come. `heights` are true wherever the tree was asked for.
     """
 
-    def __init__(self, config: MapConfig, sensor_model: SensorModel, robot: RobotBody) -> None:
-        """ValueError lists what is wrong with the configuration."""
+    def __init__(self, config: MapConfig, sensor_model: SensorModel, robot: RobotBody, shelf: Shelf | None = None) -> None:
+        """`shelf`: for the sweeps' beams; without one they stay in memory. ValueError lists what is wrong with the configuration."""
         if problems := config.validate():
             raise ValueError("; ".join(problems))
-        self.config, self.robot = config, robot
+        self.config, self.robot, self.shelf = config, robot, shelf or Shelf(None)
         self.heights = SurfaceHeights(config.resolution)
         self._tree = OctreeMap(config.resolution, sensor_model)
         self._sweeps: list[_PlacedSweep] = []
@@ -110,7 +105,7 @@ class MapBuilder:
             )
         self._moved = self._moved_by(poses)
         seen = self._trace(beams, poses[vertex_id], first=not self._sweeps)
-        self._sweeps.append(_PlacedSweep(vertex_id, beams, poses[vertex_id], seen))
+        self._sweeps.append(_PlacedSweep(vertex_id, self.shelf.put(beams), poses[vertex_id], seen.voxels, seen.stood_on))
         self._insert(seen)
         return bool(self._moved)
 
@@ -145,8 +140,7 @@ class MapBuilder:
             return
         self._tree, self.heights = OctreeMap(self.config.resolution, sensor_model), SurfaceHeights(self.config.resolution)
         for sweep in self._sweeps:
-            sweep.seen = self._trace(sweep.beams, sweep.T_map_base, first=sweep is self._sweeps[0])
-            self._insert(sweep.seen)
+            self._insert(self._traced(sweep))
             for voxels in sweep.cleared:
                 self._tree.insert(voxels)
 
@@ -173,9 +167,9 @@ class MapBuilder:
 
     @property
     def sweep_bytes(self) -> int:
-        """What is kept of the sweeps besides tree and heights: beams, to trace them anew, and what they saw."""
-        arrays = (array for s in self._sweeps for part in (s.beams, s.seen.hits) for array in vars(part).values())
-        return sum(int(array.nbytes) for array in arrays) + sum(voxels.memory_bytes() for s in self._sweeps for voxels in s.seen.voxels)
+        """What is kept of the sweeps besides tree and heights: beams, on the shelf or in memory, to trace them anew, and what they saw."""
+        arrays = (array for s in self._sweeps for array in vars(s.beams()).values())
+        return sum(int(array.nbytes) for array in arrays) + sum(voxels.memory_bytes() for s in self._sweeps for voxels in s.voxels)
 
     @property
     def tree(self) -> OctreeMap:
@@ -221,20 +215,41 @@ class MapBuilder:
         due = [self._moved.pop(vertex) for vertex in vertices]
         if not due:
             return
-        before = [sweep.seen for sweep, _ in due]
+        changed, before = [voxels for sweep, _ in due for voxels in sweep.voxels], [self._hits(sweep) for sweep, _ in due]
         for sweep, T_now in due:
-            sweep.T_map_base, sweep.seen = T_now, self._trace(sweep.beams, T_now, first=sweep is self._sweeps[0])
-        after = [sweep.seen for sweep, _ in due]
-        changed = [voxels for seen in (*before, *after) for voxels in seen.voxels]
-        self._tree.redraw(changed, [voxels for sweep in self._sweeps for voxels in (*sweep.seen.voxels, *sweep.cleared)])
-        self.heights.remove(HitHeights.together([seen.hits for seen in before]))
+            sweep.T_map_base = T_now
+        after = [self._traced(sweep) for sweep, _ in due]
+        changed += [voxels for seen in after for voxels in seen.voxels]
+        self._tree.redraw(changed, [voxels for sweep in self._sweeps for voxels in (*sweep.voxels, *sweep.cleared)])
+        self.heights.remove(HitHeights.together(before))
         self.heights.add(HitHeights.together([seen.hits for seen in after]))
+
+    def _traced(self, sweep: _PlacedSweep) -> _Seen:
+        """What a sweep saw from where it is now, which it keeps."""
+        seen = self._trace(sweep.beams(), sweep.T_map_base, first=sweep is self._sweeps[0])
+        sweep.voxels, sweep.stood_on = seen.voxels, seen.stood_on
+        return seen
+
+    def _hits(self, sweep: _PlacedSweep) -> HitHeights:
+        """What a sweep has added to the heights from where it is drawn."""
+        beams, T = sweep.beams(), sweep.T_map_base
+        hits = inside(self._ends(beams, T)[: len(beams.points)], self._bounds(T[:3, 3]))
+        return HitHeights.of(np.concatenate([hits, sweep.stood_on]), self.config.resolution)
 
     def _trace(self, b: Beams, T: Transform, *, first: bool) -> _Seen:
         """What a sweep at T_map_base saw; of the first one also the ground under the robot, where it saw nothing."""
-        ends = transform_points(T, np.concatenate([b.points, _beyond(b.free_ends, b.free_origins, self.config.max_range_m)]))
         origins = transform_points(T, np.concatenate([b.origins, b.free_origins]))
-        return self._seen(ends, origins, len(b.points), T[:3, 3], T if first else None)
+        return self._seen(self._ends(b, T), origins, len(b.points), T[:3, 3], T if first else None)
+
+    def _ends(self, b: Beams, T: Transform) -> NDArray[np.float32]:
+        """In map, first of the beams that met something."""
+        return transform_points(T, np.concatenate([b.points, beyond(b.free_ends, b.free_origins, self.config.max_range_m)]))
+
+    def _bounds(self, centre: NDArray[np.floating]) -> Bounds:
+        """Lowest and highest corner of what is drawn of a sweep."""
+        c = self.config
+        x, y, z = centre
+        return (x - c.crop_half_m, y - c.crop_half_m, z - c.crop_below_m), (x + c.crop_half_m, y + c.crop_half_m, z + c.crop_above_m)
 
     def _seen(
         self,
@@ -249,17 +264,13 @@ class MapBuilder:
         That lies as the robot lies, whose roll and pitch gravity tells: on a slope a level plane would stand in its way.
         """
         c = self.config
-        x, y, z = centre
-        bounds = ((x - c.crop_half_m, y - c.crop_half_m, z - c.crop_below_m), (x + c.crop_half_m, y + c.crop_half_m, z + c.crop_above_m))
+        bounds, stood_on = self._bounds(centre), np.zeros((0, 3), dtype=np.float32)
         voxels = [self._tree.trace_sweep(ends, origins, c.max_range_m, bounds)]
-        hits = ends[:hit_count]
-        inside = ((hits >= bounds[0]) & (hits <= bounds[1])).all(axis=1)
-        hits = hits[inside]
+        hits = inside(ends[:hit_count], bounds)
         if stands is not None and c.start_plane_half_m > 0 and stands[2, 2] > _UPRIGHT:
             middles, stood_on = self._ground_under(stands, voxels[0], self._blind_m(stands, hits))
             voxels.append(self._tree.trace_sweep(middles, middles))  # beams that end where they begin
-            hits = np.concatenate([hits, stood_on])
-        return _Seen(voxels, HitHeights.of(hits, c.resolution))
+        return _Seen(voxels, stood_on, HitHeights.of(np.concatenate([hits, stood_on]), c.resolution))
 
     def _blind_m(self, T: Transform, hits: NDArray[np.floating]) -> float:
         """How far around a robot at T_map_base its first sweep shows no ground: a lidar that is fixed looks over what is near."""
@@ -282,10 +293,3 @@ class MapBuilder:
 
 def _is_same(a: MapConfig, b: MapConfig) -> bool:
     return all(getattr(a, f.name) == getattr(b, f.name) for f in fields(MapConfig))
-
-
-def _beyond(ends: NDArray[np.float32], origins: NDArray[np.float32], max_range_m: float) -> NDArray[np.float32]:
-    """`ends` moved out along their beams to beyond the range of insertion, so that they free their way and occupy nothing."""
-    way = ends - origins
-    length = np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-6)
-    return np.asarray(origins + way * (2.0 * max_range_m / length), dtype=np.float32)

@@ -46,6 +46,11 @@ def empty_graph(config: MappingConfig) -> PoseGraph:
     return PoseGraph(config.outlier_chi2, config.gravity_bias_sigma_rad)
 
 
+def evenly(ids: list[int], most: int) -> list[int]:
+    """At most so many of them, from the first to the last."""
+    return ids if len(ids) <= most else [ids[k] for k in np.linspace(0, len(ids) - 1, most).round().astype(int)]
+
+
 class PoseGraphMapper:
     """Graph-based mapping (thesis 5.4): owns the graph and a light cloud of every vertex, and forgets of these what has gone."""
 
@@ -181,14 +186,15 @@ class PoseGraphMapper:
     def area_cloud(self, distance_m: float, most_sigma_m: float = math.inf) -> PointCloud:
         """The clouds of all vertices within `distance_m` of the last one along the graph, merged, in the map frame.
 
-        Without those that are known beside it no better than `most_sigma_m`: with them the area shows one wall in two places.
+        Of more than `area_most_sweeps` evenly many. Without those that are known beside it no better than `most_sigma_m`: with them the
+        area shows one wall in two places.
         """
         self.finish_cloud()
         near = self._near(len(self.graph) - 1, distance_m, most_sigma_m)
         return merged([self._cloud(k).transformed(self.graph.pose(k)) for k in near])
 
     def _near(self, vertex_id: int, distance_m: float, most_sigma_m: float) -> list[int]:
-        near = [int(k) for k in np.flatnonzero(self.graph.distances_from(vertex_id) <= distance_m)]
+        near = evenly([int(k) for k in np.flatnonzero(self.graph.distances_from(vertex_id) <= distance_m)], self._config.area_most_sweeps)
         if math.isfinite(most_sigma_m):
             self.graph.optimise()
             near = [k for k in near if k == vertex_id or sigmas(self.graph.relative_covariance(k, vertex_id))[0] <= most_sigma_m]

@@ -241,6 +241,14 @@ def test_memory_without_room_keeps_what_it_has_and_says_so(tmp_path: Path) -> No
     assert (life.kept("state", ""), life.problem) == ("new", "")
 
 
+def test_what_is_kept_of_one_thing_hides_nothing_of_another(tmp_path: Path) -> None:
+    life = Life({MEMORY: str(tmp_path)})
+    with files_of_at_most(1000):
+        life.keep("map", "large" * 1000)
+        life.keep("state", "small")
+        assert "map: " in life.problem
+
+
 def test_note_that_has_no_room_hides_no_later_one(tmp_path: Path) -> None:
     life = Life({MEMORY: str(tmp_path)})
     life.note("notes", "first")

@@ -7,7 +7,7 @@ import pytest
 from synthetic_sweeps import furnished_room, pose, sweep, world_of
 
 from pose_graph_mapping.config import MappingConfig, RegistrationConfig
-from pose_graph_mapping.graph.mapper import PoseGraphMapper, levelled, odometry_covariance
+from pose_graph_mapping.graph.mapper import PoseGraphMapper, evenly, levelled, odometry_covariance
 from pose_graph_mapping.graph.pose_graph import EdgeKind
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, refused
 from pose_graph_mapping.registration.methods import create_registration
@@ -157,6 +157,20 @@ def test_sweep_beyond_a_leg_that_no_match_held_is_no_part_of_the_area_but_for_th
     asked.clear()
     mapper.add_sweep(30.0, *any_sweep(3), truth[3])
     assert asked[:3] == pytest.approx(sizes, abs=0.1)
+
+
+def test_robot_that_stays_for_long_is_matched_to_a_bounded_area_of_old_and_new_sweeps():
+    """Without a bound each sweep costs more than the one before, in time and in memory."""
+    truth = [transform_from_rpy((0.1 * (k % 2), 0.0, 0.132), (0, 0, 0)) for k in range(40)]
+    sizes = {}
+    for most in (10, 100):
+        oracle = Oracle(truth)
+        mapper = PoseGraphMapper(MappingConfig(area_most_sweeps=most), oracle)
+        drive(mapper, truth)
+        sizes[most] = [size / len(mapper.vertex_clouds()[0]) for size in oracle.sizes]
+    np.testing.assert_allclose(sizes[10][:10], sizes[100][:10])
+    assert max(sizes[10]) < 15 and sizes[100][-1] > 30
+    assert evenly(list(range(100, 140)), 10)[0] == 100 and evenly(list(range(100, 140)), 10)[-1] == 139
 
 
 def test_later_try_that_matches_is_used():
