@@ -17,7 +17,7 @@ from mapping_tools.graph_solving import NumberedGraph, SolvedGraph, numbered, so
 from mapping_tools.sesync_error import isotropic
 from pose_graph_mapping.graph.graph_files import GraphFile, g2o_text, read_graph_file
 from pose_graph_mapping.graph.graph_measurements import GraphNotSolvable
-from whole_files import write_whole
+from whole_files import RefusedError, write_whole
 
 SOLVED, NOT_SOLVABLE, BAD_INPUT = 0, 1, 2
 
@@ -110,7 +110,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             _write_json(options.json, {"solved": False, "reason": str(error)})
         return NOT_SOLVABLE
     except OSError as error:
-        _say(f"./optimize_graph: {error.filename or (options and options.graph)}: {error.strerror or error}")
+        of = "" if isinstance(error, RefusedError) else f"{error.filename or (options and options.graph)}: "
+        _say(f"./optimize_graph: {of}{error.strerror or error}")
     except (ArgumentProblem, ValueError) as error:
         _say(f"./optimize_graph: {' '.join(str(error).split())}")
     except KeyboardInterrupt:

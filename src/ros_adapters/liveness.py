@@ -7,16 +7,17 @@ import socket
 import threading
 import time
 import xmlrpc.client
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
 import rosgraph
 import rospy
 
+from ros_adapters.memory_use import Revived, memory_mb
+
 _TIMEOUT_S = 3.0
 _AWAY_S = 60.0  # a process that takes longer to begin does not come
-Revived = Mapping[str, Mapping[str, int | str]]
 
 
 def why_it_stays_away(name: str, revived: Revived, away_s: float) -> str:
@@ -59,6 +60,13 @@ class Liveness:
         with suppress(OSError, xmlrpc.client.Error):
             self._restarts = {name: int(above["times"]) for name, above in self.revived().items() if "times" in above}
         return self._restarts
+
+    def memory_mb(self) -> dict[str, dict[str, float]]:
+        """Of each node that somebody starts again, as `memory_use` tells; empty where the master cannot be asked."""
+        try:
+            return memory_mb(self.revived())
+        except (OSError, xmlrpc.client.Error):
+            return {}
 
     def revived(self) -> Revived:
         """What the processes above nodes say on the parameter server."""

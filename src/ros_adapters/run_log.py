@@ -229,12 +229,21 @@ class RunLog:
             "restarts": dict(restarts),
         }
 
-    def finish(self, reason: str, *, judge: bool = True, restarts: Mapping[str, int] | None = None, not_saved: Sequence[str] = ()) -> str:
+    def finish(
+        self,
+        reason: str,
+        *,
+        judge: bool = True,
+        restarts: Mapping[str, int] | None = None,
+        not_saved: Sequence[str] = (),
+        memory_mb: Mapping[str, Mapping[str, float]] | None = None,
+    ) -> str:
         """Writes the counters, has the run judged where there is a true world and `judge` says so; the text for the terminal.
 
         `restarts`: how often each node was started again, of those that were. `not_saved`: what other nodes could not save.
+        `memory_mb`: peak and end of each node.
         """
-        counters = self._counters(reason, restarts or {})
+        counters = {**self._counters(reason, restarts or {}), "memory_mb": {**(memory_mb or {})}}
         if not self._out:
             return f"ended: {reason}"
         for file in (self._truth_file, self._contacts_file, self._events_file):

@@ -7,8 +7,22 @@ import shutil
 from pathlib import Path
 
 
+class RefusedError(OSError):
+    """A file that could not be written; as a text it is one line that says which, and what to do."""
+
+    @classmethod
+    def of(cls, error: OSError, path: Path) -> "RefusedError":
+        """Of what the system says."""
+        return error if isinstance(error, cls) else cls(error.errno, refusal(error, path))
+
+    def __str__(self) -> str:
+        return str(self.strerror)
+
+
 def refusal(error: OSError, path: Path) -> str:
     """One line: the file, its disk, what is the matter with it, and what to do."""
+    if isinstance(error, RefusedError):
+        return str(error)
     code = error.errno or 0
     if code in (errno.EMFILE, errno.ENFILE):
         return f"{path}: this process may open {resource.getrlimit(resource.RLIMIT_NOFILE)[0]} files, and has: raise `ulimit -n`"

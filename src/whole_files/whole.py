@@ -5,13 +5,15 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from whole_files.refusals import RefusedError
+
 _UNFINISHED = ".part.{}"  # libraries go by what a name ends with
 
 
 def write_whole(path: Path, content: bytes | str) -> None:
     """Replaces `path`, so that a reader, or a crash, sees the old file or the new one; a text is written as UTF-8.
 
-    OSError as the system gives it: the old file is as it was, and nothing lies beside it.
+    RefusedError where that cannot be: the old file is as it was, and nothing lies beside it.
     """
     with written_whole(path) as unfinished:
         unfinished.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
@@ -28,11 +30,13 @@ def written_whole(path: Path) -> Iterator[Path]:
         yield unfinished
         _sync(unfinished)
         os.replace(unfinished, path)
-    except BaseException:
+        sync_folder(path.parent)
+    except BaseException as error:
         with contextlib.suppress(OSError):  # a disk that became read-only keeps it
             unfinished.unlink()
+        if isinstance(error, OSError):
+            raise RefusedError.of(error, path) from error
         raise
-    sync_folder(path.parent)
 
 
 def sync_folder(folder: Path) -> None:

@@ -56,6 +56,11 @@ class OdometryFusionTest(unittest.TestCase):
         self.assertEqual((sent.header.frame_id, sent.child_frame_id), ("odom", "base_link"))
         self.assertEqual(sent.transform.translation.x, out.pose.pose.position.x)
 
+    def test_footprint_is_on_the_ground_below_the_base(self) -> None:
+        (sent,) = Inbox("/tf_static", TFMessage).wait_for(lambda m: m.transforms[0].child_frame_id == "base_footprint").transforms
+        self.assertEqual(sent.header.frame_id, "base_link")
+        self.assertAlmostEqual(sent.transform.translation.z, -0.132)
+
     def test_driving_straight_moves_the_robot_ahead(self) -> None:
         before = self.ticks(1.0).pose.pose.position
         after = self.ticks(2.0, v=0.5).pose.pose.position

@@ -4,7 +4,7 @@ Between pose_graph_mapping and the terrain analysis: each sweep is cropped to th
 graph moves by more than an eighth of a voxel is drawn anew. Clouds whose place somebody else knows are inserted and forgotten.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
@@ -15,7 +15,7 @@ from octomap_server_3dnav.octree.beams import Bounds, beyond, inside
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.octree.map_config import MapConfig as MapConfig  # the map is made with one
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel, SweepVoxels
-from octomap_server_3dnav.octree.shelf import Shelf
+from octomap_server_3dnav.octree.shelf import Shelf, Shelved
 from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
 from rigid_geometry import as_transforms, rotation_angles, transform_points
 from rigid_geometry.transforms import Transform
@@ -35,17 +35,16 @@ class _Seen:
     """What a sweep adds to tree and heights."""
 
     voxels: list[SweepVoxels]
-    stood_on: NDArray[np.float32]  # (N, 3) of the ground under the robot, where the beams saw none
-    hits: HitHeights  # and these
+    hits: HitHeights
 
 
 @dataclass(eq=False)
 class _PlacedSweep:
     vertex_id: int
-    beams: Callable[[], Beams]
+    beams: Shelved[Beams]
     T_map_base: Transform  # where the tree has it
-    voxels: list[SweepVoxels]  # seen from there; the hits are made of the beams again
-    stood_on: NDArray[np.float32]
+    voxels: list[SweepVoxels]  # seen from there
+    hits: Shelved[HitHeights]  # the same
     cleared: list[SweepVoxels] = field(default_factory=list)  # by hand, after it and before the next
 
 
@@ -58,7 +57,7 @@ class MapBuilder:
     """
 
     def __init__(self, config: MapConfig, sensor_model: SensorModel, robot: RobotBody, shelf: Shelf | None = None) -> None:
-        """`shelf`: for the sweeps' beams; without one they stay in memory. ValueError lists what is wrong with the configuration."""
+        """`shelf`: for the sweeps' beams and hits, else they stay in memory. ValueError lists what is wrong with the configuration."""
         if problems := config.validate():
             raise ValueError("; ".join(problems))
         self.config, self.robot, self.shelf = config, robot, shelf or Shelf(None)
@@ -105,7 +104,7 @@ class MapBuilder:
             )
         self._moved = self._moved_by(poses)
         seen = self._trace(beams, poses[vertex_id], first=not self._sweeps)
-        self._sweeps.append(_PlacedSweep(vertex_id, self.shelf.put(beams), poses[vertex_id], seen.voxels, seen.stood_on))
+        self._sweeps.append(_PlacedSweep(vertex_id, self.shelf.put(beams), poses[vertex_id], seen.voxels, self.shelf.put(seen.hits)))
         self._insert(seen)
         return bool(self._moved)
 
@@ -167,8 +166,8 @@ class MapBuilder:
 
     @property
     def sweep_bytes(self) -> int:
-        """What is kept of the sweeps besides tree and heights: beams, on the shelf or in memory, to trace them anew, and what they saw."""
-        arrays = (array for s in self._sweeps for array in vars(s.beams()).values())
+        """What is kept of the sweeps besides tree and heights, on the shelf or in memory: beams, to trace them anew, and what they saw."""
+        arrays = (array for s in self._sweeps for part in (s.beams(), s.hits()) for array in vars(part).values())
         return sum(int(array.nbytes) for array in arrays) + sum(voxels.memory_bytes() for s in self._sweeps for voxels in s.voxels)
 
     @property
@@ -215,7 +214,7 @@ class MapBuilder:
         due = [self._moved.pop(vertex) for vertex in vertices]
         if not due:
             return
-        changed, before = [voxels for sweep, _ in due for voxels in sweep.voxels], [self._hits(sweep) for sweep, _ in due]
+        changed, before = [voxels for sweep, _ in due for voxels in sweep.voxels], [sweep.hits() for sweep, _ in due]
         for sweep, T_now in due:
             sweep.T_map_base = T_now
         after = [self._traced(sweep) for sweep, _ in due]
@@ -227,14 +226,8 @@ class MapBuilder:
     def _traced(self, sweep: _PlacedSweep) -> _Seen:
         """What a sweep saw from where it is now, which it keeps."""
         seen = self._trace(sweep.beams(), sweep.T_map_base, first=sweep is self._sweeps[0])
-        sweep.voxels, sweep.stood_on = seen.voxels, seen.stood_on
+        sweep.voxels, sweep.hits = seen.voxels, self.shelf.put(seen.hits, instead_of=sweep.hits)
         return seen
-
-    def _hits(self, sweep: _PlacedSweep) -> HitHeights:
-        """What a sweep has added to the heights from where it is drawn."""
-        beams, T = sweep.beams(), sweep.T_map_base
-        hits = inside(self._ends(beams, T)[: len(beams.points)], self._bounds(T[:3, 3]))
-        return HitHeights.of(np.concatenate([hits, sweep.stood_on]), self.config.resolution)
 
     def _trace(self, b: Beams, T: Transform, *, first: bool) -> _Seen:
         """What a sweep at T_map_base saw; of the first one also the ground under the robot, where it saw nothing."""
@@ -270,7 +263,7 @@ class MapBuilder:
         if stands is not None and c.start_plane_half_m > 0 and stands[2, 2] > _UPRIGHT:
             middles, stood_on = self._ground_under(stands, voxels[0], self._blind_m(stands, hits))
             voxels.append(self._tree.trace_sweep(middles, middles))  # beams that end where they begin
-        return _Seen(voxels, stood_on, HitHeights.of(np.concatenate([hits, stood_on]), c.resolution))
+        return _Seen(voxels, HitHeights.of(np.concatenate([hits, stood_on]), c.resolution))
 
     def _blind_m(self, T: Transform, hits: NDArray[np.floating]) -> float:
         """How far around a robot at T_map_base its first sweep shows no ground: a lidar that is fixed looks over what is near."""

@@ -5,16 +5,34 @@ A robot that maps for hours has thousands of sweeps, and draws anew the few that
 
 import os
 import tempfile
-from collections.abc import Callable
-from dataclasses import fields
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import IO, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 V = TypeVar("V")
+
+_SPARE = 1.2  # of a place: what a moved sweep hits is a few per cent more or less
+
+
+@dataclass(frozen=True, eq=False)
+class Shelved(Generic[V]):
+    """A value that is in memory, or of which `read` knows the place in the file."""
+
+    value: V | None
+    read: Callable[[], V] | None = None
+    begin: int | None = None
+    room: int = 0
+
+    def __call__(self) -> V:
+        """The value, bit by bit; OSError when the disk does not give it."""
+        if self.read is not None:
+            return self.read()
+        assert self.value is not None
+        return self.value
 
 
 class Shelf:
@@ -32,36 +50,40 @@ class Shelf:
         """An empty one beside it."""
         return Shelf(self._folder)
 
-    def put(self, value: V) -> Callable[[], V]:
-        """What gives the value again, bit by bit; OSError when the disk does not."""
-        arrays = [np.ascontiguousarray(getattr(value, field.name)) for field in fields(value)]  # type: ignore[arg-type]
+    def put(self, value: V, instead_of: Shelved[V] | None = None) -> Shelved[V]:
+        """What gives the value again; it takes the place of one that is not asked for any more, where it fits."""
         if self._file is None:
-            return lambda: value
-        begin, at = self._end, self._end
-        try:
-            for array in arrays:
-                at = self._write(array, at)
-        except OSError:
-            return lambda: value
-        self._end = at
-        return partial(self._read, type(value), begin, [(array.shape, array.dtype) for array in arrays])
+            return Shelved(value)
+        arrays = [np.ascontiguousarray(getattr(value, field.name)) for field in fields(value)]  # type: ignore[arg-type]
+        data = b"".join(array.tobytes() for array in arrays)
+        if instead_of is not None and instead_of.begin is not None and len(data) <= instead_of.room:
+            begin, room = instead_of.begin, instead_of.room
+        else:
+            begin, room = self._end, int(len(data) * _SPARE)
+        if not _is_written(self._file, data, begin):
+            return Shelved(value)
+        self._end = max(self._end, begin + room)
+        return Shelved(None, partial(_read, self._file, type(value), begin, [(a.shape, a.dtype) for a in arrays]), begin, room)
 
-    def _write(self, array: NDArray[np.generic], at: int) -> int:
-        assert self._file is not None
-        left = memoryview(array.tobytes())
+
+def _is_written(file: IO[bytes], data: bytes, at: int) -> bool:
+    left = memoryview(data)
+    try:
         while left:
-            written = os.pwrite(self._file.fileno(), left, at)
+            written = os.pwrite(file.fileno(), left, at)
             left, at = left[written:], at + written
-        return at
+    except OSError:
+        return False
+    return True
 
-    def _read(self, kind: type[V], at: int, forms: list[tuple[tuple[int, ...], np.dtype[np.generic]]]) -> V:
-        assert self._file is not None
-        arrays = []
-        for shape, dtype in forms:
-            size = int(np.prod(shape)) * dtype.itemsize
-            data = os.pread(self._file.fileno(), size, at)
-            if len(data) != size:
-                raise OSError(f"{len(data)} of {size} bytes could be read again")
-            arrays.append(np.frombuffer(data, dtype=dtype).reshape(shape))
-            at += size
-        return kind(*arrays)
+
+def _read(file: IO[bytes], kind: type[V], at: int, forms: Sequence[tuple[tuple[int, ...], np.dtype[np.generic]]]) -> V:
+    arrays = []
+    for shape, dtype in forms:
+        size = int(np.prod(shape)) * dtype.itemsize
+        data = os.pread(file.fileno(), size, at)
+        if len(data) != size:
+            raise OSError(f"{len(data)} of {size} bytes could be read again")
+        arrays.append(np.frombuffer(bytearray(data), dtype=dtype).reshape(shape))
+        at += size
+    return kind(*arrays)

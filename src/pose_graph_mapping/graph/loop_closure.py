@@ -129,11 +129,11 @@ class LoopClosure:
     closed: bool
 
 
-def detect_loop_closures(graph: PoseGraph, clouds: Sequence[PointCloud], match: Match, config: MappingConfig) -> list[LoopClosure]:
+def detect_loop_closures(graph: PoseGraph, cloud: Callable[[int], PointCloud], match: Match, config: MappingConfig) -> list[LoopClosure]:
     """Algorithm 2 for the last vertex of `graph`; adds the edges, optimises, and returns one entry a group that was matched, and one for
     a vertex of the area that was loose.
 
-    clouds: of every vertex, in its body frame. Line numbers below are the algorithm's.
+    cloud: of a vertex, in its body frame. Line numbers below are the algorithm's.
     """
     graph.optimise()  # 2
     last = len(graph) - 1
@@ -144,21 +144,21 @@ def detect_loop_closures(graph: PoseGraph, clouds: Sequence[PointCloud], match: 
     for group in find_groups(graph, vertex_set, config.loop_group_neighbours, config.loop_group_dist_m):  # 5, 6
         closest = find_closest_vertex(graph, group, last)  # 7
         if last - closest > config.loop_min_dist_match:  # 8
-            found.append(_try_to_close(graph, clouds, match, config, closest, config.loop_match_success))  # 9 to 21
+            found.append(_try_to_close(graph, cloud, match, config, closest, config.loop_match_success))  # 9 to 21
     loose = find_loose_vertex(graph, last, config)
     if loose is not None and loose not in [loop.closest_vertex for loop in found]:
-        found.append(_try_to_close(graph, clouds, match, config, loose, 0.0))  # of the same area: judged as Algorithm 1 does
+        found.append(_try_to_close(graph, cloud, match, config, loose, 0.0))  # of the same area: judged as Algorithm 1 does
     return found
 
 
 def _try_to_close(
-    graph: PoseGraph, clouds: Sequence[PointCloud], match: Match, config: MappingConfig, closest: int, least_ratio: float
+    graph: PoseGraph, cloud: Callable[[int], PointCloud], match: Match, config: MappingConfig, closest: int, least_ratio: float
 ) -> LoopClosure:
     """Lines 9 to 21. Both clouds stay in their own frames: the match itself then returns the edge (lines 17 and 18 in one)."""
     last = len(graph) - 1
     delta_estimate = inverse(graph.pose(closest)) @ graph.pose(last)  # 17
     covariance = graph.relative_covariance(closest, last)
-    result = match(clouds[closest], clouds[last], delta_estimate, covariance)  # 9 to 15
+    result = match(cloud(closest), cloud(last), delta_estimate, covariance)  # 9 to 15
     believed = (
         result.verdict is Verdict.ACCEPTED
         and result.match_ratio > least_ratio  # 16

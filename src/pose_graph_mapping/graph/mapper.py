@@ -113,7 +113,7 @@ class PoseGraphMapper:
                 self.graph.add_gravity(len(self.graph) - 1, up, gravity_sigma_rad or self._config.gravity_sigma_rad)
             self._old_last_vertex_estimate = self.graph.pose(len(self.graph) - 1)  # 4, 19
             self._T_odom_last = T_odom_base  # 5
-            loops = detect_loop_closures(self.graph, [self._cloud(k) for k in range(len(self.graph))], self._match, self._config)  # 20
+            loops = detect_loop_closures(self.graph, self._cloud, self._match, self._config)  # 20
             self._look_through(len(self.graph) - 1)
         rejected = {id(edge) for edge in self.graph.rejected()}
         update = self._update(before, placed, correction, tuple(loops), sweep.dropped)

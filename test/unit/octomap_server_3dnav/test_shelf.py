@@ -53,6 +53,17 @@ def test_what_the_disk_does_not_take_stays_in_memory(tmp_path: Path) -> None:
         assert_same(given(), beams(seed))
 
 
+def test_value_takes_the_place_of_another_where_it_fits(tmp_path: Path) -> None:
+    shelf = Shelf(tmp_path)
+    first, beside = shelf.put(beams(1)), shelf.put(beams(2))
+    again = shelf.put(beams(3), instead_of=first)
+    assert again.begin == first.begin
+    larger = shelf.put(Beams(*(np.tile(array, (3, 1)) for array in vars(beams(4)).values())), instead_of=again)
+    assert larger.begin not in (again.begin, beside.begin)
+    assert_same(beside(), beams(2))
+    assert len(larger().points) == 600
+
+
 def test_map_is_the_same_with_beams_on_a_shelf_and_in_memory(tmp_path: Path) -> None:
     maps = builder(), builder()
     shelved = MapBuilder(maps[1].config, maps[1].tree.sensor_model, maps[1].robot, Shelf(tmp_path))

@@ -7,7 +7,7 @@ import rospy
 
 from robot_body import mount_from_urdf, urdf_file
 from robot_body.body import RobotBody
-from ros_adapters.frames import Frames, frames, named_as_ours, robot_description
+from ros_adapters.frames import Frames, frames, lacks_footprint, named_as_ours, robot_description
 
 
 @pytest.fixture(autouse=True)
@@ -30,7 +30,7 @@ def test_names_are_those_of_rep_105_unless_told(monkeypatch: pytest.MonkeyPatch)
     assert (named_as_ours("base"), named_as_ours("/imu")) == ("base_link", "imu")
 
 
-@pytest.mark.parametrize("wrong", [{"base": ""}, {"base": "map"}, {"bse": "base"}, "base"])
+@pytest.mark.parametrize("wrong", [{"base": ""}, {"footprint": "base_link"}, {"base": "map"}, {"bse": "base"}, "base"])
 def test_names_that_cannot_be_are_refused(monkeypatch: pytest.MonkeyPatch, wrong: object) -> None:
     set_parameters(monkeypatch, frames=wrong)
     with pytest.raises(ValueError, match="/frames is"):
@@ -49,3 +49,16 @@ def test_description_of_another_base_is_read_as_ours(monkeypatch: pytest.MonkeyP
 def test_node_s_own_frames_stand_in_place_of_the_shared_ones(monkeypatch: pytest.MonkeyPatch) -> None:
     set_parameters(monkeypatch, frames={"map": "map2"}, **{"~frame_id": "/odom", "~base_frame_id": "chassis"})
     assert frames() == Frames("odom", "odom", "chassis")  # as octomap_server's own launch file has it
+
+
+@pytest.mark.parametrize(
+    ("footprint", "link", "lacks"),
+    [("base_footprint", "", True), ("base_footprint", "base_footprint", False), ("", "", False), ("ground", "base_footprint", True)],
+)
+def test_footprint_is_sent_where_it_is_wanted_and_the_robot_has_none(
+    monkeypatch: pytest.MonkeyPatch, footprint: str, link: str, lacks: bool
+) -> None:
+    own = f'<link name="{link}"/>' if link else ""
+    description = f'<robot name="r"><link name="base_link"/>{own}</robot>'
+    set_parameters(monkeypatch, frames={"footprint": footprint}, robot_description=description)
+    assert lacks_footprint() is lacks

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from whole_files import WaitingLines, refusal, remove_unfinished, write_whole, written_whole
+from whole_files import RefusedError, WaitingLines, refusal, remove_unfinished, write_whole, written_whole
 
 BIG = b"x" * 20_000
 
@@ -37,8 +37,10 @@ def test_file_is_replaced_by_bytes_or_text(tmp_path: Path) -> None:
 def test_disk_that_takes_half_leaves_the_old_file_and_nothing_beside_it(tmp_path: Path) -> None:
     path = tmp_path / "a.bin"
     write_whole(path, b"old")
-    with files_of_at_most(8192), pytest.raises(OSError):
+    with files_of_at_most(8192), pytest.raises(RefusedError) as caught:
         write_whole(path, BIG)
+    assert str(caught.value) == f"{path}: files here may not be so large: raise `ulimit -f`" == refusal(caught.value, tmp_path)
+    assert caught.value.errno == errno.EFBIG
     assert path.read_bytes() == b"old" and list(tmp_path.iterdir()) == [path]
 
 
