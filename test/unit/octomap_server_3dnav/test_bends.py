@@ -54,6 +54,19 @@ def bent_gap(wide_m: float, bend_rad: float) -> np.ndarray:
     return states
 
 
+def posts(seed: int, apart: float) -> np.ndarray:
+    """Two rooms, and between them posts of a column each, so many columns apart at least and nowhere much farther."""
+    states, rng, placed = solid(100, 60), np.random.default_rng(seed), list[tuple[int, int]]()
+    for x, y in ((slice(5, 95), slice(15, 45)), (slice(5, 30), slice(5, 55)), (slice(70, 95), slice(5, 55))):
+        dig(states, x, y)
+    for _ in range(300):
+        x, y = int(rng.integers(33, 67)), int(rng.integers(15, 45))
+        if all(math.hypot(x - px, y - py) >= apart for px, py in placed):
+            placed.append((x, y))
+            states[x, y, BELOW + 1 :] = OCCUPIED
+    return states
+
+
 def way(terrain: Terrain, x: float, y: float) -> Path | None:
     node = terrain.surface_near((x, y, 0.04))
     return None if node is None else plan_path(terrain, node, CONFIG)
@@ -111,6 +124,16 @@ def test_outline_stays_off_all_barriers_on_every_way(states: np.ndarray) -> None
     for passage in terrain.passages:
         assert not inside_outline(poses_along(passage), walls)
         assert all(terrain.label[node] == TerrainClass.TRAVERSABLE for node in passage.nodes)
+
+
+@pytest.mark.parametrize("seed, apart", [(542, 10.0), (756, 9.0), (765, 9.0), (811, 9.5)])
+def test_outline_stays_off_posts_while_it_turns_between_two_legs(seed: int, apart: float) -> None:
+    """Both legs at a corner are free in these, and shorter than the way that has room to turn."""
+    terrain = terrain_of(posts(seed, apart), pose(1.4, 2.4))
+    walls = terrain.centers(terrain.nodes_of(TerrainClass.OBSTACLE))
+    assert terrain.passages
+    for passage in terrain.passages:
+        assert len(legs(passage)) > 2 and not inside_outline(poses_along(passage), walls)
 
 
 def test_gap_that_winds_is_passed_on_legs_with_corners_between() -> None:
