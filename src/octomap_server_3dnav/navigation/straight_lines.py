@@ -83,6 +83,11 @@ class PassageConfig:
         high=5.0,
     )
     longest_run_up_m: float = parameter(0.8, "m", "the same where there is more room", low=0.0, high=5.0)
+    ample_room_m: float = parameter(
+        0.16, "m", "room beside the outline, beyond what is needed, with which a way that bends costs no more", low=0.01, high=1.0
+    )
+    close_weight: float = parameter(2.0, "-", "by how many times a way that bends costs more without any of that room", low=0.0, high=50.0)
+    corner_m: float = parameter(0.24, "m", "way that one corner less of a way that bends is worth", low=0.0, high=5.0)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
