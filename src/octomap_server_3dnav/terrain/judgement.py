@@ -82,12 +82,12 @@ def departure_of(scene: Scene, label: NDArray[np.uint8], start: int | None, leas
 
 def near_kerbs(scene: Scene, label: NDArray[np.uint8], config: TerrainConfig, robot: RobotBody, limits: Limits) -> NDArray[np.bool_]:
     """(2, N) whether a wheel of a robot that turns there would scrape along a rise that is no obstacle, and along one that may be too high:
-    within `confidence` sigmas of two poses of the highest step."""
+    within `confidence` sigmas of two poses of the highest step, and sure to be a kerb."""
     ground, graph = (label == TRAVERSABLE) | (label == INFLATION), scene.links.graph
     reach = round(robot.turning_radius_m / limits.resolution)
     unsure_m = config.confidence * np.hypot(config.pose_noise_m, config.pose_noise_m)
-    rises = (config.kerb_rise_m, config.confidence), (robot.max_step_m - unsure_m, 0.0)
-    edges = (ground & kerbs(graph, scene.surfaces, rise_m / limits.resolution, sigmas) for rise_m, sigmas in rises)
+    rises_m = config.kerb_rise_m, max(config.kerb_rise_m, robot.max_step_m - 2 * unsure_m)
+    edges = (ground & kerbs(graph, scene.surfaces, rise_m / limits.resolution, config.confidence) for rise_m in rises_m)
     return np.array([hops_from(edge, ground, graph, reach + 1) <= reach for edge in edges])
 
 
