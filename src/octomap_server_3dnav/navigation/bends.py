@@ -97,13 +97,13 @@ def _turned(narrow: _Narrow, at: _Corners, h: int, i: int, j: int) -> float:
 
 
 def _run_up(narrow: _Narrow, x: float, y: float, node: int, angle: float) -> tuple[float, float, int]:
-    """The place up to a run-up farther on in a direction over the same piece of turning room, and its node."""
+    """The place up to a run-up farther on in a direction over the same piece of turning room, away from kerbs, and its node."""
     g, (c, s) = narrow.ground, (math.cos(angle), math.sin(angle))
     by = 1.0 / max(abs(c), abs(s))
     for _ in range(int(narrow.outline.run_up / by) if g.piece[node] >= 0 else 0):
         tx, ty = x + by * c, y + by * s
         on = step(g.graph, node, math.floor(tx) - math.floor(x), math.floor(ty) - math.floor(y))
-        if on < 0 or g.piece[on] != g.piece[node]:
+        if on < 0 or g.piece[on] != g.piece[node] or g.kerbed[on]:
             break
         x, y, node = tx, ty, int(on)
     return x, y, node
