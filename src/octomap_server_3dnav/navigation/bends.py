@@ -1,7 +1,7 @@
 """Ways that bend through narrow ground: straight legs, with turns on the spot between them where the outline has just enough room.
 
 For `passages`, between pieces of turning room that no straight line joins: a door beside a corridor, a gap that winds. The cheapest way of
-`outline_search` is drawn with as few legs as it can be. All is in voxels of the window of a terrain.
+`outline_search` is drawn with the legs that cost least. All is in voxels of the window of a terrain.
 """
 
 import math
@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.navigation.outline_search import AXES, TURN, Around, Outline, dearer, leg, search, turn_room
+from octomap_server_3dnav.navigation.outline_search import Around, Outline, dearer, leg, search, turn_room
 from octomap_server_3dnav.navigation.straight_lines import Ground, step
 from octomap_server_3dnav.terrain.classified_terrain import TRAVERSABLE, UNREACHED
 from octomap_server_3dnav.terrain.flood import components
@@ -23,9 +23,7 @@ Way = tuple[Ints, Floats, Floats]
 """Nodes of a way, and their x and y."""
 NO_WAY: Way = np.empty(0, dtype=np.int64), np.empty(0), np.empty(0)
 
-_ENOUGH = 1.0  # voxels of room with which fewer legs are better than more room
-_CORNER = 3.0  # voxels of way that one corner less is worth
-_SAME_RAD = 1e-6  # legs that differ by less are one
+_SAME = 1e-6  # places and directions that differ by less are one
 
 
 class _Corners(NamedTuple):
@@ -45,9 +43,9 @@ class _Corners(NamedTuple):
 
 
 def _corners_of(nodes: Ints, x: Floats, y: Floats) -> _Corners:
-    moved = np.r_[True, np.hypot(np.diff(x), np.diff(y)) > _SAME_RAD]
+    moved = np.r_[True, np.hypot(np.diff(x), np.diff(y)) > _SAME]
     nodes, x, y = nodes[moved], x[moved], y[moved]
-    turned = np.abs(np.diff(np.unwrap(np.arctan2(np.diff(y), np.diff(x))))) > _SAME_RAD
+    turned = np.abs(np.diff(np.unwrap(np.arctan2(np.diff(y), np.diff(x))))) > _SAME
     keep = np.r_[True, turned, True]
     return _Corners(nodes[keep], x[keep], y[keep])
 
@@ -72,43 +70,40 @@ class _Narrow(NamedTuple):
         return bool(turn_room(self.around, self.outline, (at.x[i], at.y[i], self.ground.z[at.node[i]]), *angles) >= 0)
 
 
-def _fewest_legs(narrow: _Narrow, at: _Corners) -> list[int]:
-    """Indices of the corners that stay where longer legs stand for those that have no more room, or that have enough."""
+def _cheapest_legs(narrow: _Narrow, at: _Corners) -> list[int]:
+    """Indices of the corners that stay where longer legs stand for several; none where no legs are free and have room for the turns."""
     count = len(at.x)
-    rooms = [narrow.leg(at, i, i + 1)[1] for i in range(count - 1)]
-    if min(rooms) < 0:
-        return []
     best: dict[tuple[int, int], tuple[float, list[int]]] = {}
     for i in range(count - 1):
         for j in range(i + 1, count):
             room = narrow.leg(at, i, j)[1]
-            if room < min(_ENOUGH, *rooms[i:j]):
+            if room < 0:
                 continue
-            cost = at.apart(i, j) * dearer(room) + _CORNER
+            cost = at.apart(i, j) * dearer(narrow.outline, room) + narrow.outline.corner
             if i == 0:
                 best[i, j] = cost, [i, j]
                 continue
             before = [(total, chain) for (_, end), (total, chain) in best.items() if end == i and narrow.can_turn(at, chain[-2], i, j)]
-            turns = [(total + cost + _turned(at, chain[-2], i, j), [*chain, j]) for total, chain in before]
+            turns = [(total + cost + _turned(narrow, at, chain[-2], i, j), [*chain, j]) for total, chain in before]
             if turns:
                 best[i, j] = min(turns)
     ends = [found for (_, j), found in best.items() if j == count - 1]
     return min(ends)[1] if ends else []
 
 
-def _turned(at: _Corners, h: int, i: int, j: int) -> float:
+def _turned(narrow: _Narrow, at: _Corners, h: int, i: int, j: int) -> float:
     """What the turn at corner i costs."""
-    return TURN * AXES / math.pi * abs(math.remainder(at.angle(i, j) - at.angle(h, i), math.pi))
+    return narrow.outline.to_corner * abs(math.remainder(at.angle(i, j) - at.angle(h, i), math.pi))
 
 
 def _run_up(narrow: _Narrow, x: float, y: float, node: int, angle: float) -> tuple[float, float, int]:
-    """The place up to a run-up farther on in a direction over the same piece of turning room, and its node."""
+    """The place up to a run-up farther on in a direction over the same piece of turning room, away from kerbs, and its node."""
     g, (c, s) = narrow.ground, (math.cos(angle), math.sin(angle))
     by = 1.0 / max(abs(c), abs(s))
     for _ in range(int(narrow.outline.run_up / by) if g.piece[node] >= 0 else 0):
         tx, ty = x + by * c, y + by * s
         on = step(g.graph, node, math.floor(tx) - math.floor(x), math.floor(ty) - math.floor(y))
-        if on < 0 or g.piece[on] != g.piece[node]:
+        if on < 0 or g.piece[on] != g.piece[node] or g.kerbed[on]:
             break
         x, y, node = tx, ty, int(on)
     return x, y, node
@@ -147,7 +142,7 @@ def find_bend_to(ground: Ground, around: Around, outline: Outline, connected: Ma
 
 
 def _way(narrow: _Narrow, beside: Mask, source: Mask, target: Mask) -> Way:
-    """The cheapest way from source to target (N,) over narrow ground, with as few legs as it can be.
+    """The cheapest way from source to target (N,) over narrow ground, with the legs that cost least.
 
     `beside` (N,): next to a group of narrow ground that is searched.
     """
@@ -159,7 +154,7 @@ def _way(narrow: _Narrow, beside: Mask, source: Mask, target: Mask) -> Way:
     legs = []
     if found[0].size:
         at = _corners_of(*found)
-        legs = _fewest_legs(narrow, at)
+        legs = _cheapest_legs(narrow, at)
     if not legs:
         return NO_WAY
     at = _with_run_ups(narrow, _Corners(at.node[legs], at.x[legs], at.y[legs]))

@@ -12,7 +12,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.navigation.straight_lines import Demand, Ground, KeptOff, step
+from octomap_server_3dnav.navigation.straight_lines import Demand, Ground, KeptOff, PassageConfig, step
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.surfaces import find_node
 from robot_body import RobotBody
@@ -21,31 +21,44 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
-AXES = 32  # of the outline that are tried, to half a turn: its corner moves by less than a voxel from one to the next
 _BUCKET = 8  # voxels along a bucket of what is kept off
-_AMPLE = 2.0  # voxels of room beyond what is needed that are as good as any more
-_CLOSE = 2.0  # times that a way costs more where there is no more room than needed
-TURN = 1.0  # voxels of way that a turn from one axis to the next is worth
 
 
 class Outline(NamedTuple):
-    """Half the robot's length and width, in height the band of levels that bar it and by how much the ground below it may differ, the
-    longest way and run-up, and whether floor that was not seen is taken for ground."""
+    """Half the robot's length and width, from its middle to a corner, in height the band of levels that bar it and by how much the ground
+    below it may differ, the longest way and run-up, the room that is as good as any more, by how many times a way costs more without it,
+    the way that a corner is worth, and whether floor that was not seen is taken for ground."""
 
     ahead: float
     half_width: float
+    to_corner: float
     band: float
     rise: int
     most: float
     run_up: float
+    ample: float
+    close_weight: float
+    corner: float
     over_unknown: bool
 
     @classmethod
-    def of(cls, robot: RobotBody, demand: Demand, resolution: float, *, over_unknown: bool = False) -> "Outline":
+    def of(cls, config: PassageConfig, robot: RobotBody, resolution: float, *, over_unknown: bool = False) -> "Outline":
         """For this robot, on ways as long as straight ones may be."""
-        slope = math.ceil(robot.turning_radius_m / resolution * math.tan(robot.max_slope_rad))
-        band = math.ceil(robot.max_step_m / resolution) + slope
-        return cls(robot.half_length_m / resolution, demand.half_width, float(band), band, demand.most, demand.longest_run_up, over_unknown)
+        demand, to_corner = Demand.of(config, robot, resolution), robot.turning_radius_m / resolution
+        band = math.ceil(robot.max_step_m / resolution) + math.ceil(to_corner * math.tan(robot.max_slope_rad))
+        return cls(
+            ahead=robot.half_length_m / resolution,
+            half_width=demand.half_width,
+            to_corner=to_corner,
+            band=float(band),
+            rise=band,
+            most=demand.most,
+            run_up=demand.longest_run_up,
+            ample=config.ample_room_m / resolution,
+            close_weight=config.close_weight,
+            corner=config.corner_m / resolution,
+            over_unknown=over_unknown,
+        )
 
 
 class Around(NamedTuple):
@@ -71,9 +84,9 @@ class Around(NamedTuple):
 
 @lean_njit
 def _room(b: Any, o: Any, x: Any, y: Any, angle: Any, level: Any) -> Any:
-    """Voxels by which all that is kept off lies beyond the outline at a pose, `_AMPLE` at most; negative where it does not fit."""
-    c, s, room = np.cos(angle), np.sin(angle), _AMPLE
-    reach = o.ahead + 2.0 * _AMPLE
+    """Voxels by which all that is kept off lies beyond the outline at a pose, `ample` at most; negative where it does not fit."""
+    c, s, room = np.cos(angle), np.sin(angle), o.ample
+    reach = o.ahead + 2.0 * o.ample
     i0, i1 = max(0, int((x - reach) // _BUCKET)), min(b.nx - 1, int((x + reach) // _BUCKET))
     j0, j1 = max(0, int((y - reach) // _BUCKET)), min(b.ny - 1, int((y + reach) // _BUCKET))
     for i in range(i0, i1 + 1):
@@ -89,27 +102,35 @@ def _room(b: Any, o: Any, x: Any, y: Any, angle: Any, level: Any) -> Any:
 
 
 @lean_njit
-def dearer(room: float) -> float:
+def dearer(o: Outline, room: float) -> float:
     """Times that a way costs with so much room."""
-    return 1.0 + _CLOSE * (1.0 - max(room, 0.0) / _AMPLE)
+    return 1.0 + o.close_weight * (1.0 - max(room, 0.0) / o.ample)
+
+
+@lean_njit
+def axes_of(o: Outline, angle: float) -> Index:
+    """Steps in which the outline turns by an angle, so that no corner moves farther than a voxel in one."""
+    return max(1, int(np.ceil(abs(angle) * o.to_corner)))
 
 
 @njit(cache=True)
 def search(g: Ground, b: Around, o: Outline, ways: tuple[Ints, Ints, Mask, Mask, Mask]) -> tuple[Ints, Floats, Floats]:
     """The cheapest way from a source to a target: its nodes, x and y; empty where there is none.
 
-    `ways`: the nodes that are searched, their places in that list, and which nodes are sources, targets, and room to turn.
+    `ways`: the nodes that are searched, their places in that list, and which nodes are sources, targets, and room to turn. A turn is as
+    long as the way of a corner.
     """
     nodes, slot, is_source, is_target, is_open = ways
-    count = nodes.size * AXES
+    axes = axes_of(o, np.pi)
+    turn, count = np.pi * o.to_corner / axes, nodes.size * axes
     cost, length = np.full(count, np.inf), np.zeros(count)
     px, py = np.zeros(count), np.zeros(count)
     before, is_done = np.full(count, -1, np.int64), np.zeros(count, np.bool_)
     heap = [(0.0, np.int64(0)) for _ in range(0)]
     for i in range(nodes.size):
         if is_source[nodes[i]]:
-            for axis in range(AXES):
-                state = np.int64(i * AXES + axis)
+            for axis in range(axes):
+                state = np.int64(i * axes + axis)
                 cost[state] = 0.0
                 px[state], py[state] = g.column[nodes[i]] // g.ny + 0.5, g.column[nodes[i]] % g.ny + 0.5
                 heap.append((0.0, state))
@@ -120,7 +141,8 @@ def search(g: Ground, b: Around, o: Outline, ways: tuple[Ints, Ints, Mask, Mask,
         if is_done[state]:
             continue
         is_done[state] = True
-        s, k, x, y = nodes[state // AXES], state % AXES, px[state], py[state]
+        s: Any = nodes[state // axes]
+        k, x, y = state % axes, px[state], py[state]
         if is_target[s]:
             end = state
             break
@@ -128,7 +150,7 @@ def search(g: Ground, b: Around, o: Outline, ways: tuple[Ints, Ints, Mask, Mask,
             n: Index = s
             ax, tx, ty, far = k, x, y, 0.0
             if move < 2:
-                c, d = np.cos(np.pi * k / AXES), np.sin(np.pi * k / AXES)
+                c, d = np.cos(np.pi * k / axes), np.sin(np.pi * k / axes)
                 far = 1.0 / max(abs(c), abs(d))
                 ahead = far if move == 0 else -far
                 tx, ty = x + ahead * c, y + ahead * d
@@ -136,14 +158,14 @@ def search(g: Ground, b: Around, o: Outline, ways: tuple[Ints, Ints, Mask, Mask,
                 if n < 0 or slot[n] < 0 or is_source[n]:
                     continue
             else:
-                ax = (k + 1) % AXES if move == 2 else (k + AXES - 1) % AXES
-            new = np.int64(slot[n] * AXES + ax)
+                ax = (k + 1) % axes if move == 2 else (k + axes - 1) % axes
+            new = np.int64(slot[n] * axes + ax)
             if is_done[new] or length[state] + far > o.most:
                 continue
-            room = _AMPLE if is_open[n] else _room(b, o, tx, ty, np.pi * ax / AXES, g.z[n])
+            room = o.ample if is_open[n] else _room(b, o, tx, ty, np.pi * ax / axes, g.z[n])
             if room < 0.0:
                 continue
-            total = cost[state] + (far if move < 2 else TURN) * dearer(room)
+            total = cost[state] + (far if move < 2 else turn) * dearer(o, room)
             if total < cost[new]:
                 cost[new], before[new], px[new], py[new], length[new] = total, state, tx, ty, length[state] + far
                 heapq.heappush(heap, (total, new))
@@ -152,7 +174,7 @@ def search(g: Ground, b: Around, o: Outline, ways: tuple[Ints, Ints, Mask, Mask,
         chain.append(end)
         end = before[end]
     found = np.array(chain, dtype=np.int64)[::-1].copy()
-    return nodes[found // AXES], px[found], py[found]
+    return nodes[found // axes], px[found], py[found]
 
 
 @njit(cache=True)
@@ -163,7 +185,7 @@ def leg(g: Ground, b: Around, o: Outline, first: Index, at: tuple[float, float],
     dx, dy = tx - x, ty - y
     steps = max(1, int(np.ceil(max(abs(dx), abs(dy)))))
     angle, nodes = np.arctan2(dy, dx), np.empty(steps + 1, np.int64)
-    c, s, lanes, room = np.cos(angle), np.sin(angle), int(np.ceil(2 * o.half_width)), _AMPLE
+    c, s, lanes, room = np.cos(angle), np.sin(angle), int(np.ceil(2 * o.half_width)), o.ample
     px, py = int(np.floor(x)), int(np.floor(y))
     for i in range(steps + 1):
         ax, ay = x + dx * i / steps, y + dy * i / steps
@@ -190,7 +212,7 @@ def turn_room(b: Around, o: Outline, at: tuple[float, float, int], angle: float,
     """The least room in a turn on the spot at x, y and a level from one axis to another, the short way."""
     x, y, level = at
     by = (to - angle + np.pi / 2) % np.pi - np.pi / 2
-    steps, room = max(1, int(np.ceil(abs(by) * AXES / np.pi))), _AMPLE
+    steps, room = axes_of(o, by), o.ample
     for i in range(steps + 1):
         room = min(room, _room(b, o, x, y, angle + by * i / steps, level))
     return room

@@ -188,7 +188,7 @@ def ways_if_floor(terrain: Terrain, settings: TerrainSettings) -> list[tuple[Pas
         return []
     robot, resolution, unknown = settings.robot, terrain.resolution, terrain.frontiers()
     piece, _ = _pieces(terrain, settings.terrain.min_ground_voxels)
-    outline = Outline.of(robot, Demand.of(settings.passages, robot, resolution), resolution, over_unknown=True)
+    outline = Outline.of(settings.passages, robot, resolution, over_unknown=True)
     kept_off = KeptOff.of(terrain, robot, unknown_too=False)
     places, found = terrain.centers(unknown).astype(np.float64), []
     for way in _bends(terrain, ground_of(terrain, piece), kept_off, outline, terrain.passages):
@@ -204,7 +204,7 @@ def ways_near(terrain: Terrain, settings: TerrainSettings, places: NDArray[np.fl
         return [None] * len(places)
     piece, _ = _pieces(terrain, settings.terrain.min_ground_voxels)
     ground, kept_off = ground_of(terrain, piece), KeptOff.of(terrain, settings.robot)
-    outline = Outline.of(settings.robot, Demand.of(settings.passages, settings.robot, terrain.resolution), terrain.resolution)
+    outline = Outline.of(settings.passages, settings.robot, terrain.resolution)
     around = Around.of(kept_off, terrain.columns.nx, terrain.columns.ny)
     connected = _connected(terrain.passages, piece, int(piece[terrain.departure]))
     centers, found = terrain.centers(slice(0, piece.size)), []
@@ -262,7 +262,11 @@ def _with_passages_from_departure(terrain: Terrain, yaw: float, settings: Terrai
     demand = Demand.of(settings.passages, robot, terrain.resolution)
     found: list[Passage] = []
     if count > 1:
-        ground, kept_off, outline = ground_of(terrain, piece), KeptOff.of(terrain, robot), Outline.of(robot, demand, terrain.resolution)
+        ground, kept_off, outline = (
+            ground_of(terrain, piece),
+            KeptOff.of(terrain, robot),
+            Outline.of(settings.passages, robot, terrain.resolution),
+        )
         found = _find_passages(terrain, ground, kept_off, demand)
         found += _bends(terrain, ground, kept_off, outline, found)
     passages, start = list(found), terrain.start

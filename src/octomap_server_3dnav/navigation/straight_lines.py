@@ -57,7 +57,8 @@ class KeptOff(NamedTuple):
 
 class Ground(NamedTuple):
     """The ground that lines may lead over: `column` and its first node, z, `graph`; whether a node is `ground`, whether the middle line may
-    be over it (`passable`), and which piece of turning room it belongs to (`piece`, -1 for none)."""
+    be over it (`passable`), which piece of turning room it belongs to (`piece`, -1 for none), and whether a kerb is so near that wheels
+    should not turn there (`kerbed`)."""
 
     ny: int
     start: NDArray[np.int32]
@@ -67,6 +68,7 @@ class Ground(NamedTuple):
     ground: NDArray[np.bool_]
     passable: NDArray[np.bool_]
     piece: NDArray[np.int32]
+    kerbed: NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,11 @@ class PassageConfig:
         high=5.0,
     )
     longest_run_up_m: float = parameter(0.8, "m", "the same where there is more room", low=0.0, high=5.0)
+    ample_room_m: float = parameter(
+        0.16, "m", "room beside the outline, beyond what is needed, with which a way that bends costs no more", low=0.01, high=1.0
+    )
+    close_weight: float = parameter(2.0, "-", "by how many times a way that bends costs more without any of that room", low=0.0, high=50.0)
+    corner_m: float = parameter(0.24, "m", "way that one corner less of a way that bends is worth", low=0.0, high=5.0)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
@@ -122,7 +129,7 @@ def ground_of(terrain: Terrain, piece: NDArray[np.int32]) -> Ground:
     is_open = label == TerrainClass.TRAVERSABLE
     ground = is_open | (label == TerrainClass.INFLATION)
     graph, passable = terrain.neighbours[:count], is_open | terrain.narrow[:count]
-    return Ground(terrain.columns.ny, start, column, terrain.z[:count], graph, ground, passable, piece)
+    return Ground(terrain.columns.ny, start, column, terrain.z[:count], graph, ground, passable, piece, terrain.near_kerb[:count])
 
 
 @lean_njit
@@ -138,21 +145,24 @@ def step(graph: NDArray[np.int32], node: Index, mx: Index, my: Index) -> Index:
 
 @lean_njit
 def _walk(g: Any, demand: Any, node: Any, x: Any, y: Any, dx: Any, dy: Any, out: Any) -> Any:
-    """Number of nodes from `node` at x, y in direction dx, dy to the end of the run-up, written to `out`; 0 when none is reached."""
+    """Number of nodes from `node` at x, y in direction dx, dy to the end of the run-up, where wheels may turn, written to `out`; 0 when
+    none is reached."""
     h = 1.0 / max(abs(dx), abs(dy))
-    px, py, begun = int(np.floor(x)), int(np.floor(y)), -1
+    px, py, begun, end = int(np.floor(x)), int(np.floor(y)), -1, 0
     out[0] = node
     for i in range(1, out.size):
         cx, cy = int(np.floor(x + i * h * dx)), int(np.floor(y + i * h * dy))
         node = step(g.graph, node, cx - px, cy - py)
         if begun >= 0 and (node < 0 or g.piece[node] != g.piece[out[begun]] or (i - begun) * h > demand.longest_run_up):
-            return i if (i - 1 - begun) * h >= demand.run_up else 0
+            return end
         if node < 0 or not g.passable[node] or (begun < 0 and i * h > demand.most):
             return 0
         px, py = cx, cy
         out[i] = node
         if begun < 0 and g.piece[node] >= 0:
             begun = i
+        if begun >= 0 and (i - begun) * h >= demand.run_up and not g.kerbed[node]:
+            end = i + 1
     return 0
 
 

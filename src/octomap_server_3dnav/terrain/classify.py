@@ -65,9 +65,9 @@ def classify(
     departure = departure_of(scene, label, start, config.min_ground_voxels)
     # Line 20, searchFrontiers.
     edges = closed.left_of(unknown_edges(scene.columns, scene.surfaces, label, scene.within(radius_m), seen, limits.step))
-    near_kerb = near_kerbs(scene, label, config, robot, limits)
-    cost = soft_cost(scene, (label, distance, near_kerb), edges, config, limits)
-    return assemble(scene, Judged(label, near_kerb, distance, cost, barriers, edges, start, departure), limits, radius_m, T_map_base[:3, 3])
+    kerbed = near_kerbs(scene, label, config, robot, limits)
+    cost = soft_cost(scene, (label, distance, kerbed), edges, config, limits)
+    return assemble(scene, Judged(label, kerbed[0], distance, cost, barriers, edges, start, departure), limits, radius_m, T_map_base[:3, 3])
 
 
 def _over(label: NDArray[np.uint8], scene: Scene) -> NDArray[np.int32]:

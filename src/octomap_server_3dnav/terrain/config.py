@@ -48,7 +48,7 @@ class TerrainConfig:
         0.56, "m", "width of the strip beside unknown floor where driving costs much more", low=0.0, high=3.0
     )
     unknown_weight: float = parameter(
-        15.0, "-", "factor of the cost in that strip: an edge that was not seen may be a cliff", low=1.0, high=1000.0
+        15.0, "-", "factor of the cost there, where an edge may be a cliff, and near a step that may be too high", low=1.0, high=1000.0
     )
     kerb_rise_m: float = parameter(
         0.045, "m", "rise from one column to the next that a turning wheel would scrape along", low=0.0, high=0.5

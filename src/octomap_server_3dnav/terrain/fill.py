@@ -166,6 +166,5 @@ def fill_gaps(columns: Columns, surfaces: Surfaces, limits: Limits) -> Surfaces:
         np.insert(surfaces.height, at, floor.height),
         np.insert(surfaces.sigma, at, floor.sigma),
         np.insert(surfaces.offset, at, floor.offset, axis=0),
-        np.insert(surfaces.is_open, at, False),
         np.insert(surfaces.filled, at, True),
     )

@@ -81,11 +81,14 @@ def departure_of(scene: Scene, label: NDArray[np.uint8], start: int | None, leas
 
 
 def near_kerbs(scene: Scene, label: NDArray[np.uint8], config: TerrainConfig, robot: RobotBody, limits: Limits) -> NDArray[np.bool_]:
-    """(N,) whether a wheel of a robot that turns there would scrape along a rise that is too low to be an obstacle."""
-    ground = (label == TRAVERSABLE) | (label == INFLATION)
-    edge = ground & kerbs(scene.links.graph, scene.surfaces, config.kerb_rise_m / limits.resolution, config.confidence)
+    """(2, N) whether a wheel of a robot that turns there would scrape along a rise that is no obstacle, and along one that may be too high:
+    within `confidence` sigmas of two poses of the highest step, and sure to be a kerb."""
+    ground, graph = (label == TRAVERSABLE) | (label == INFLATION), scene.links.graph
     reach = round(robot.turning_radius_m / limits.resolution)
-    return np.asarray(hops_from(edge, ground, scene.links.graph, reach + 1) <= reach)
+    unsure_m = config.confidence * np.hypot(config.pose_noise_m, config.pose_noise_m)
+    rises_m = config.kerb_rise_m, max(config.kerb_rise_m, robot.max_step_m - 2 * unsure_m)
+    edges = (ground & kerbs(graph, scene.surfaces, rise_m / limits.resolution, config.confidence) for rise_m in rises_m)
+    return np.array([hops_from(edge, ground, graph, reach + 1) <= reach for edge in edges])
 
 
 def soft_cost(
@@ -97,14 +100,14 @@ def soft_cost(
 ) -> NDArray[np.float32]:
     """Cost factor of every node: 1 in the open, more towards inflation, kerbs and the unknown, inf where no path may go.
 
-    `judged`: label, distance from the nearest barrier, and whether a kerb is near, (N,) each.
+    `judged`: label (N,), distance (N,) from the nearest barrier, and whether kerbs are near, as `near_kerbs` has it.
     """
-    label, distance, near_kerb = judged
+    label, distance, (near_kerb, near_limit) = judged
     ground, seen_from = (label == TRAVERSABLE) | (label == INFLATION), np.zeros(label.size, dtype=bool)
     seen_from[edges[:, 2]] = True
     beside = round(config.unknown_margin_m / limits.resolution)
     near_unknown = hops_from(seen_from, ground, scene.links.graph, beside + 1) <= beside
     width = max(config.soft_clearance_m / limits.resolution, 1e-6)
     cost = 1.0 + config.soft_clearance_weight * np.clip(1.0 - (distance - limits.keep_off) / width, 0.0, 1.0)
-    cost *= np.where(near_unknown, config.unknown_weight, np.where(near_kerb, config.kerb_weight, 1.0))
+    cost *= np.where(near_unknown | near_limit, config.unknown_weight, np.where(near_kerb, config.kerb_weight, 1.0))
     return np.where(label == TRAVERSABLE, cost, np.inf).astype(np.float32)

@@ -22,8 +22,7 @@ class Surfaces(NamedTuple):
     """Surface nodes sorted by column and height.
 
     start (C + 1,) first node of every column; column (N,); z (N,) of the voxel; height (N,) and its sigma (N,), float32; offset (N, 2) how
-    far along x and y from the column's middle the hits lie on average; is_open (N,) whether all space above was seen free as high as the
-    robot is; filled (N,) whether the surface is assumed over unknown columns.
+    far along x and y from the column's middle the hits lie on average; filled (N,) whether the surface is assumed over unknown columns.
     """
 
     start: NDArray[np.int32]
@@ -32,7 +31,6 @@ class Surfaces(NamedTuple):
     height: NDArray[np.float32]
     sigma: NDArray[np.float32]
     offset: NDArray[np.float32]
-    is_open: NDArray[np.bool_]
     filled: NDArray[np.bool_]
 
 
@@ -49,7 +47,7 @@ def find_node(start: NDArray[np.int32], z: NDArray[np.int16], c: Index, level: I
 
 @njit(cache=True)
 def _tops(columns: Columns, clearance: Index, step: Index, gap: Index) -> tuple[NDArray, ...]:
-    """(start, column, z, is_open) of the tops of occupied runs with at least `clearance` voxels below the next occupied one.
+    """(start, column, z) of the tops of occupied runs with at least `clearance` voxels below the next occupied one.
 
     Not of those with something unknown directly above that are a wall, higher than a step, or an underside, with air below: their tops
     were not seen. Air may begin one voxel below, for the beams that hit an underside flatly leave its layer unknown. Above there is no such
@@ -58,7 +56,7 @@ def _tops(columns: Columns, clearance: Index, step: Index, gap: Index) -> tuple[
     """
     runs, z_lo, z_hi, occupied = columns.start, columns.z_lo, columns.z_hi, columns.occupied  # arrays of a tuple are counted at every use
     start = np.zeros(runs.size, np.int32)
-    column, z, is_open = np.empty(z_lo.size, np.int32), np.empty(z_lo.size, np.int16), np.empty(z_lo.size, np.bool_)
+    column, z = np.empty(z_lo.size, np.int32), np.empty(z_lo.size, np.int16)
     n = 0
     for c in range(runs.size - 1):
         first, last = np.int64(runs[c]), np.int64(runs[c + 1]) - 1
@@ -76,10 +74,9 @@ def _tops(columns: Columns, clearance: Index, step: Index, gap: Index) -> tuple[
             below = -1
             if not (is_dark and (hangs or z_hi[r] - foot >= step)):
                 column[n], z[n], below = c, z_hi[r], r
-                is_open[n] = not (is_dark or occupied[r + 1]) and z_hi[r + 1] >= z_hi[r] + clearance
                 n += 1
         start[c + 1] = n
-    return start, column[:n], z[:n], is_open[:n]
+    return start, column[:n], z[:n]
 
 
 @njit(cache=True)
@@ -98,9 +95,9 @@ def _estimates(hits: NDArray[np.float32], z: NDArray[np.int16], noise: float, po
 
 def surfaces_of(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | None, limits: Limits) -> Surfaces:
     """Every surface of the window whose first column has index `key`, with room for the robot above."""
-    start, column, z, is_open = _tops(columns, limits.clearance, limits.step, limits.fill)
+    start, column, z = _tops(columns, limits.clearance, limits.step, limits.fill)
     hits = np.full((z.size, 4), np.nan, dtype=np.float32)
     if heights is not None:
         hits = heights.at(*indices_of(column, columns.ny, key), z)
     height, sigma, offset = _estimates(hits, z, limits.noise, limits.pose_noise)
-    return Surfaces(start, column, z, height, sigma, offset, is_open, np.zeros(z.size, dtype=bool))
+    return Surfaces(start, column, z, height, sigma, offset, np.zeros(z.size, dtype=bool))

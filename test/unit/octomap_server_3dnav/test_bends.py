@@ -11,6 +11,7 @@ from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import DecisionKind
 from octomap_server_3dnav.navigation.passages import TerrainSettings, is_along, navigable_terrain, rest_from, ways_if_floor
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_path
+from octomap_server_3dnav.navigation.straight_lines import PassageConfig
 from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
 from octomap_server_3dnav.terrain.config import TerrainConfig
 from rigid_geometry import legs_of
@@ -54,6 +55,19 @@ def bent_gap(wide_m: float, bend_rad: float) -> np.ndarray:
     return states
 
 
+def posts(seed: int, apart: float) -> np.ndarray:
+    """Two rooms, and between them posts of a column each, so many columns apart at least and nowhere much farther."""
+    states, rng, placed = solid(100, 60), np.random.default_rng(seed), list[tuple[int, int]]()
+    for x, y in ((slice(5, 95), slice(15, 45)), (slice(5, 30), slice(5, 55)), (slice(70, 95), slice(5, 55))):
+        dig(states, x, y)
+    for _ in range(300):
+        x, y = int(rng.integers(33, 67)), int(rng.integers(15, 45))
+        if all(math.hypot(x - px, y - py) >= apart for px, py in placed):
+            placed.append((x, y))
+            states[x, y, BELOW + 1 :] = OCCUPIED
+    return states
+
+
 def way(terrain: Terrain, x: float, y: float) -> Path | None:
     node = terrain.surface_near((x, y, 0.04))
     return None if node is None else plan_path(terrain, node, CONFIG)
@@ -77,12 +91,17 @@ def poses_along(passage: Passage) -> np.ndarray:
     return np.array(found)
 
 
-def inside_outline(poses: np.ndarray, places: np.ndarray) -> int:
-    """How many places the outline of 0.99 x 0.67 m covers, by brute force."""
+def room_around(poses: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """(K, M) metres from the sides of the outline of 0.99 x 0.67 m to places, negative inside it, by brute force."""
     off = places[None, :, :2] - poses[:, None, :2]
     c, s = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
     along, aside = off[..., 0] * c + off[..., 1] * s, off[..., 1] * c - off[..., 0] * s
-    return int(((np.abs(along) < 0.495 - 1e-6) & (np.abs(aside) < 0.335 - 1e-6)).sum())
+    return np.maximum(np.abs(along) - 0.495, np.abs(aside) - 0.335)
+
+
+def inside_outline(poses: np.ndarray, places: np.ndarray) -> int:
+    """How many places the outline covers."""
+    return int((room_around(poses, places) < -1e-6).sum())
 
 
 @pytest.mark.parametrize("corridor", [15, 16, 17, 18])
@@ -111,6 +130,31 @@ def test_outline_stays_off_all_barriers_on_every_way(states: np.ndarray) -> None
     for passage in terrain.passages:
         assert not inside_outline(poses_along(passage), walls)
         assert all(terrain.label[node] == TerrainClass.TRAVERSABLE for node in passage.nodes)
+
+
+@pytest.mark.parametrize("seed, apart", [(756, 9.0), (765, 9.0)])
+def test_outline_stays_off_posts_while_it_turns_between_two_legs(seed: int, apart: float) -> None:
+    """Both legs at a corner are free in these, and shorter than the way that has room to turn."""
+    terrain = terrain_of(posts(seed, apart), pose(1.4, 2.4))
+    walls = terrain.centers(terrain.nodes_of(TerrainClass.OBSTACLE))
+    assert terrain.passages
+    for passage in terrain.passages:
+        assert len(legs(passage)) > 2 and not inside_outline(poses_along(passage), walls)
+
+
+def legs_and_room(config: PassageConfig) -> tuple[int, float]:
+    """Of the way through a gap that bends: how many legs it has, and the least room of the outline."""
+    terrain = navigable_terrain(runs_of(bent_gap(1.1, 0.7)), pose(1.6, 3.6), TerrainSettings(passages=config), None)
+    (passage,) = terrain.passages
+    room = room_around(poses_along(passage), terrain.centers(terrain.nodes_of(TerrainClass.OBSTACLE)))
+    return len(legs(passage)), float(room.min())
+
+
+def test_way_that_bends_weighs_room_against_corners_as_configured() -> None:
+    usual = legs_and_room(PassageConfig())
+    assert legs_and_room(PassageConfig(corner_m=0.0))[0] > usual[0] > legs_and_room(PassageConfig(corner_m=1.0))[0]
+    assert legs_and_room(PassageConfig(close_weight=0.0))[1] < usual[1] < legs_and_room(PassageConfig(close_weight=10.0))[1]
+    assert legs_and_room(PassageConfig(ample_room_m=0.04))[1] < usual[1]
 
 
 def test_gap_that_winds_is_passed_on_legs_with_corners_between() -> None:

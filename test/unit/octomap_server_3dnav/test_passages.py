@@ -14,10 +14,11 @@ from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import DecisionKind
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
 from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
-from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain, rest_from
+from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain, rest_from, with_passages
 from octomap_server_3dnav.navigation.planner import PlannerConfig, distances_over_ground, plan_path
 from octomap_server_3dnav.navigation.straight_lines import PassageConfig
 from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
+from octomap_server_3dnav.terrain.classify import classify
 
 WALL_X, MIDDLE_Y = 55, 35  # columns
 CONFIG = PlannerConfig()
@@ -55,6 +56,19 @@ def way(terrain: Terrain, x: float, y: float):
 
 
 BEFORE, BEHIND = pose(1.5, 2.8), (7.2, 2.8)
+
+
+@pytest.mark.parametrize("kerb_column, is_straight_on", [(WALL_X + 12, False), (WALL_X + 30, True)], ids=["at the run-up", "beyond it"])
+def test_passage_ends_where_wheels_may_turn(kerb_column: int, is_straight_on: bool) -> None:
+    """Wheels should not turn from a column behind the door on: without a straight line the way ends as soon as there is room to turn."""
+    settings = TerrainSettings()
+    plain = classify(runs_of(with_door(12)), BEFORE, settings.terrain, settings.robot, None)
+    terrain = with_passages(replace(plain, near_kerb=plain.near_kerb | (plain.ix >= kerb_column)), 0.0, settings)
+    assert way(terrain, *BEHIND) is not None
+    for passage in terrain.passages:
+        assert not terrain.near_kerb[list(passage.nodes)].any()
+        run_up = passage.line[:, 0].max() - (kerb_column - 1) * RESOLUTION
+        assert (run_up < -0.8) == is_straight_on
 
 
 @pytest.mark.parametrize("columns, is_open", [(7, False), (8, False), (10, True), (11, True), (12, True), (13, True), (14, True)])

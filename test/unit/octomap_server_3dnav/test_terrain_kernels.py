@@ -45,7 +45,6 @@ def whole(nx: int, ny: int, margin: int) -> NDArray[np.int64]:
 def sheet(height: NDArray[np.float64], sigma: float = 0.05) -> Surfaces:
     """One surface a column of an (nx, ny) grid of heights in voxels."""
     flat = height.ravel().astype(np.float32)
-    no = np.zeros(flat.size, dtype=bool)
     column = np.arange(flat.size, dtype=np.int32)
     offset = np.zeros((flat.size, 2), np.float32)
     return Surfaces(
@@ -55,8 +54,7 @@ def sheet(height: NDArray[np.float64], sigma: float = 0.05) -> Surfaces:
         flat,
         np.full(flat.size, sigma, np.float32),
         offset,
-        ~no,
-        no,
+        np.zeros(flat.size, dtype=bool),
     )
 
 

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, drawn, grid_of_heights, label_at, pose, runs_of, terrain_of
 
+from octomap_server_3dnav.navigation.planner import PlannerConfig, plan_path
 from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain import graph, surfaces
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
@@ -68,6 +69,18 @@ def test_kerb_is_judged_by_what_this_robot_climbs(limit_m, is_climbed):
         lambda x, y: np.where(x < 30 * RESOLUTION, 0.02, 0.12) + 0 * y, pose(1.2, 2.4, 0.02), robot=replace(RobotBody(), max_step_m=limit_m)
     )
     assert (label_at(terrain, 3.6, 2.4, 0.12) == TRAVERSABLE) == is_climbed
+
+
+@pytest.mark.parametrize(("rise", "has_way_round", "is_driven_over"), [(0.07, True, True), (0.10, True, False), (0.10, False, True)])
+def test_step_that_may_be_too_high_is_driven_over_only_where_no_other_way_is_left(rise, has_way_round, is_driven_over):
+    def ridge(x, y):
+        return np.where((x > 2.4) & (x < 3.6) & ((y < 7.0) | (not has_way_round)), rise, 0.0)
+
+    states, heights = met(ridge, 80, 120)
+    terrain = classify(runs_of(states), pose(1.0, 2.0, 0.0), TerrainConfig(), RobotBody(), None, heights)
+    path = plan_path(terrain, terrain.surface_near((5.5, 2.0, 0.0)), PlannerConfig())
+    over = (path.points[:, 0] > 2.4) & (path.points[:, 0] < 3.6) & (path.points[:, 1] < 7.0)
+    assert over.any() == is_driven_over
 
 
 @pytest.mark.parametrize("noise_m", [0.0, 0.01, 0.02])
