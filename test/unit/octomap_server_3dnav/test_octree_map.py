@@ -362,7 +362,7 @@ def test_failed_write_keeps_the_old_file_and_leaves_nothing_behind(tmp_path, mon
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", no_space)
-    with pytest.raises(OSError, match="space"):
+    with pytest.raises(OSError, match="is full"):
         OctreeMap(RES).write_bt(path)
     assert path.read_bytes() == old and os.listdir(tmp_path) == ["map.bt"]
 
