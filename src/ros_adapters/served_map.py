@@ -49,9 +49,12 @@ class ServedMap:
         node.serve("octomap_binary", GetOctomap, partial(self._on_get_octomap, binary=True))
         node.serve("octomap_full", GetOctomap, partial(self._on_get_octomap, binary=False))
         node.serve("~clear_bbx", BoundingBoxQuery, self._on_clear_bbx)
-        node.serve("~save", Trigger, self._on_save)
         node.serve("~load", LoadMap, self._on_load)
         rospy.on_shutdown(self._files.close)
+
+    def serve_saving(self) -> None:
+        """Serves ~save, once the map is that of the process before: who asks for its files meanwhile asks again."""
+        self._node.serve("~save", Trigger, self._on_save)
 
     def terrain_within(self, T_map_base: Transform, radius_m: float | None) -> Terrain:
         """The terrain around the robot, or all of it. The time that it takes is counted as classification, but for drawing sweeps anew that

@@ -12,7 +12,7 @@ import rospy
 
 from node_life import Life
 from node_life.life import BEAT, PULSE, STILL_STARTING
-from ros_adapters import asking, restarts, session_keeper
+from ros_adapters import asking, restarts, served_map, session_keeper
 from ros_adapters.asking import AskedService, is_waiting
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.liveness import Liveness, why_it_stays_away
@@ -115,6 +115,18 @@ def test_terrain_node_that_dies_while_it_is_given_a_session_gets_all_of_it(monke
     monkeypatch.setattr(keeper, "_store", SimpleNamespace(sweeps=[SimpleNamespace(vertex_id=k, stamp_s=float(k)) for k in range(4)]))
     assert keeper.hand_over(object()) == []
     assert set(made[0].held) == {0, 1, 2, 3}
+
+
+def test_terrain_node_saves_only_when_its_map_is_that_of_the_process_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Killed as the run ended, it answered that no sweep is in the map yet; a service that is not there is asked for again."""
+    served: list[str] = []
+    node = SimpleNamespace(run_folder=lambda: None, publisher=lambda *_, **__: None, serve=lambda name, *_: served.append(name))
+    node.diagnostics = SimpleNamespace(on_terminal=lambda *_: None)
+    monkeypatch.setattr(served_map, "PlanServices", lambda *_: None)
+    found = served_map.ServedMap(node, None, SimpleNamespace(explorer=None, timing=None), None, None)
+    assert "~save" not in served
+    found.serve_saving()
+    assert "~save" in served
 
 
 def test_node_that_is_started_again_is_waited_for_and_no_other() -> None:
