@@ -242,6 +242,17 @@ class PoseGraphMappingTest(unittest.TestCase):
     def test_save_without_a_folder_is_no_failure(self) -> None:
         self.assertTrue(rospy.ServiceProxy(f"/{NODE}/save", Trigger)().success)
 
+    def test_twice_sent_sweep_holds_up_no_later_one(self) -> None:
+        """Its free beams are one message, and gone with the first of them. Last of all tests: from now on sweeps have free beams."""
+        free = feed("/sweep_free", PointCloud2)
+        for times in (2, 1):
+            cloud = self.cloud()
+            self.drive_to(self.clock_s)
+            free.publish(cloud_message(self.clock_s, "base_link", self.points[:0], self.origins[:0]))
+            for _ in range(times):
+                self.clouds.publish(cloud)
+            self.mapped.wait_for_stamp(self.clock_s)
+
     def test_wrong_parameter_ends_the_node_with_the_nearest_name(self) -> None:
         code, stderr = run_misconfigured(NODE, "min_sweep_point:=20")
         self.assertEqual(code, 2, stderr)
