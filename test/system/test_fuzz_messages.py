@@ -212,7 +212,7 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
     from std_msgs.msg import String
 
     listener = rospy.Subscriber(ready, String, lambda m: names.add(m.data))
-    until(lambda: names >= set(ROBOT_NODES), 60.0, f"all nodes to be ready: {sorted(names)}")
+    until(lambda: names >= set(ROBOT_NODES), 180.0, "all nodes to be ready")
     listener.unregister()
     topics = subscribed()
     unknown = {kind for _, kind in topics} - make.keys()
@@ -233,7 +233,7 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
         time.sleep(0.01)
     assert sent >= LEAST, f"only {sent} wrong messages could be sent"
     told = {name for (topic, _), listeners in topics.items() for name in listeners if topic not in SILENT_ABOUT}
-    before, deadline = {name: counts.of(name) for name in told}, time.monotonic() + 20.0
+    before, deadline = {name: counts.of(name) for name in told}, time.monotonic() + 60.0
     while time.monotonic() < deadline and (silent := [name for name in sorted(told) if counts.of(name) <= before[name]]):
         stamp_s += 0.1
         for topic, kind in topics:
