@@ -98,7 +98,8 @@ class ReconfigureTest(FedMoveBase):
         self.assertAlmostEqual(told()["stamp_s"], self.clock_s, places=3)
         self.assertNotEqual(rospy.get_param(f"/{NODE}/follower/max_speed_mps", None), 0.45)
 
-    def test_node_that_is_started_again_has_what_it_was_told(self) -> None:
+    def test_when_it_is_started_again_the_node_has_what_it_was_told(self) -> None:
+        """Last of all tests: the others are heard by the first process."""
         self.client.update_configuration({SPEED: 0.35, "costmap_inflation_radius_m": 0.8})
         pid = self.pid()
         os.kill(pid, signal.SIGKILL)
