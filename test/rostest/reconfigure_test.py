@@ -45,7 +45,7 @@ class ReconfigureTest(FedMoveBase):
         speed = described[SPEED]
         self.assertEqual((speed["min"], speed["max"], speed["type"]), (0.05, 2.0, "double"))
         self.assertIn("[m/s]", speed["description"])
-        self.assertEqual(self.client.get_configuration()[SPEED], 0.5)
+        wait_until(lambda: self.client.get_configuration()[SPEED] == 0.5, "who listens to hear of it")
         self.assertTrue({"costmap_inflation_radius_m", "monitor_margin_m"} <= described.keys())
         self.assertNotIn("costmap_size_m", described)
 
