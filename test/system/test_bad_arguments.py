@@ -182,7 +182,8 @@ def test_taken_port_of_the_master_does_not_matter(tmp_path: Path) -> None:
 
 def test_help_reads_well_and_needs_nothing_set_up(tmp_path: Path) -> None:
     shutil.copy(PACKAGE / "explore", tmp_path)  # without scripts/setup.bash
-    shutil.copytree(PACKAGE / "src" / "explore_command", tmp_path / "src" / "explore_command")
+    for package in ("explore_command", "whole_files"):
+        shutil.copytree(PACKAGE / "src" / package, tmp_path / "src" / package)
     shown = subprocess.run(["./explore", "--help"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
     assert shown.returncode == 0 and shown.stderr == ""
     assert shown.stdout.startswith("usage: ./explore") and "Exit code:" in shown.stdout
