@@ -1,14 +1,12 @@
 """A process above a node starts it again when it was killed, broke or hangs, gives it up when it dies too often, and keeps its memory."""
 
 import os
-import resource
 import signal
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -219,18 +217,7 @@ def test_without_a_process_above_it_nothing_is_kept() -> None:
     assert life.is_first and life.kept("x", None) is None and life.notes("y") == []
 
 
-@contextmanager
-def files_of_at_most(size: int) -> Iterator[None]:
-    """Writes beyond so many bytes of a file fail, as on a full disk."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
-def test_memory_without_room_keeps_what_it_has_and_says_so(tmp_path: Path) -> None:
+def test_memory_without_room_keeps_what_it_has_and_says_so(tmp_path: Path, files_of_at_most) -> None:
     life = Life({MEMORY: str(tmp_path)})
     life.keep("state", "small")
     with files_of_at_most(1000):
@@ -241,7 +228,7 @@ def test_memory_without_room_keeps_what_it_has_and_says_so(tmp_path: Path) -> No
     assert (life.kept("state", ""), life.problem) == ("new", "")
 
 
-def test_what_is_kept_of_one_thing_hides_nothing_of_another(tmp_path: Path) -> None:
+def test_what_is_kept_of_one_thing_hides_nothing_of_another(tmp_path: Path, files_of_at_most) -> None:
     life = Life({MEMORY: str(tmp_path)})
     with files_of_at_most(1000):
         life.keep("map", "large" * 1000)
@@ -249,7 +236,7 @@ def test_what_is_kept_of_one_thing_hides_nothing_of_another(tmp_path: Path) -> N
         assert "map: " in life.problem
 
 
-def test_note_that_has_no_room_hides_no_later_one(tmp_path: Path) -> None:
+def test_note_that_has_no_room_hides_no_later_one(tmp_path: Path, files_of_at_most) -> None:
     life = Life({MEMORY: str(tmp_path)})
     life.note("notes", "first")
     with files_of_at_most(1000):

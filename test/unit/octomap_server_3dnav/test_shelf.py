@@ -1,8 +1,5 @@
 """What is put away is given again bit by bit, also where the disk takes nothing, and leaves nothing behind; a map is the same without."""
 
-import resource
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +8,6 @@ from test_map_builder import builder, pose, wall
 
 from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder
 from octomap_server_3dnav.octree.shelf import Shelf
-
-
-@contextmanager
-def files_of_at_most(size: int) -> Iterator[None]:
-    """Writes beyond so many bytes of a file fail, as on a full disk."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def beams(seed: int) -> Beams:
@@ -43,7 +29,7 @@ def test_what_is_put_away_is_given_again(where: str, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_what_the_disk_does_not_take_stays_in_memory(tmp_path: Path) -> None:
+def test_what_the_disk_does_not_take_stays_in_memory(tmp_path: Path, files_of_at_most) -> None:
     shelf = Shelf(tmp_path)
     first = shelf.put(beams(1))
     with files_of_at_most(8000):

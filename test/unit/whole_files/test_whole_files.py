@@ -2,11 +2,8 @@
 
 import errno
 import os
-import resource
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -16,17 +13,6 @@ from whole_files import RefusedError, WaitingLines, refusal, remove_unfinished, 
 BIG = b"x" * 20_000
 
 
-@contextmanager
-def files_of_at_most(size: int) -> Iterator[None]:
-    """Writes beyond so many bytes of a file fail, as on a full disk."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-
-
 def test_file_is_replaced_by_bytes_or_text(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     write_whole(path, b"old")
@@ -34,7 +20,7 @@ def test_file_is_replaced_by_bytes_or_text(tmp_path: Path) -> None:
     assert path.read_text(encoding="utf-8") == "neu: ü\n" and list(tmp_path.iterdir()) == [path]
 
 
-def test_disk_that_takes_half_leaves_the_old_file_and_nothing_beside_it(tmp_path: Path) -> None:
+def test_disk_that_takes_half_leaves_the_old_file_and_nothing_beside_it(tmp_path: Path, files_of_at_most) -> None:
     path = tmp_path / "a.bin"
     write_whole(path, b"old")
     with files_of_at_most(8192), pytest.raises(RefusedError) as caught:
@@ -73,7 +59,7 @@ def test_what_a_killed_program_left_is_removed(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["map.bt"]
 
 
-def test_lines_wait_for_the_disk_and_come_in_order(tmp_path: Path) -> None:
+def test_lines_wait_for_the_disk_and_come_in_order(tmp_path: Path, files_of_at_most) -> None:
     lines, written = WaitingLines(tmp_path / "log"), [f"line {k} of many, each as long as the others\n" for k in range(600)]
     with files_of_at_most(8192):
         for text in written[:400]:
