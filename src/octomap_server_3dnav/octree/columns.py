@@ -127,6 +127,15 @@ def is_free_in(columns: Columns, c: Index, low: Index, high: Index) -> bool:
 
 
 @lean_njit
+def is_free_through(columns: Columns, c: Index, low: Index, high: Index) -> bool:
+    """Whether every voxel of column c was seen free in low..high."""
+    for r in range(columns.start[c], columns.start[c + 1]):
+        if columns.z_lo[r] <= low and columns.z_hi[r] >= high and not columns.occupied[r]:
+            return True
+    return False
+
+
+@lean_njit
 def blocking_voxel(columns: Columns, c: Index, level: Index, step: Index, clearance: Index) -> Index:
     """Lowest occupied voxel of column c where something stands in the way of a robot at `level`, NO_VOXEL when nothing does.
 

@@ -1,7 +1,7 @@
 """Unknown columns between surfaces that one plane explains are floor (first principle of docs/terrain.md).
 
 Third step of `classify`. A few columns of floor are missed by every laser. A missing plate is wider, and stays a question; so does what was
-seen free below, or occupied above. Everything is in voxels.
+seen free below from above, or is occupied above. Everything is in voxels.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.octree.columns import NO_VOXEL, Columns, blocking_voxel, seen_down_to
+from octomap_server_3dnav.octree.columns import NO_VOXEL, Columns, blocking_voxel, is_free_through, seen_down_to
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
@@ -54,7 +54,7 @@ def _level_between(z: NDArray[np.int16], a: Index, b: Index, j: Index, gap: Inde
 
 @lean_njit
 def _met(columns: Columns, surfaces: Surfaces, c: Index, level: Index, reach: Index, floor: float, limits: Limits) -> Index:
-    """The node as of `find_node`, but for the underside of a plate: more than a step below a `floor`, with air below it."""
+    """The node as of `find_node`; more than a step below a `floor`, only one that was seen from there and is no plate with air below it."""
     n = find_node(surfaces.start, surfaces.z, c, level, reach)
     if n < 0 or surfaces.height[n] >= floor - limits.max_step:
         return n
@@ -62,7 +62,8 @@ def _met(columns: Columns, surfaces: Surfaces, c: Index, level: Index, reach: In
     while columns.z_hi[r] != surfaces.z[n]:
         r += 1
     hangs = r > columns.start[c] and not columns.occupied[r - 1] and columns.z_hi[r - 1] >= columns.z_lo[r] - 2
-    return -1 if hangs else n
+    is_seen = is_free_through(columns, c, np.int64(surfaces.z[n]) + 1, level)
+    return n if is_seen and not hangs else -1
 
 
 @lean_njit
@@ -74,8 +75,8 @@ def _spans(columns: Columns, surfaces: Surfaces, a: Index, b: Index, stride: Ind
         for near in (level, np.int64(z[b])):
             if _met(columns, surfaces, between, near, step + 1, low, limits) >= 0:
                 return False
-        seen, above = seen_down_to(columns, between, level), seen_down_to(columns, between, level + step + 1)
-        if seen < level - step or above == NO_VOXEL:  # a hole; something may stand there
+        is_hole = is_free_through(columns, between, level - step - 1, level)
+        if is_hole or seen_down_to(columns, between, level + step + 1) == NO_VOXEL:  # where something may stand
             return False
         if blocking_voxel(columns, between, level, step, limits.clearance) != NO_VOXEL:
             return False

@@ -96,6 +96,9 @@ class Oracle:
             lowest = run.low
         return lowest
 
+    def is_free_through(self, c: Column, low: int, high: int) -> bool:
+        return any(run.low <= low and run.high >= high and not run.occupied for run in self.runs.get(c, []))
+
     def blocks(self, c: Column, level: int) -> int | None:
         """Lowest voxel of what stands in the way, or hangs in it."""
         top = self.top_near(c, level, self.step)
@@ -143,10 +146,10 @@ class Oracle:
     def _other_side(self, a: Node, way: Column) -> tuple[Node, int]:
         for gap in range(2, self.limits.fill + 2):
             next_one = self.find(moved(a[:2], way), a.z, self.step)
-            if next_one and not self._is_underside(next_one, self.height[a]):
+            if next_one and not self._says_nothing(next_one, a.z, self.height[a]):
                 break
             b = self.find(moved(a[:2], way, gap), a.z, max(self.step, 2))
-            if b is None or self._is_underside(b, self.height[a]):
+            if b is None or self._says_nothing(b, a.z, self.height[a]):
                 continue
             if abs(b.z - a.z) <= 2 and self._is_one_floor(a, b, way, gap) and self._is_unknown_between(a, b, way, gap):
                 return b, gap
@@ -164,21 +167,21 @@ class Oracle:
     def _is_unknown_between(self, a: Node, b: Node, way: Column, gap: int) -> bool:
         for j in range(1, gap):
             c, level = moved(a[:2], way, j), self._between(a, b, j, gap)
-            seen = self.seen_down_to(c, level)
-            found = filter(None, (self.find(c, level, self.step + 1), self.find(c, b.z, self.step + 1)))
             low = min(self.height[a], self.height[b])
-            if not all(self._is_underside(n, low) for n in found) or self.blocks(c, level) is not None:
+            found = [(n, near) for near in (level, b.z) if (n := self.find(c, near, self.step + 1))]
+            if not all(self._says_nothing(n, near, low) for n, near in found) or self.blocks(c, level) is not None:
                 return False
-            if self.seen_down_to(c, level + self.step + 1) is None or (seen is not None and seen < level - self.step):
+            if self.seen_down_to(c, level + self.step + 1) is None or self.is_free_through(c, level - self.step - 1, level):
                 return False
         return True
 
-    def _is_underside(self, n: Node, height: float) -> bool:
-        """Whether a surface far below a floor hangs in the air."""
+    def _says_nothing(self, n: Node, level: int, height: float) -> bool:
+        """Whether a surface far below a floor hangs in the air, or was not seen from the floor's level."""
         runs = self.runs[n[:2]]
         i = next(i for i, run in enumerate(runs) if run.high == n.z)
         hangs = i > 0 and not runs[i - 1].occupied and runs[i - 1].high >= runs[i].low - 2
-        return hangs and self.height[n] < height - self.limits.max_step
+        is_seen = self.is_free_through(n[:2], n.z + 1, level)
+        return (hangs or not is_seen) and self.height[n] < height - self.limits.max_step
 
     def _near(self, s: Node, k: int) -> Node | None:
         return self.find(moved(s[:2], SIDES[k % 4]), s.z, self.step)

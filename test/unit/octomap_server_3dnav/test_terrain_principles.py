@@ -142,6 +142,20 @@ def test_underside_of_a_plate_says_nothing_of_the_floor_above_it_and_a_trench_is
     assert (label_at(found, 3.6, 2.4, 20.5 * RESOLUTION) == TRAVERSABLE) == is_floor
 
 
+@pytest.mark.parametrize("height", [3, 4, 6])
+@pytest.mark.parametrize(("is_seen_through", "is_floor"), [(False, True), (True, False)])
+def test_hole_in_a_plate_is_one_only_where_a_beam_went_through(height, is_seen_through, is_floor):
+    """Beams that graze a plate above and below leave columns in which none ended: free, the plate's inside unknown, free, floor."""
+    top = BELOW + height
+    states = flat()
+    states[:, :, BELOW + 1 : top], states[:, :, top] = UNKNOWN, OCCUPIED
+    states[30:32, :, BELOW + 1 : top + 1] = FREE
+    if not is_seen_through:
+        states[30:32, :, top - 1] = UNKNOWN
+    found = terrain_of(states, pose(1.2, 2.4, (height + 0.5) * RESOLUTION))
+    assert (label_at(found, 3.6, 2.4, (height + 0.5) * RESOLUTION) == TRAVERSABLE) == is_floor
+
+
 def row(*beyond: tuple[slice, np.uint8, slice]) -> str:
     """Labels of columns 26 to 34 of a floor that ends before column 30; of those from there on a state in some layers by column."""
     states = flat()
