@@ -21,7 +21,7 @@ from message_mutations import can_be_sent, mutated, of_no_numbers
 from explore_command.parameters import ROBOT_NODES
 from roslaunch_process.children import end_with_parent
 
-MESSAGES, LEAST = 200, 2000  # of each topic, and of all
+MESSAGES, LEAST = int(os.environ.get("FUZZ_MESSAGES", "200")), 2000  # of each topic, and of all
 SILENT_ABOUT = {  # topics whose messages of NaN are no fault: they have no number, or one that is shown and nothing else
     "/exploration/decision",
     "/exploration/event",
