@@ -38,3 +38,8 @@ class MappingUpdate:
     max_vertex_motion_rad: float
     points_dropped: int
     rejected_edges: tuple[Edge, ...] = ()
+
+    @property
+    def match_refused(self) -> bool:
+        """Whether the sweep was matched, and hangs on odometry all the same."""
+        return self.result is not None and not self.match_used
