@@ -10,7 +10,7 @@ from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from ros_adapters.memories import MappingMemory
 
 RESULT = RegistrationResult(np.eye(4), np.eye(6), 1.0, 1.0, 0.0, 3, np.zeros((0, 6)), Verdict.ACCEPTED, "")
-FIRST = MappingUpdate(0, np.eye(4)[None], np.eye(4), None, False, 0, 0.0, 0, (), 0.0, 0.0, 0)
+FIRST = MappingUpdate(0, np.eye(4)[None], np.eye(4), None, False, 0, 0)
 MATCHED = replace(FIRST, result=RESULT, match_used=True, loop_closures=2)
 REFUSED = replace(MATCHED, match_used=False, loop_closures=0)
 
