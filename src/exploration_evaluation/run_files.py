@@ -41,6 +41,18 @@ def read_trajectory(path: Path) -> Trajectory:
     return rows[:, 0], poses
 
 
+def mapped_sweeps(folder: Path) -> int:
+    """How many poses of trajectory.txt are of this run, and not of one before that it went on from.
+
+    Those since the first line of events.csv. ValueError when one of the files is absent, or holds something else.
+    """
+    stamps, _ = read_trajectory(folder / "trajectory.txt")
+    told_s, _, _ = read_events(folder / "events.csv")
+    if not len(told_s):
+        raise ValueError("events.csv has no event: nobody knows when the run began")
+    return int((stamps >= told_s[0]).sum())
+
+
 def read_robot(folder: Path) -> RobotShape:
     """The shape of the robot that drove, from its robot.yaml and robot.urdf; the project's own where a run of before has none."""
     path, urdf = folder / "robot.yaml", folder / DESCRIPTION

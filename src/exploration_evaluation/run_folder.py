@@ -26,6 +26,7 @@ from exploration_evaluation.run_files import (
     JsonObject,
     Trajectory,
     crop_half_m,
+    mapped_sweeps,
     read_contacts,
     read_events,
     read_json,
@@ -63,7 +64,6 @@ _REPORTED = (
     "stop_reason",
     "sim_time_s",
     "wall_time_s",
-    "sweeps",
     "loop_closures",
     "refused_matches",
     "local_classifications",
@@ -93,14 +93,14 @@ def evaluate_run(
 ) -> JsonObject:
     """Scores a run folder against the true mesh, (V, 3) and (T, 3) in the world frame, and writes its summary.json.
 
-    The summary has all that run.json and counters.json report (`_REPORTED` at least) and, of the judge: success and what speaks against it
-    ("faults"), coverage, coverage_straight (with ground that is driven straight only), missed_piece_m2, reachable_area_m2,
-    reachable_straight_m2, turning_area_m2, map_rmse_m, map_p95_m, trajectory_ate_m, trajectory_origin_error_m, map_tilt_rad, collisions,
-    collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m, end_from_start_m, end_from_start_rad, outside_m,
-    coverage_curve (a CurvePoint a sweep), ground_ahead, rpe_translation_m, rpe_rotation_rad, wrong_edges, shortest_length_m, path_ratio,
-    activity_s, time_spent, compute_s, runtime_s, visible_surface_m2, seen_surface_share, map_completeness_rms_m, map_completeness_p95_m,
-    classification (confusion, false-safe and false-unsafe ground), movers, ghosts_m2, and "missing": what is None and why. `robot` is by
-    default that of the folder's robot.yaml. ValueError when the folder does not exist, or that is none.
+    The summary has all that run.json and counters.json report (`_REPORTED` at least) and, of the judge: sweeps (as mapped), success and
+    what speaks against it ("faults"), coverage, coverage_straight (with ground that is driven straight only), missed_piece_m2,
+    reachable_area_m2, reachable_straight_m2, turning_area_m2, map_rmse_m, map_p95_m, trajectory_ate_m, trajectory_origin_error_m,
+    map_tilt_rad, collisions, collision_top_speed_mps, collision_top_force_n, max_tilt_rad, fell, distance_m, end_from_start_m,
+    end_from_start_rad, outside_m, coverage_curve (a CurvePoint a sweep), ground_ahead, rpe_translation_m, rpe_rotation_rad, wrong_edges,
+    shortest_length_m, path_ratio, activity_s, time_spent, compute_s, runtime_s, visible_surface_m2, seen_surface_share,
+    map_completeness_rms_m, map_completeness_p95_m, classification (confusion, false-safe and false-unsafe ground), movers, ghosts_m2, and
+    "missing": what is None and why. `robot` is by default that of the folder's robot.yaml, ValueError when that is none, or no folder.
     """
     folder = Path(directory)
     if not folder.is_dir():
@@ -125,6 +125,7 @@ class _Judgement:
         zones, T_world_map = self._try("zones", lambda: zones_of(self._folder)) or NO_ZONES, errors.T_world_map if errors else None
         ground = self._ground(truth, closed_in_world(zones, T_world_map))
         scores = {
+            "sweeps": self._try("sweeps", lambda: mapped_sweeps(self._folder)) if was_to_explore(reported) else reported.get("sweeps"),
             **self._motion(truth),
             **start_scores(truth),
             "outside_m": farthest_outside_m(zones, T_world_map, truth, self._robot),
@@ -203,9 +204,8 @@ class _Judgement:
     ) -> dict[str, Any]:
         stamps, poses = estimate
         sweeps = placed_sweeps(read_sweeps(self._folder, stamps), poses, crop_half_m(reported))
-        cells = ground.covered_points
-        swept = swept_ground(cells, sweeps, errors.T_world_map, self._config)
-        ahead = ground_ahead(cells, swept.shown_s(stamps), truth, self._config)
+        swept = swept_ground(ground.covered_points, sweeps, errors.T_world_map, self._config)
+        ahead = ground_ahead(ground.covered_points, swept.shown_s(stamps), truth, self._config)
         return {
             "coverage_curve": [asdict(point) for point in coverage_curve(swept.shares, stamps, *truth)],
             "ground_ahead": asdict(ahead) if ahead else None,
@@ -290,8 +290,8 @@ class _Judgement:
         return {"map_rmse_m": error.rms_m if error else None, "map_p95_m": error.p95_m if error else None}
 
     def _cloud_error(self, T_world_map: Floats) -> Any:
-        cloud = transform_points(T_world_map, read_cloud(self._folder / "cloud.ply"))
-        return map_error(cloud, *self._mesh, max_points=self._config.max_cloud_points)
+        cloud = read_cloud(self._folder / "cloud.ply")
+        return map_error(transform_points(T_world_map, cloud), *self._mesh, max_points=self._config.max_cloud_points)
 
     def _map_saved(self) -> bool:
         saved = [name for name in ("map.bt", "cloud.ply") if (self._folder / name).is_file() and (self._folder / name).stat().st_size]

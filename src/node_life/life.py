@@ -15,7 +15,7 @@ from whole_files import refusal
 V = TypeVar("V")
 
 PULSE, MEMORY = "EXPLORE_3DNAV_PULSE", "EXPLORE_3DNAV_MEMORY"  # a pipe to write to, and a folder
-BEAT, STILL_STARTING = b".", b"s"
+BEAT, STILL_STARTING, ENDING = b".", b"s", b"e"
 SHOW_STACKS = signal.SIGUSR1
 _STACKS = "stacks"
 _OVER = (EOFError, OSError, pickle.UnpicklingError)
@@ -54,9 +54,16 @@ class Life:
 
     def beat(self, *, starts: bool = False) -> None:
         """Says that the node gets on, or with its start; where nobody listens nothing happens."""
+        self._say(STILL_STARTING if starts else BEAT)
+
+    def ends(self) -> None:
+        """Says that the node has been asked to end, or has decided to: there is to be no next process."""
+        self._say(ENDING)
+
+    def _say(self, word: bytes) -> None:
         if self._pulse is not None:
             try:
-                os.write(self._pulse, STILL_STARTING if starts else BEAT)
+                os.write(self._pulse, word)
             except OSError:
                 self._pulse = None
 

@@ -12,6 +12,7 @@ class RevivalConfig:
     silent_s: float = 5.0  # without a beat, nor work, it is hung (issue 42)
     busy_s: float = 60.0  # without a beat it is hung though it works: no sweep of our worlds takes a node a third of that
     start_s: float = 60.0  # without work before its first beat; while it loads and compiles it works
+    end_s: float = 60.0  # without work once it ends: it unsubscribes, and its process is taken down
     delay_s: float = 0.5  # until it is started again: the master and the listeners have noticed by then
     deaths: int = 3  # so many within `within_s`, and it is given up (issue 42)
     within_s: float = 60.0
@@ -40,6 +41,7 @@ class Watch:
     config: RevivalConfig
     since_s: float  # of its start, then of its last beat
     has_beaten: bool = False
+    is_ending: bool = False
     _looks: deque[tuple[float, float]] = field(default_factory=deque)
 
     def beat(self, now_s: float, *, starts: bool = False) -> None:
@@ -47,10 +49,15 @@ class Watch:
         self.since_s, self.has_beaten = now_s, self.has_beaten or not starts
         self._looks.clear()
 
+    def end(self, now_s: float) -> None:
+        """It ends, and beats no more."""
+        self.is_ending = True
+        self.beat(now_s)
+
     def hung(self, now_s: float, used_s: float) -> str:
         """Why it is to be ended, as words, else empty; `used_s` as `processor_s` tells."""
         self._looks.append((now_s, used_s))
-        silent_s = self.config.silent_s if self.has_beaten else self.config.start_s
+        silent_s = self.config.end_s if self.is_ending else self.config.silent_s if self.has_beaten else self.config.start_s
         while len(self._looks) > 1 and now_s - self._looks[1][0] >= silent_s:
             self._looks.popleft()
         passed_s = now_s - self._looks[0][0]

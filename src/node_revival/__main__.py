@@ -1,8 +1,8 @@
 """`python -m node_revival COMMAND...`: runs a node, and starts it again when it was killed, broke or hangs.
 
 Between roslaunch and the node. A node that ends by itself, with 0, or with 2 for a wrong parameter, is not started again; nor one that
-dies three times in a minute. `/revival/NODE` on the parameter server says this process's pid, how many times it started
-the node again, and why it gave up.
+said that it ends, however that goes, or dies three times in a minute. `/revival/NODE` on the parameter server says this process's pid,
+how many times it started the node again, and why it gave up.
 The node's memory is a folder that lives as long as this process.
 """
 
@@ -19,7 +19,7 @@ import xmlrpc.client
 from collections.abc import Sequence
 from pathlib import Path
 
-from node_life.life import BEAT, MEMORY, PULSE, SHOW_STACKS, stacks_of
+from node_life.life import BEAT, ENDING, MEMORY, PULSE, SHOW_STACKS, stacks_of
 from node_life.watch import Deaths, RevivalConfig, Watch, processor_s
 from roslaunch_process.children import end_with_parent
 from whole_files import refusal
@@ -63,8 +63,8 @@ class Revival:
         deaths, count = Deaths(self._config), 0
         self._master.tell("pid", os.getpid())
         while True:
-            code, why = self._live()
-            if self._asked_to_end or code in _WANTED:
+            code, why, is_ending = self._live()
+            if self._asked_to_end or is_ending or code in _WANTED:
                 return code if code >= 0 else 128 - code
             if self._memory is None:  # the next one would take itself for the first
                 self._master.tell("gave_up", "it died, and nothing was kept of it")
@@ -86,8 +86,8 @@ class Revival:
         sys.stderr.write(f"[explore] {self._node} {text}\n")
         sys.stderr.flush()
 
-    def _live(self) -> tuple[int, str]:
-        """One process from its start to its end: its code, and why it was ended here, if it was."""
+    def _live(self) -> tuple[int, str, bool]:
+        """One process from its start to its end: its code, why it was ended here, if it was, and whether it was about to end."""
         reading, writing = os.pipe()
         environment = {**os.environ, PULSE: str(writing), **({MEMORY: str(self._memory)} if self._memory else {})}
         process = subprocess.Popen(self._command, env=environment, pass_fds=(writing,), preexec_fn=end_with_parent)
@@ -96,7 +96,9 @@ class Revival:
         try:
             while process.poll() is None:
                 if select.select([reading], [], [], _LOOK_S)[0]:
-                    if beats := os.read(reading, 4096):
+                    if ENDING in (beats := os.read(reading, 4096)):
+                        watch.end(time.monotonic())
+                    elif beats:
                         watch.beat(time.monotonic(), starts=BEAT not in beats)
                     else:
                         time.sleep(0.01)  # it is about to have ended
@@ -107,7 +109,7 @@ class Revival:
                         process.kill()
         finally:
             os.close(reading)
-        return process.returncode, why
+        return process.returncode, why, watch.is_ending
 
     def _stacks(self, process: "subprocess.Popen[bytes]") -> str:
         """Has a node that hangs say where, beside its log file; in words where that is, empty where it does not say."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav.exploration.decide import Explorer
 from pose_graph_mapping.graph.finished_map import Visits
+from pose_graph_mapping.graph.mapping_update import MappingUpdate
 from rigid_geometry.transforms import Transform
 from ros_adapters.mapping_mode import OpenSweeps
 from ros_adapters.stage_times import StageTimes
@@ -35,6 +36,18 @@ class MappingMemory:
     refused: int = 0
     refused_in_a_row: int = 0
     visits: Visits = field(default_factory=Visits)  # in a finished map
+
+    def is_lost_at(self, stamp_s: float) -> bool:
+        """Whether nobody knows where the robot was at the end of a sweep."""
+        return self.lost or any(at <= stamp_s for at in self.unknown_s)
+
+    def place(self, stamp_s: float, update: MappingUpdate) -> None:
+        """A sweep is mapped: from then on it is known where the robot is."""
+        self.lost, self.T_map_odom = False, update.T_map_odom
+        self.unknown_s = [at for at in self.unknown_s if at > stamp_s]
+        self.loop_closures += update.loop_closures
+        self.refused += update.match_refused
+        self.refused_in_a_row = self.refused_in_a_row + 1 if update.match_refused else 0
 
 
 @dataclass

@@ -20,7 +20,7 @@ def memory_mb(revived: Revived) -> dict[str, dict[str, float]]:
     for name, above in revived.items():
         try:
             child = Path(f"/proc/{above['pid']}/task/{above['pid']}/children").read_text().split()[0]
-            if name not in Path(f"/proc/{child}/cmdline").read_text():
+            if f"__name:={name}" not in Path(f"/proc/{child}/cmdline").read_text().split("\0"):
                 continue
             sizes = _SIZE.findall(Path(f"/proc/{child}/status").read_text())
         except (OSError, KeyError, IndexError):

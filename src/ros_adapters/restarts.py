@@ -18,7 +18,7 @@ _LISTENERS_WITHIN_S = 5.0  # one of them may have died as well
 def pulse(life: Life, lock: threading.RLock, runs: Callable[[], bool]) -> None:  # type: ignore[valid-type]  # a function in typeshed
     """Beats for as long as the node works: as its lock, which all its callbacks take, is free now and then, or waits for a node or disk.
 
-    Before it `runs` only waiting is work that can be seen here.
+    Before it `runs` only waiting is work that can be seen here. When rospy is asked to shut down, it says that the node ends.
     """
 
     def run() -> None:
@@ -30,6 +30,11 @@ def pulse(life: Life, lock: threading.RLock, runs: Callable[[], bool]) -> None: 
                 life.beat()
             time.sleep(_PERIOD_S)
 
+    def end() -> None:
+        if threading.main_thread().is_alive():  # else an error has ended it, and rospy shuts down as the process goes
+            life.ends()
+
+    rospy.on_shutdown(end)
     threading.Thread(target=run, daemon=True).start()
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from exploration_evaluation import format_summary, write_json
 from exploration_evaluation.ending import judged_at_end, why_not
 from exploration_evaluation.pictures import draw_pictures
+from exploration_evaluation.run_files import mapped_sweeps
 from exploration_evaluation.verdict import Fault, succeeded_alone
 from mount_calibration import RECORDED_FILE, TiltCalibration, write_calibration
 from rigid_geometry import quat_xyzw_from_transform
@@ -129,6 +130,10 @@ class RunLog:
         """Seconds of the stamps' time since the first odometry; a clock that is set anew counts for nothing."""
         return self._elapsed_s
 
+    @property
+    def _maps(self) -> bool:
+        return self._parameters.get("mapping") != OFF
+
     def _is_over(self, stamp_s: float) -> bool:
         """Whether something comes after the run: the clock goes on until all nodes have ended, how far depends on the machine."""
         return self.finished or (self._has_ended and stamp_s > stamp_of(self._event) + 1e-6)
@@ -204,7 +209,7 @@ class RunLog:
 
     def wait_for_maps(self, timeout_s: float) -> None:
         """Until the mapping and terrain nodes have written their maps, or the time is over; of a finished map nothing is written."""
-        if self._parameters.get("mapping") == OFF:
+        if not self._maps:
             return
         deadline = time.monotonic() + timeout_s
         while self._out and time.monotonic() < deadline:
@@ -218,7 +223,7 @@ class RunLog:
             "stop_reason": reason,
             "sim_time_s": round(self.sim_time_s, 3),
             "wall_time_s": round(time.time() - self._first_wall_s, 3),
-            "sweeps": self._event.sweeps,
+            **({} if self._maps else {"sweeps": self._event.sweeps}),  # of a map whoever judges the run knows better
             "loop_closures": int(self._counts.get("loop closures", 0)),
             "refused_matches": int(self._counts.get("refused matches", 0)),
             "local_classifications": d.local_classifications if d else 0,
@@ -249,7 +254,7 @@ class RunLog:
         for file in (self._truth_file, self._contacts_file, self._events_file):
             if file:
                 file.close()
-        not_on_disk = [*([] if self._parameters.get("mapping") == OFF else not_saved), *([self.not_written] if self.not_written else [])]
+        not_on_disk = [*(not_saved if self._maps else []), *([self.not_written] if self.not_written else [])]
         counters["not_on_disk"] = not_on_disk
         self._write("counters.json", partial(write_json, value=counters))
         return "\n".join((self._told(reason, counters, judge=judge), *(f"not on disk: {text}" for text in not_on_disk)))
@@ -270,8 +275,18 @@ class RunLog:
         """What a robot knows of its run by itself; the distance is its odometry's."""
         known, reason = {**self._run_description(), **counters, "distance_m": round(self._distance_m, 3)}, counters["stop_reason"]
         known["success"] = succeeded_alone(reason, self._distance_m, known["set_aside_frontiers"])
+        if self._maps:
+            known["sweeps"] = _mapped_sweeps(out)
         known["faults"] = [] if known["success"] else [str(Fault.STAYED if reason.startswith("explored") else Fault.NOT_EXPLORED)]
         if known["not_on_disk"]:
             known["success"], known["faults"] = False, [*known["faults"], str(Fault.NOT_ON_DISK)]
         self._write("summary.json", partial(write_json, value=known))
         return known
+
+
+def _mapped_sweeps(out: Path) -> int | None:
+    """None where none was mapped, or not on disk."""
+    try:
+        return mapped_sweeps(out)
+    except ValueError:
+        return None

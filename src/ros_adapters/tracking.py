@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 from pose_graph_mapping.graph.finished_map import Mapper
 from pose_graph_mapping.graph.mapping_update import MappingUpdate
 from ros_adapters.asking import AskedService
-from ros_adapters.conversions import cloud_message, pose_message
+from ros_adapters.conversions import cloud_message, covariance_ros_order, pose_message
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.frames import frames
 
-_ROTATION_LAST = [3, 4, 5, 0, 1, 2]  # a match's covariance has it first, in the body's frame
 _LEAST_SIGMAS = np.repeat([0.005, 0.002], 3)  # m and rad: no match is better
 
 
@@ -22,7 +21,7 @@ def pose_covariance(update: MappingUpdate) -> NDArray[np.float64]:
     if update.result is None:
         return least
     turn = np.kron(np.eye(2), update.vertex_poses[-1][:3, :3])
-    return np.asarray(turn @ update.result.covariance[np.ix_(_ROTATION_LAST, _ROTATION_LAST)] @ turn.T + least)
+    return np.asarray(turn @ covariance_ros_order(update.result.covariance) @ turn.T + least)
 
 
 class LocalMapService:

@@ -34,7 +34,7 @@ class StopScanAndGo:
         self._before = self._state, self._reason  # what it did when the joystick took over
         self._displaced_s: float | None = None  # since then nobody knows where it is
         self._is_over = False  # exploration has come to its end once
-        self._awaits_follower, self._sweeps, self._unsettled = False, 0, 0
+        self._awaits_follower, self._sweeps = False, 0
         self._answers = {
             DriveState.STARTING: self._starting,
             DriveState.SETTLING: self._settling,
@@ -66,11 +66,6 @@ class StopScanAndGo:
     def sweeps(self) -> int:
         """Sweeps that came to their end."""
         return self._sweeps
-
-    @property
-    def unsettled_sweeps(self) -> int:
-        """Sweeps begun though the robot was not still in time."""
-        return self._unsettled
 
     @property
     def distance_m(self) -> float:
@@ -206,7 +201,6 @@ class StopScanAndGo:
                 self._enter(DriveState.FAILED, f"the mount was not level within {self._config.settle_limit_s:.0f} s")
             if not (is_late and is_level):
                 return self._answer()
-            self._unsettled += 1
         self._watch, self._early = SweepWatch(self._config, tick.stamp_s), None
         self._enter(DriveState.SWEEPING, self._reason)
         return self._answer(start_sweep=True)

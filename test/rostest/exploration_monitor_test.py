@@ -53,8 +53,8 @@ class Monitor:
         self.process.communicate()
         self.process = self._started()
 
-    def say(self, state: str, reason: str, sweeps: int = 3) -> None:
-        self.events.publish(RunEvent(header(110.0, "odom"), state, reason, sweeps, False, "", 0.0, False))
+    def say(self, state: str, reason: str) -> None:
+        self.events.publish(RunEvent(header(110.0, "odom"), state, reason, 3, False, "", 0.0, False))
 
     def end(self, timeout_s: float = 20.0) -> tuple[dict[str, object], str]:
         """The summary and what was printed, once the node has ended."""
@@ -108,10 +108,10 @@ class ExplorationMonitorTest(unittest.TestCase):
             run.odometry.publish(odometry(142.5, x=3.0))
             run.decisions.publish(ExplorationDecision(header=header(110.0, "map"), kind="explored", local_classifications=7))
             time.sleep(0.3)
-            run.say("finished", "explored: nothing is left", sweeps=4)
+            run.say("finished", "explored: nothing is left")
             summary, output = run.end()
         self.assertIs(summary["success"], True)
-        self.assertEqual((summary["stop_reason"], summary["sweeps"], summary["sim_time_s"]), ("explored: nothing is left", 4, 42.5))
+        self.assertEqual((summary["stop_reason"], summary["sim_time_s"]), ("explored: nothing is left", 42.5))
         self.assertEqual(summary["local_classifications"], 7)
         self.assertEqual(set(self.saved), {"pose_graph_mapping_node", "octomap_server_3dnav_node"})
         self.assertIn("[explore]", output)
@@ -125,11 +125,11 @@ class ExplorationMonitorTest(unittest.TestCase):
                 run.odometry.publish(odometry(100.0))
                 run.odometry.publish(odometry(110.0, x=3.0))
                 time.sleep(0.3)
-                run.say("finished", "explored: nothing is left", sweeps=4)
+                run.say("finished", "explored: nothing is left")
                 path = run.out / "summary.json"
                 wait_until(path.exists, "the summary")
                 self.assertFalse(resume.wait_for().data)
-                run.say("driving", "to a goal after exploration", sweeps=5)
+                run.say("driving", "to a goal after exploration")
                 time.sleep(2.0)
                 self.assertEqual((run.process.poll(), victim.poll()), (None, None))
                 run.process.send_signal(signal.SIGINT)
@@ -137,7 +137,7 @@ class ExplorationMonitorTest(unittest.TestCase):
         finally:
             victim.kill()
             victim.wait()
-        self.assertEqual((summary["success"], summary["stop_reason"], summary["sweeps"]), (True, "explored: nothing is left", 4))
+        self.assertEqual((summary["success"], summary["stop_reason"]), (True, "explored: nothing is left"))
         self.assertIn("the nodes live on", output)
 
     def test_monitor_that_dies_after_the_run_ended_is_started_again_and_ends_it_for_the_same_reason(self) -> None:
@@ -147,13 +147,13 @@ class ExplorationMonitorTest(unittest.TestCase):
             run.odometry.publish(odometry(100.0))
             run.odometry.publish(odometry(142.5, x=3.0))
             time.sleep(0.3)
-            run.say("finished", "explored: nothing is left", sweeps=4)
+            run.say("finished", "explored: nothing is left")
             wait_until(lambda: bool(self.saved), "a map that is being saved")
             run.is_killed_and_started_again()  # nobody tells it anything any more
             self.may_save.set()
             summary, output = run.end()
-        found = summary["success"], summary["stop_reason"], summary["sweeps"], summary["sim_time_s"]
-        self.assertEqual(found, (True, "explored: nothing is left", 4, 42.5), output)
+        found = summary["success"], summary["stop_reason"], summary["sim_time_s"]
+        self.assertEqual(found, (True, "explored: nothing is left", 42.5), output)
 
     def test_failed_run_is_no_success_and_says_why(self) -> None:
         with monitor() as run:

@@ -36,13 +36,10 @@ def grid_of(cost: np.ndarray) -> TerrainGrid:
     return TerrainGrid(cost, height, unknown, (-HALF_M, -HALF_M), RESOLUTION_M)
 
 
-class FedMoveBase(unittest.TestCase):
-    """Before each test the robot stands at the origin of odom, knows flat ground, and has no goal; exploration goes on."""
+class MoveBaseFeeds(unittest.TestCase):
+    """All that the node hears, and what it says; a subclass plans the paths to goals."""
 
     clock_s = 100.0
-    at = (0.0, 0.0, 0.0)  # x, y, yaw in odom
-    T_map_odom = np.eye(4)
-    ranges: object = np.inf
 
     @classmethod
     def setUpClass(cls) -> None:
@@ -58,9 +55,34 @@ class FedMoveBase(unittest.TestCase):
         cls.resume = feed("/explore/resume", Bool)
         cls.store_plan = rospy.ServiceProxy("storePlan", StorePlan)
         cls.clear_costmaps = rospy.ServiceProxy("/move_base/clear_costmaps", Empty)
-        rospy.ServiceProxy(f"/{NODE}/hold", SetBool)(False)
+        cls.hold = rospy.ServiceProxy(f"/{NODE}/hold", SetBool)
+        cls.hold(False)
         cls.goals = []
         rospy.Service("/octomap_server_3dnav_node/plan_path", PlanPath, cls.plan_path)
+
+    @classmethod
+    def plan_path(cls, request: PlanPathRequest) -> PlanPathResponse:
+        """To a goal of the user's, which belongs into `goals`."""
+        raise NotImplementedError
+
+    def publish_terrain(self, cost: np.ndarray) -> None:
+        """Terrain whose middle is the map's origin; the next command is that of a robot that knows it."""
+        self.terrain.publish(message_of_grid(self.clock_s, "map", grid_of(cost)))
+        self.taken.wait_for(lambda m: abs(m.stamp.to_sec() - self.clock_s) < 1e-6)
+
+    def store_straight_ahead(self) -> None:
+        """What exploration decides."""
+        points = np.column_stack([np.linspace(0.0, 3.0, 31), np.zeros(31), np.full(31, 0.04)])
+        answer = self.store_plan(plan=path_message(self.clock_s, "map", points, 0.0))
+        self.assertTrue(answer.accepted, answer.message)
+
+
+class FedMoveBase(MoveBaseFeeds):
+    """Before each test the robot stands at the origin of odom, knows flat ground, and has no goal; exploration goes on."""
+
+    at = (0.0, 0.0, 0.0)  # x, y, yaw in odom
+    T_map_odom = np.eye(4)
+    ranges: object = np.inf
 
     @classmethod
     def plan_path(cls, request: PlanPathRequest) -> PlanPathResponse:
@@ -80,8 +102,7 @@ class FedMoveBase(unittest.TestCase):
         wait_until(lambda: self.tick().state == "paused", "the robot to stand")
         self.resume.publish(True)
         wait_until(lambda: self.tick().state == "recalled", "exploration to go on")
-        self.terrain.publish(message_of_grid(self.clock_s, "map", grid_of(np.zeros((CELLS, CELLS), np.int8))))
-        self.taken.wait_for(lambda m: abs(m.stamp.to_sec() - self.clock_s) < 1e-6)
+        self.publish_terrain(np.zeros((CELLS, CELLS), np.int8))
         self.clear_costmaps()
         self.goals.clear()
 
@@ -128,9 +149,3 @@ class FedMoveBase(unittest.TestCase):
         """For a second."""
         answers = [self.tick() for _ in range(20)]
         self.assertEqual({(a.state, a.twist.linear.x, a.twist.angular.z) for a in answers}, {(state, 0.0, 0.0)}, answers[-1].reason)
-
-    def store_straight_ahead(self) -> None:
-        """What exploration decides."""
-        points = np.column_stack([np.linspace(0.0, 3.0, 31), np.zeros(31), np.full(31, 0.04)])
-        answer = self.store_plan(plan=path_message(self.clock_s, "map", points, 0.0))
-        self.assertTrue(answer.accepted, answer.message)

@@ -4,21 +4,17 @@
 import math
 import sys
 import time
-import unittest
 
 import numpy as np
 import rospy
 from actionlib_msgs.msg import GoalID
 from explore_3dnav.msg import FollowerCommand
-from explore_3dnav.msg import TerrainGrid as TerrainGridMessage
-from explore_3dnav.srv import PlanPath, PlanPathRequest, PlanPathResponse, StorePlan
-from fed_move_base import CELLS, HALF_M, NODE, RESOLUTION_M, TICK_S, grid_of
+from explore_3dnav.srv import PlanPathRequest, PlanPathResponse
+from fed_move_base import CELLS, HALF_M, NODE, RESOLUTION_M, TICK_S, MoveBaseFeeds, grid_of
 from geometry_msgs.msg import Point, PointStamped, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
-from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, odometry, one_line_of, run_misconfigured, scan, wait_for_node, wait_until
-from sensor_msgs.msg import LaserScan
-from std_msgs.msg import Bool, Header
-from std_srvs.srv import Empty, SetBool
+from node_testing import QUIET_S, Inbox, feed, odometry, one_line_of, run_misconfigured, scan, wait_until
+from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
 
 import rostest
@@ -28,27 +24,11 @@ from ros_adapters.conversions import header, message_of_grid, path_message, pose
 STOREY_M = 2.4  # of the only ground that make_plan knows here
 
 
-class MoveBaseTest(unittest.TestCase):
-    clock_s = 100.0
-
+class MoveBaseTest(MoveBaseFeeds):
     @classmethod
     def setUpClass(cls) -> None:
-        wait_for_node(NODE)
-        cls.commands = Inbox("/cmd_vel/move_base", FollowerCommand).wait_until_connected()
-        cls.taken = Inbox("/move_base_node/terrain_taken", Header).wait_until_connected()
+        super().setUpClass()
         cls.costmaps = Inbox("/local_costmap/costmap", OccupancyGrid).wait_until_connected()
-        cls.diagnostics = DiagnosticsOf(NODE).wait_until_connected()
-        cls.odometry = feed("/odom", Odometry)
-        cls.scans = feed("/scan_horizontal", LaserScan)
-        cls.terrain = feed("/terrain_grid", TerrainGridMessage)
-        cls.tf = feed("/tf", TFMessage)
-        cls.cancel = feed("/move_base/cancel", GoalID)
-        cls.resume = feed("/explore/resume", Bool)
-        cls.store_plan = rospy.ServiceProxy("storePlan", StorePlan)
-        cls.hold = rospy.ServiceProxy(f"/{NODE}/hold", SetBool)
-        cls.hold(False)
-        cls.goals = []
-        rospy.Service("/octomap_server_3dnav_node/plan_path", PlanPath, cls.plan_path)
 
     @classmethod
     def plan_path(cls, request: PlanPathRequest) -> PlanPathResponse:
@@ -73,11 +53,6 @@ class MoveBaseTest(unittest.TestCase):
         self.store_plan(plan=Path())  # what is decided after it
         wait_until(lambda: self.tick().state == "idle", "the robot to have no plan")
 
-    def publish_terrain(self, cost: np.ndarray) -> None:
-        """Terrain whose middle is the map's origin; the next command is that of a robot that knows it."""
-        self.terrain.publish(message_of_grid(self.clock_s, "map", grid_of(cost)))
-        self.taken.wait_for(lambda m: abs(m.stamp.to_sec() - self.clock_s) < 1e-6)
-
     def tick(
         self,
         message: Odometry | None = None,
@@ -96,11 +71,6 @@ class MoveBaseTest(unittest.TestCase):
         time.sleep(0.01)  # what belongs to an odometry is there before it: topics are not ordered among each other
         self.odometry.publish(message or odometry(self.clock_s))
         return self.commands.wait_for_stamp(self.clock_s)
-
-    def store_straight_ahead(self) -> None:
-        points = np.column_stack([np.linspace(0.0, 3.0, 31), np.zeros(31), np.full(31, 0.04)])
-        answer = self.store_plan(plan=path_message(self.clock_s, "map", points, 0.0))
-        self.assertTrue(answer.accepted, answer.message)
 
     def test_every_odometry_is_answered_with_its_stamp(self) -> None:
         answer = self.tick()

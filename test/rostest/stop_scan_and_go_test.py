@@ -23,6 +23,7 @@ TICK_S = 0.05
 
 class StopScanAndGoTest(unittest.TestCase):
     clock_s = 100.0
+    answered = 0  # velocities before the last tick
     sweeps_asked_for = 0
     held: list[bool] = []
     x = 0.0
@@ -55,7 +56,7 @@ class StopScanAndGoTest(unittest.TestCase):
         cls = StopScanAndGoTest
         cls.clock_s = round(cls.clock_s + TICK_S, 3)
         cls.x += moving * TICK_S
-        answers = len(self.velocities.messages)
+        answers = cls.answered = len(self.velocities.messages)
         if without != "/joint_states":
             self.joints.publish(joints(self.clock_s - 0.0113, tilt_rad))
         if without != "/odom":
@@ -65,6 +66,10 @@ class StopScanAndGoTest(unittest.TestCase):
         command.twist.linear.x = v
         self.commands.publish(command)
         wait_until(lambda: len(self.velocities.messages) > answers, "the velocity of the tick")
+
+    def assert_driven(self, v: float) -> None:
+        """The last tick had this answer. On a busy machine zeros come between ticks: the node stands while it hears no command."""
+        wait_until(lambda: any(abs(m.linear.x - v) < 1e-7 for m in self.velocities.messages[self.answered :]), f"{v} m/s")
 
     def state(self) -> str:
         return self.events.messages[-1].state if self.events.messages else ""
@@ -120,7 +125,7 @@ class StopScanAndGoTest(unittest.TestCase):
         self.drive()
         self.assertFalse(self.held[-1])
         self.tick(v=0.37, moving=0.37)
-        self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.37)
+        self.assert_driven(0.37)
 
     def test_4_distance_since_the_last_sweep_asks_for_the_next(self) -> None:
         self.drive()
@@ -154,12 +159,12 @@ class StopScanAndGoTest(unittest.TestCase):
         for silent in ("/odom", "/joint_states"):
             self.drive()
             self.tick(v=0.2)
-            self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.2)
+            self.assert_driven(0.2)
             for _ in range(7):
                 self.tick(v=0.2, without=silent)
             self.assertEqual(self.velocities.messages[-1].linear.x, 0.0)
             self.tick(v=0.2)
-            self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.2)
+            self.assert_driven(0.2)
 
     def test_6_zero_is_sent_when_commands_cease_and_the_silence_is_named(self) -> None:
         self.drive()
@@ -171,7 +176,7 @@ class StopScanAndGoTest(unittest.TestCase):
         time.sleep(0.5)
         self.assertIn("no /cmd_vel/move_base", self.diagnostics.message())
         self.tick(v=0.2)
-        self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.2)
+        self.assert_driven(0.2)
 
     def steer(self, v: float, w: float, seconds: float) -> None:
         """A joystick at 20 Hz, of which the follower knows nothing."""
@@ -199,7 +204,7 @@ class StopScanAndGoTest(unittest.TestCase):
         self.assertEqual((self.velocities.messages[-1].linear.x, self.state()), (0.0, "settling"))
         self.drive()
         self.tick(v=0.3)
-        self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.3)
+        self.assert_driven(0.3)
 
     def test_6_joystick_that_says_no_number_is_counted_and_moves_nothing(self) -> None:
         self.drive()
@@ -208,7 +213,7 @@ class StopScanAndGoTest(unittest.TestCase):
         self.joystick.publish(twist)
         self.diagnostics.wait_for_dropped("bad Twist")
         self.tick(v=0.3)
-        self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.3)
+        self.assert_driven(0.3)
 
     def test_6_joystick_drives_while_the_follower_is_silent(self) -> None:
         self.drive()
@@ -247,7 +252,7 @@ class StopScanAndGoTest(unittest.TestCase):
         StopScanAndGoTest.clock_s -= 60.0
         self.decisions.publish(ExplorationDecision(header=header(self.clock_s, "map"), kind="goal", has_terrain=True))
         self.tick(v=0.2)
-        self.assertAlmostEqual(self.velocities.messages[-1].linear.x, 0.2)
+        self.assert_driven(0.2)
 
     def test_9_last_decision_ends_the_run_with_its_reason(self) -> None:
         self.drive()
@@ -263,7 +268,8 @@ class StopScanAndGoTest(unittest.TestCase):
         self.assertEqual((self.state(), self.held[-1]), ("finished", True))
         self.tick_until("driving", state="following", limit=5)
         self.tick(v=0.3)
-        self.assertEqual((self.velocities.messages[-1].linear.x, self.held[-1]), (0.3, False))
+        self.assert_driven(0.3)
+        self.assertFalse(self.held[-1])
 
     def test_wrong_parameter_ends_the_node_with_the_nearest_name(self) -> None:
         code, stderr = run_misconfigured(NODE, "max_distance:=3.0")

@@ -21,7 +21,8 @@ from message_mutations import can_be_sent, mutated, of_no_numbers
 from explore_command.parameters import ROBOT_NODES
 from roslaunch_process.children import end_with_parent
 
-MESSAGES, LEAST = 200, 2000  # of each topic, and of all
+MESSAGES, SEED = int(os.environ.get("FUZZ_MESSAGES", "200")), int(os.environ.get("FUZZ_SEED", "38"))  # so many of each topic
+LEAST = 2000  # of all
 SILENT_ABOUT = {  # topics whose messages of NaN are no fault: they have no number, or one that is shown and nothing else
     "/exploration/decision",
     "/exploration/event",
@@ -206,7 +207,7 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
     import rospy
     from roslib.message import get_message_class
 
-    counts, make, rng = Counts(), makers(), random.Random(38)
+    counts, make, rng = Counts(), makers(), random.Random(SEED)
     ready = "/simulation/ready"
     names: set[str] = set()
     from std_msgs.msg import String
@@ -231,6 +232,7 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
             if rng.random() < 0.3:
                 publishers[topic].publish(right)
         time.sleep(0.01)
+    print(f"{sent} wrong messages on {len(topics)} topics")
     assert sent >= LEAST, f"only {sent} wrong messages could be sent"
     told = {name for (topic, _), listeners in topics.items() for name in listeners if topic not in SILENT_ABOUT}
     before, deadline = {name: counts.of(name) for name in told}, time.monotonic() + 60.0

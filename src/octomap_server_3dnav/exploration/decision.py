@@ -33,7 +33,7 @@ class Decision:
 
     `terrain` that decided, "local" or "global" by its `scope`; None and "" where none was asked. `open_frontiers` were left to visit in it,
     this one included; `set_aside` were given up in the whole run. Of GOAL and KEEP only: `path` (K, 3) in map, trimmed; `straight` (K,)
-    bool, where from a point to the next it leads through a passage without room to turn; `full_path` up to the frontier; `goal` (x, y, z,
+    bool, where from a point to the next it leads through a passage without room to turn; `goal` (x, y, z,
     yaw) in map, its yaw facing `frontier` (3,), on a slope that of the path's end; `exact`: the goal is a place to stand at. `frontiers`:
     those among which it was chosen, the cheapest first.
     """
@@ -47,13 +47,12 @@ class Decision:
     path: NDArray[np.float64] | None = None
     goal: tuple[float, float, float, float] | None = None
     frontier: tuple[float, float, float] | None = None
-    full_path: NDArray[np.float64] | None = None
     straight: NDArray[np.bool_] | None = None
     exact: bool = False
     frontiers: tuple[Frontier, ...] = ()
 
-    def along(self, part: Path, path: Path, yaw: float, frontier_xyz: tuple[float, float, float]) -> "Decision":
-        """The same with a goal at the end of the first `part` of a path."""
+    def along(self, part: Path, yaw: float, frontier_xyz: tuple[float, float, float]) -> "Decision":
+        """The same with a goal at the end of a path, or of the first `part` of one."""
         x, y, z = (float(v) for v in part.points[-1])
         goal = (x, y, z, yaw)
-        return replace(self, path=part.points, goal=goal, frontier=frontier_xyz, full_path=path.points, straight=part.straight)
+        return replace(self, path=part.points, goal=goal, frontier=frontier_xyz, straight=part.straight)

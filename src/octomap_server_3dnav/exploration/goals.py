@@ -113,7 +113,7 @@ class GoalSearch:
         reason = f"frontier of {len(frontier.voxels)} voxels, {frontier.distance_m:.1f} m away"
         goal = self._approach.goal_of(trimmed, path, view.terrain, view.T_map_base, frontier)
         self._begun = frontier.xyz if path.leads_on_straight(trimmed) else None
-        return self.decision(DecisionKind.GOAL, reason, view, left).along(trimmed, path, goal[3], frontier.xyz)
+        return self.decision(DecisionKind.GOAL, reason, view, left).along(trimmed, goal[3], frontier.xyz)
 
     def _lookout_in(self, view: View) -> Decision | None:
         """To where something is to be seen from a place without room to turn, and nearer if that did not show it.
@@ -146,7 +146,7 @@ class GoalSearch:
                 place.looks += lookout.is_stand  # once there it has looked, whatever it sees
                 self._way_out.enter(way, view.terrain)
             reason = f"a look at {lookout.gain_m2:.0f} m2 from where there is no room to turn"
-            return self.decision(DecisionKind.GOAL, reason, view, 1).along(part, path, yaw, lookout.xyz)
+            return self.decision(DecisionKind.GOAL, reason, view, 1).along(part, yaw, lookout.xyz)
         return None
 
     def _entrance(self, view: View) -> Decision | None:
@@ -185,4 +185,4 @@ class GoalSearch:
         path = straight_path(line, self._planner_config)
         self._tried.count_progress(place, path.length_m)
         decision = self.decision(DecisionKind.GOAL, "out of a place without room to turn", view)
-        return decision.along(path, path, yaw_of(view.T_map_base), place.xyz)
+        return decision.along(path, yaw_of(view.T_map_base), place.xyz)

@@ -98,7 +98,7 @@ class Homing:
         part, yaw, self._sent_whole = self._approach.towards(path, here, yaw_of(home))
         x, y, z = (float(v) for v in home[:3, 3])
         reason = f"going home, {path.length_m:.1f} m: {self._why}"
-        return Decision(DecisionKind.GOAL, reason, terrain, scope, exact=self._sent_whole).along(part, path, yaw, (x, y, z))
+        return Decision(DecisionKind.GOAL, reason, terrain, scope, exact=self._sent_whole).along(part, yaw, (x, y, z))
 
 
 def _to_the_point(path: Path, xyz: tuple[float, float, float], within_m: float) -> Path:

@@ -55,5 +55,5 @@ def way_back(
         yaw = math.atan2(end[1] - before[1], end[0] - before[0])
         away = math.dist((x, y), T_map_base[:2, 3])
         reason = f"sweeps found no place in the map: back to where one did, {away:.1f} m away"
-        return Decision(DecisionKind.GOAL, reason, terrain, scope).along(path, path, yaw, (x, y, z))
+        return Decision(DecisionKind.GOAL, reason, terrain, scope).along(path, yaw, (x, y, z))
     return None

@@ -106,7 +106,7 @@ class FinishedMap:
             raise ValueError("the first sweep in a finished map is looked for in all of it")
         covariance = result.covariance if result.usable else self._grown(T_odom)
         self.visits.add(Placed(float(stamp_s), T_map_base, T_odom, covariance, result.usable))
-        return self._update(result, placement.tries if placement else 1, sweep.dropped)
+        return self._update(result, placement.tries if placement else 1)
 
     def surroundings(self) -> PointCloud:
         """The map's clouds around where the robot was found last, in map; ValueError before it was."""
@@ -165,7 +165,7 @@ class FinishedMap:
             self._area = here.copy(), merged([self._clouds[k].transformed(self._poses[k]) for k in chosen.tolist()])
         return self._area[1]
 
-    def _update(self, result: RegistrationResult, tries: int, dropped: int) -> MappingUpdate:
+    def _update(self, result: RegistrationResult, tries: int) -> MappingUpdate:
         poses, last = self.vertex_poses, self.visits.last
         assert last is not None
         return MappingUpdate(
@@ -175,12 +175,7 @@ class FinishedMap:
             result=result,
             match_used=result.usable,
             tries=tries,
-            last_vertex_correction_m=0.0,
             loop_closures=0,
-            loop_results=(),
-            max_vertex_motion_m=0.0,
-            max_vertex_motion_rad=0.0,
-            points_dropped=dropped,
         )
 
 

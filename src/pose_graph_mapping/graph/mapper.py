@@ -24,7 +24,7 @@ from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, PoseGraph, unit_
 from pose_graph_mapping.registration.cloud import PointCloud, merged, voxel_downsample, with_normals
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from pose_graph_mapping.registration.seen_through import Gone, View
-from rigid_geometry import as_transform, inverse, rotation_angle
+from rigid_geometry import as_transform, inverse
 
 Array = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ class PoseGraphMapper:
         self._check(stamp_s, sweep, gravity_sigma_rad)
         self.finish_cloud()
         cloud = voxel_downsample(sweep, self._config.vertex_voxel_m)
-        before, edges_before, correction = self.graph.poses(), self.graph.measurements(), self._last_vertex_correction()
+        edges_before = self.graph.measurements()
         with self._whole():
             if placement is not None:
                 placed: _Placed | None = self._localised_vertex(placement)
@@ -116,7 +116,7 @@ class PoseGraphMapper:
             loops = detect_loop_closures(self.graph, self._cloud, self._match, self._config)  # 20
             self._look_through(len(self.graph) - 1)
         rejected = {id(edge) for edge in self.graph.rejected()}
-        update = self._update(before, placed, correction, tuple(loops), sweep.dropped)
+        update = self._update(placed, loops)
         return dataclasses.replace(update, rejected_edges=tuple(edge for edge in edges_before if id(edge) in rejected))
 
     @contextlib.contextmanager
@@ -274,16 +274,8 @@ class PoseGraphMapper:
             return result
         return dataclasses.replace(result, verdict=Verdict.REFUSED, reason=reason)
 
-    def _last_vertex_correction(self) -> float:
-        if not len(self.graph):
-            return 0.0
-        return float(np.linalg.norm(self.graph.pose(len(self.graph) - 1)[:3, 3] - self._old_last_vertex_estimate[:3, 3]))
-
-    def _update(
-        self, before: Array, placed: _Placed | None, correction: float, loops: tuple[LoopClosure, ...], dropped: int
-    ) -> MappingUpdate:
+    def _update(self, placed: _Placed | None, loops: Sequence[LoopClosure]) -> MappingUpdate:
         poses = self.graph.poses()
-        moved = [inverse(old) @ new for old, new in zip(before, poses, strict=False)]
         return MappingUpdate(
             vertex_id=len(poses) - 1,
             vertex_poses=poses,
@@ -291,10 +283,5 @@ class PoseGraphMapper:
             result=None if placed is None else placed.result,
             match_used=placed is not None and placed.used,
             tries=0 if placed is None else placed.tries,
-            last_vertex_correction_m=correction,
             loop_closures=sum(loop.closed for loop in loops),
-            loop_results=loops,
-            max_vertex_motion_m=max((float(np.linalg.norm(T[:3, 3])) for T in moved), default=0.0),
-            max_vertex_motion_rad=max((rotation_angle(T) for T in moved), default=0.0),
-            points_dropped=dropped,
         )

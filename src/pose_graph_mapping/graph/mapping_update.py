@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pose_graph_mapping.graph.graph_measurements import Edge
-from pose_graph_mapping.graph.loop_closure import LoopClosure
 from pose_graph_mapping.registration.matching import RegistrationResult
 
 Array = NDArray[np.float64]
@@ -18,11 +17,9 @@ Array = NDArray[np.float64]
 class MappingUpdate:
     """What a sweep changed.
 
-    vertex_poses (V, 4, 4) T_map_base; result of the match, None for the first sweep; match_used: an edge came of it;
-    tries: how many matches were called; last_vertex_correction_m: how far the previous vertex had moved since it was placed
-    (Algorithm 1, line 11); loop_closures: new loop edges, loop_results: all that were tried; max_vertex_motion_m and .._rad: of the
-    older vertices by this update; points_dropped: points of the sweep that were not finite; rejected_edges: older edges that this update
-    found to contradict the rest, and left out.
+    vertex_poses (V, 4, 4) T_map_base; result of the match, None for the first sweep; match_used: an edge came of it; tries: how many
+    matches were called; loop_closures: new loop edges; rejected_edges: older edges that this update found to contradict the rest, and
+    left out.
     """
 
     vertex_id: int
@@ -31,10 +28,10 @@ class MappingUpdate:
     result: RegistrationResult | None
     match_used: bool
     tries: int
-    last_vertex_correction_m: float
     loop_closures: int
-    loop_results: tuple[LoopClosure, ...]
-    max_vertex_motion_m: float
-    max_vertex_motion_rad: float
-    points_dropped: int
     rejected_edges: tuple[Edge, ...] = ()
+
+    @property
+    def match_refused(self) -> bool:
+        """Whether the sweep was matched, and hangs on odometry all the same."""
+        return self.result is not None and not self.match_used

@@ -20,7 +20,7 @@ from pose_graph_mapping.registration.explanation import agreeing_surfaces, least
 from pose_graph_mapping.registration.gicp_alignment import Alignment, Stage, align
 from pose_graph_mapping.registration.gicp_surface import Surface, nearest, surface_of, voxel_cloud
 from pose_graph_mapping.registration.match_quality import FreeSpace, degeneracy, keep_guess, known_directions, match_covariance
-from pose_graph_mapping.registration.matching import RegistrationResult, refused
+from pose_graph_mapping.registration.matching import RegistrationResult, asked, refused
 from pose_graph_mapping.registration.placement_search import (
     ROUGH_POINTS,
     Pair,
@@ -33,7 +33,7 @@ from pose_graph_mapping.registration.placement_search import (
 )
 from pose_graph_mapping.registration.residual_pattern import pattern_covariance, residual_pattern
 from pose_graph_mapping.registration.verdict import Explained, Fit, fit_of, judge, judged_despite_changes, least_surfaces, may_have_changed
-from rigid_geometry import as_covariance, as_transform, inverse, rotation_angle
+from rigid_geometry import as_covariance, inverse, rotation_angle
 
 Array = NDArray[np.float64]
 
@@ -83,9 +83,7 @@ class GicpRegistration:
         guess_covariance: Array | None = None,
     ) -> RegistrationResult:
         """See `Registration.match`; voxel means are made here, so clouds of any density may come."""
-        config, T_guess = self._config, as_transform(T_reference_reading_guess)
-        if len(reference) == 0 or len(reading) == 0:
-            raise ValueError(f"clouds to match must hold points: reference has {len(reference)}, reading {len(reading)}")
+        config, T_guess = self._config, asked(reference, reading, T_reference_reading_guess)
         guess_covariance = None if guess_covariance is None else as_covariance(guess_covariance)
         reading = vertex_cloud(reading, config.voxel_m, config.normal_neighbours)
         window = window_of(guess_covariance, T_guess, config)

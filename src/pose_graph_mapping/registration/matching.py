@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pose_graph_mapping.registration.cloud import PointCloud
+from rigid_geometry import as_transform
 
 Array = NDArray[np.float64]
 
@@ -75,10 +76,17 @@ class Registration(Protocol):
         ...
 
 
+def asked(reference: PointCloud, reading: PointCloud, T_guess: Array) -> Array:
+    """The (4, 4) guess of a match that can be made; ValueError for clouds that are empty or a guess that is not rigid."""
+    if len(reference) == 0 or len(reading) == 0:
+        raise ValueError(f"clouds to match must hold points: reference has {len(reference)}, reading {len(reading)}")
+    return as_transform(T_guess)
+
+
 def refused(T_guess: Array, reason: str) -> RegistrationResult:
     """The result of a match that could not be made; its covariance is NaN, for nothing is known."""
     nan = float("nan")
     return RegistrationResult(T_guess, np.full((6, 6), nan), nan, nan, nan, 0, np.zeros((0, 6)), Verdict.REFUSED, reason)
 
 
-__all__ = ["PointCloud", "Registration", "RegistrationResult", "Verdict", "refused"]
+__all__ = ["PointCloud", "Registration", "RegistrationResult", "Verdict", "asked", "refused"]

@@ -27,9 +27,9 @@ from pose_graph_mapping.registration.match_quality import (
     keep_guess,
     match_covariance,
 )
-from pose_graph_mapping.registration.matching import RegistrationResult, refused
+from pose_graph_mapping.registration.matching import RegistrationResult, asked, refused
 from pose_graph_mapping.registration.verdict import fit_of, judge
-from rigid_geometry import as_transform, rotation_angle
+from rigid_geometry import rotation_angle
 
 Array = NDArray[np.float64]
 
@@ -95,9 +95,7 @@ class ThesisChainRegistration:
         guess_covariance: Array | None = None,
     ) -> RegistrationResult:
         """See `Registration.match`; filters both clouds alike, as the thesis does."""
-        config, T_guess = self._config, as_transform(T_reference_reading_guess)
-        if len(reference) == 0 or len(reading) == 0:
-            raise ValueError(f"clouds to match must hold points: reference has {len(reference)}, reading {len(reading)}")
+        config, T_guess = self._config, asked(reference, reading, T_reference_reading_guess)
         seen = in_reach(reference, reading, T_guess, config.chain_max_distance_m)
         seen = reference_cloud(seen, config.voxel_m, config.normal_neighbours)
         filtered = _Pair(self._filtered(seen), self._filtered(reading), seen, guess_covariance is not None)

@@ -70,7 +70,7 @@ def write_run(folder: Path) -> Path:
             }
         )
     )
-    counters = {"stop_reason": "explored", "sim_time_s": 300.5, "wall_time_s": 40.0, "sweeps": 5, "loop_closures": 1, "refused_matches": 0}
+    counters = {"stop_reason": "explored", "sim_time_s": 300.5, "wall_time_s": 40.0, "loop_closures": 1, "refused_matches": 0}
     counters |= {"local_classifications": 4, "local_classification_time_s": 0.02, "something_else": 7}
     counters |= {"global_classifications": 1, "global_classification_time_s": 0.01}
     (folder / "counters.json").write_text(json.dumps(counters))

@@ -60,6 +60,18 @@ def test_perfect_run_gets_the_scores_known_beforehand(run):
     assert (summary["sweeps"], summary["something_else"]) == (5, 7)
 
 
+def test_sweeps_of_an_earlier_run_that_went_on_in_this_one_are_not_counted(run):
+    lines = (run / "events.csv").read_text().splitlines(keepends=True)
+    (run / "events.csv").write_text("".join([lines[0], *lines[2:]]))  # begun a second later
+    assert evaluate_run(run, *WORLD)["sweeps"] == 4
+
+
+def test_sweeps_of_a_robot_that_maps_nothing_are_as_reported(run):
+    for name, more in (("run.json", {"mapping": "off"}), ("counters.json", {"sweeps": 9})):
+        (run / name).write_text(json.dumps(json.loads((run / name).read_text()) | more))
+    assert evaluate_run(run, *WORLD)["sweeps"] == 9
+
+
 def test_perfect_run_gets_the_scores_over_its_course_known_beforehand(run):
     summary = evaluate_run(run, *WORLD)
     assert [point["coverage"] for point in summary["coverage_curve"]] == [1.0] * 5
@@ -84,13 +96,13 @@ def test_summary_file_holds_what_is_returned_and_all_designed_keys(run):
     ("lost", "unknown", "known"),
     [
         ("trajectory_truth.txt", ["coverage", "trajectory_ate_m", "map_rmse_m", "distance_m", "fell", "success"], ["collisions"]),
-        ("trajectory.txt", ["success", "coverage", "trajectory_ate_m", "map_rmse_m", "map_tilt_rad"], ["distance_m", "reachable_area_m2"]),
+        ("trajectory.txt", ["success", "sweeps", "coverage", "trajectory_ate_m", "map_rmse_m", "map_tilt_rad"], ["distance_m"]),
         ("contacts.csv", ["collisions", "success"], ["coverage", "fell"]),
         ("occupied.npz", ["coverage", "coverage_straight", "missed_piece_m2", "success"], ["map_rmse_m", "reachable_area_m2"]),
         ("cloud.ply", ["map_rmse_m", "map_p95_m"], ["coverage"]),
-        ("counters.json", ["stop_reason", "sweeps", "sim_time_s", "success"], ["coverage"]),
+        ("counters.json", ["stop_reason", "sim_time_s", "success"], ["coverage", "sweeps"]),
         ("run.json", ["world", "seed", "config", "version", "coverage_curve"], ["coverage"]),
-        ("events.csv", ["activity_s", "compute_s", "runtime_s"], ["coverage", "sim_time_s"]),
+        ("events.csv", ["sweeps", "activity_s", "compute_s", "runtime_s"], ["coverage", "sim_time_s"]),
         ("sweeps/000002.npz", ["coverage_curve"], ["coverage", "path_ratio"]),
     ],
 )

@@ -79,6 +79,12 @@ def test_node_that_ends_by_itself_or_of_a_wrong_parameter_stays_ended(revive, tm
     assert len(lines(tmp_path, 1)) == 1
 
 
+def test_node_that_has_said_that_it_ends_stays_ended_however_it_does(revive, tmp_path: Path) -> None:
+    process = revive("log.open('a').write('lived\\n'); life.beat(); life.ends(); time.sleep(1.0); os.kill(os.getpid(), signal.SIGKILL)")
+    assert process.wait(60.0) == 128 + signal.SIGKILL
+    assert len(lines(tmp_path, 1)) == 1
+
+
 def test_node_that_dies_three_times_in_a_minute_is_given_up(revive, tmp_path: Path) -> None:
     process = revive("log.open('a').write('lived\\n'); os.kill(os.getpid(), signal.SIGSEGV)")
     assert process.wait(60.0) == 128 + signal.SIGSEGV
@@ -127,6 +133,12 @@ def test_node_has_time_to_start() -> None:
     assert hung_at(Watch(CONFIG, 0.0), 59.0, 0.0) is None
     assert hung_at(Watch(CONFIG, 0.0), 61.0, 0.0) is not None
     assert hung_at(Watch(CONFIG, 0.0), 600.0, 1.0) is None  # numba compiles
+
+
+def test_node_has_time_to_end() -> None:
+    watch = Watch(CONFIG, -100.0, has_beaten=True)
+    watch.end(0.0)
+    assert hung_at(watch, 59.0, 0.0) is None and hung_at(watch, 61.0, 0.0) is not None
 
 
 def test_start_may_take_as_long_as_others_are_waited_for_and_then_its_time() -> None:

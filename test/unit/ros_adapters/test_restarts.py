@@ -11,7 +11,7 @@ import pytest
 import rospy
 
 from node_life import Life
-from node_life.life import BEAT, PULSE, STILL_STARTING
+from node_life.life import BEAT, ENDING, PULSE, STILL_STARTING
 from ros_adapters import asking, restarts, served_map, session_keeper
 from ros_adapters.asking import AskedService, is_waiting
 from ros_adapters.diagnostics import Diagnostics
@@ -172,6 +172,21 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_node_whose_lock_is_free_beats(quick: None) -> None:
     assert beats_in(0.5, threading.RLock()) > 0
+
+
+@pytest.mark.parametrize(("is_alive", "said"), [(True, ENDING), (False, b"")])
+def test_node_that_is_asked_to_end_says_so_and_one_that_an_error_ended_does_not(
+    quick: None, monkeypatch: pytest.MonkeyPatch, is_alive: bool, said: bytes
+) -> None:
+    hooks = []
+    monkeypatch.setattr(restarts.rospy, "on_shutdown", hooks.append)
+    reading, writing = os.pipe()
+    os.set_blocking(reading, False)
+    restarts.pulse(Life({PULSE: str(writing)}), threading.RLock(), lambda: False)  # type: ignore[arg-type]
+    monkeypatch.setattr(restarts.threading, "main_thread", lambda: SimpleNamespace(is_alive=lambda: is_alive))
+    hooks[0]()
+    os.write(writing, b"|")
+    assert os.read(reading, 1000) == said + b"|"
 
 
 def test_node_whose_callback_never_ends_does_not_beat(quick: None) -> None:

@@ -60,7 +60,26 @@ def test_truth_and_contacts_end_with_the_run(tmp_path: Path) -> None:
 def test_time_ends_with_the_run(tmp_path: Path, judged: bool) -> None:
     finished_at_2(tmp_path, judged=judged)
     summary = read_summary(tmp_path)
-    assert (summary["sim_time_s"], summary["sweeps"], summary["stop_reason"]) == (1.0, 3, "explored: all")
+    assert (summary["sim_time_s"], summary["stop_reason"]) == (1.0, "explored: all")
+
+
+def test_sweeps_are_those_that_were_mapped_since_the_run_began(tmp_path: Path) -> None:
+    stamps = 0.5, 2.0, 2.5, 3.0, 3.5  # the first is of a run before, that this one went on from
+    (tmp_path / "trajectory.txt").write_text("".join(f"{t} 0 0 0 0 0 0 1\n" for t in stamps))
+    finished_at_2(tmp_path, judged=False)  # with three sweeps, by what was told until then
+    assert read_summary(tmp_path)["sweeps"] == 4
+
+
+def test_sweeps_of_a_robot_that_only_localises_are_those_that_were_told_of(tmp_path: Path) -> None:
+    log = RunLog(tmp_path, {"mapping": "off"}, RobotBody(), judged=False)
+    log.event(RunEvent(header(2.0, "odom"), "finished", "stopped", 3, False, "", 0.0, False))
+    log.finish("stopped")
+    assert read_summary(tmp_path)["sweeps"] == 3
+
+
+def test_sweeps_of_a_run_that_mapped_nothing_are_not_known(tmp_path: Path) -> None:
+    finished_at_2(tmp_path, judged=False)
+    assert read_summary(tmp_path)["sweeps"] is None
 
 
 def test_run_that_ended_before_there_was_a_world_is_no_success(tmp_path: Path) -> None:
