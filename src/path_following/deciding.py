@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from path_following.doing import AwaitingGround, BackingOff, Doing, Ended, Following, MakingRoom, TurningToGoal, TurningToPath, Waiting
+from path_following.getting_free import getting_free
 from path_following.interface import FollowerState
 from path_following.manoeuvres import Motion, detour, make_room, recovery, turn_by
 from path_following.pursuit import Steering, lookahead_m, regulated_speed, steering_to, target_on
@@ -187,7 +188,8 @@ def _back_off(now: Moment, then: FollowerState, reason: str) -> Decided:
     watch = now.task.watch
     if watch is not None and watch.has_recovered:  # on the path before this one
         return _end(then, reason)
-    motion = _way_out(now) or recovery(now.config, now.around, now.pose, now.stamp_s)
+    seen = now.config, now.around, now.pose, now.stamp_s
+    motion = _way_out(now) or getting_free(*seen) or recovery(*seen)
     if motion is None:
         return _end(then, f"{reason}; nowhere to back off")
     if watch is not None:

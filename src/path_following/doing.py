@@ -6,6 +6,7 @@ A state knows no path and no costmap; `deciding` tells which state follows anoth
 from dataclasses import dataclass, replace
 
 from path_following.config import FollowerConfig
+from path_following.getting_free import GettingFree
 from path_following.interface import FollowerState
 from path_following.manoeuvres import Arc, Motion, Recovery
 from path_following.reference_path import Pose
@@ -116,11 +117,11 @@ class AwaitingGround(Doing):
 class BackingOff(Doing):
     """In a recovery, after which it ends as `then` for the reason that it has now."""
 
-    recovery: Recovery | WayOut
+    recovery: Recovery | WayOut | GettingFree
     then: FollowerState
     state = FollowerState.BACKING_OFF
 
     def motion(self, config: FollowerConfig, around: Surroundings, pose: Pose, stamp_s: float) -> Motion | None:
         """The next command; None when it is over or not free."""
         command = self.recovery.motion_from(config, around, pose)
-        return None if self.recovery.is_done(config, pose, stamp_s) else command
+        return None if self.recovery.is_done(config, around, pose, stamp_s) else command

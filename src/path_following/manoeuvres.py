@@ -110,7 +110,7 @@ class Recovery:
     distance_m: float
     angle_rad: float
 
-    def is_done(self, config: FollowerConfig, pose: Pose, stamp: float) -> bool:
+    def is_done(self, config: FollowerConfig, _around: Surroundings, pose: Pose, stamp: float) -> bool:
         """True when it went far enough, or for too long."""
         moved = math.hypot(pose[0] - self.begun_at[0], pose[1] - self.begun_at[1])
         turned = abs(angle_difference(pose[2], self.begun_at[2]))

@@ -70,7 +70,7 @@ class WayOut:
                 return Motion(-v, -v * curvature)
         return None
 
-    def is_done(self, config: FollowerConfig, pose: Pose, stamp: float) -> bool:
+    def is_done(self, config: FollowerConfig, _around: Surroundings, pose: Pose, stamp: float) -> bool:
         """True when it is out, or took too long."""
         stretch = self.drive.stretch
         limit = config.recovery_limit_s + 2.0 * (stretch.end - stretch.begin) / config.back_off_speed_mps

@@ -8,13 +8,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from path_following.free_way import MOVES, free_way, headings
 from path_following.interface import CostGrid
+from path_following.outline import INSCRIBED, LETHAL, UNKNOWN, beneath, cost_under
 from path_following.reference_path import Pose
 from path_following.trail import Trail
 from rigid_geometry import slide_per_rad
 
-_INSCRIBED, _LETHAL, _UNKNOWN = 253, 254, 255
 _STEP_M, _STEP_RAD = 0.05, 0.1
+_BESIDE_M = 0.02  # of room beside an arc, where there is so much: none is driven exactly
 _GRAZED = 0.02  # of the outline's points: a cell of 8 cm at its border, in which the edge of a ramp lies
 
 
@@ -63,10 +65,14 @@ class Slide:
         turned = (np.diff(poses[:, 2]) + math.pi) % (2 * math.pi) - math.pi
         middle = poses[:-1, 2] + 0.5 * turned
         left = np.stack([-np.sin(middle), np.cos(middle)], axis=1)
-        aside = slide_per_rad(left @ np.asarray(self.downhill_xy), self.at_one_in_ten_m) * np.abs(turned)
         slid = poses.copy()
-        slid[1:, :2] += np.cumsum(aside[:, None] * left, axis=0)
+        slid[1:, :2] += np.cumsum((self.per_rad(middle) * np.abs(turned))[:, None] * left, axis=0)
         return slid
+
+    def per_rad(self, yaw: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(K,) metres that it slides to its left for every radian, by its heading (K,) rad in map."""
+        left = np.stack([-np.sin(yaw), np.cos(yaw)], axis=1)
+        return slide_per_rad(left @ np.asarray(self.downhill_xy), self.at_one_in_ten_m)
 
 
 LEVEL = Slide((0.0, 0.0), 0.0)
@@ -103,7 +109,7 @@ class Surroundings:
         rows, columns = self._cost.shape
         inside = (row >= 0) & (column >= 0) & (row < rows) & (column < columns)
         known: NDArray[np.bool_] = inside.copy()
-        known[inside] = self._cost[row[inside], column[inside]] != _UNKNOWN
+        known[inside] = self._cost[row[inside], column[inside]] != UNKNOWN
         return known
 
     def is_free(self, poses: NDArray[np.float64], unknown: Unknown) -> bool:
@@ -123,7 +129,7 @@ class Surroundings:
         deeper and less deep in the outline, and a robot that stands there must get out again.
         """
         poses = self.slide.along(poses)
-        touched = np.array([_touched(self._cost, self._corner, self._footprint, pose, False) for pose in poses])
+        touched = np.array([beneath(self._cost, self._corner, self._footprint, pose)[0] for pose in poses])
         if self._is_free(poses, Unknown.NOT_UNDER_THE_CENTRE) and touched.max() <= touched[0]:
             return True
         if self._trail is None or touched.max() > _GRAZED * len(self._footprint):
@@ -135,39 +141,41 @@ class Surroundings:
         """True when the robot may turn on the spot by `angle` radians; `drifting`: with room around it for more than it slides."""
         poses = turn_poses(pose, angle)
         if drifting:
-            return not any(_touched(self._cost, self._corner, self._turning_footprint, p, False) for p in self.slide.along(poses))
+            return not any(beneath(self._cost, self._corner, self._turning_footprint, p)[0] for p in self.slide.along(poses))
         return self.is_free(poses, Unknown.ALLOWED)
+
+    def has_room(self, pose: Pose) -> bool:
+        """True when the robot may turn all around: nothing lethal and nothing unknown lies within its corners and a cell's breadth."""
+        return max(beneath(self._cost, self._corner, self._room(), np.array(pose))) == 0
+
+    def way_to_room(self, pose: Pose) -> list[tuple[float, float]]:
+        """(metres, curvature 1/m) of arcs, backward where the metres are negative, to where it `has_room`; none where none lead there."""
+        seen, start, aside, way = (self._cost, self._corner), np.array(pose), self.slide.per_rad(headings()), np.empty(0, np.int64)
+        length, width = 2.0 * (self._footprint.max(axis=0) + _BESIDE_M)
+        wide = footprint_lattice(float(length), float(width), _STEP_M)
+        if beneath(*seen, wide, start)[0] == 0:
+            way = free_way(*seen, wide, self._room(), start, aside)
+        if not way.size:
+            way = free_way(*seen, self._footprint, self._room(), start, aside)
+        arcs: list[tuple[float, float]] = []
+        for metres, curvature in MOVES[way].tolist():
+            goes_on = bool(arcs) and arcs[-1][1] == curvature and arcs[-1][0] * metres > 0.0
+            arcs.append((arcs.pop()[0] + metres, curvature) if goes_on else (metres, curvature))
+        return arcs
+
+    def _room(self) -> NDArray[np.float64]:
+        """(P, 2) points of base_link within its corners and a cell's breadth."""
+        radius = float(np.hypot(*self._footprint.T).max()) + 0.5 * self._corner[2]
+        square = footprint_lattice(2.0 * radius, 2.0 * radius, _STEP_M)
+        return np.ascontiguousarray(square[np.hypot(*square.T) <= radius])
 
     def mean_cost(self, poses: NDArray[np.float64]) -> float:
         """Mean cost under the centre along (K, 3) poses, 0..1, unknown counted as 1."""
-        return float(_mean_cost(self._cost, self._corner, poses)) / _UNKNOWN
+        return float(_mean_cost(self._cost, self._corner, poses)) / UNKNOWN
 
     def cost_under(self, pose: Pose) -> int:
         """Cost under the centre; 255 outside."""
-        return int(_cost_under(self._cost, self._corner, pose[0], pose[1]))
-
-
-@njit(cache=True)
-def _cost_under(cost: NDArray[np.uint8], corner: NDArray[np.float64], x: float, y: float) -> int:
-    column = math.floor((x - corner[0]) / corner[2] + 1e-9)
-    row = math.floor((y - corner[1]) / corner[2] + 1e-9)
-    if row < 0 or column < 0 or row >= cost.shape[0] or column >= cost.shape[1]:
-        return 255
-    return int(cost[row, column])
-
-
-@njit(cache=True)
-def _touched(
-    cost: NDArray[np.uint8], corner: NDArray[np.float64], footprint: NDArray[np.float64], pose: NDArray[np.float64], with_unknown: bool
-) -> int:
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    count = 0
-    for i in range(footprint.shape[0]):
-        px, py = footprint[i, 0], footprint[i, 1]
-        value = _cost_under(cost, corner, pose[0] + c * px - s * py, pose[1] + s * px + c * py)
-        if value == _LETHAL or (with_unknown and value == _UNKNOWN):
-            count += 1
-    return count
+        return int(cost_under(self._cost, self._corner, pose[0], pose[1]))
 
 
 @njit(cache=True)
@@ -177,13 +185,14 @@ def _is_free(
     fewest = -1
     may_stay_inside = True
     for k in range(poses.shape[0]):
-        value = _cost_under(cost, corner, poses[k, 0], poses[k, 1])
-        if value == _INSCRIBED or value == _LETHAL or (value == _UNKNOWN and unknown >= 1):
+        value = cost_under(cost, corner, poses[k, 0], poses[k, 1])
+        if value == INSCRIBED or value == LETHAL or (value == UNKNOWN and unknown >= 1):
             if not may_stay_inside:
                 return False
         else:
             may_stay_inside = False
-        count = _touched(cost, corner, footprint, poses[k], unknown >= 2)
+        lethal, unseen = beneath(cost, corner, footprint, poses[k])
+        count = lethal + (unseen if unknown >= 2 else 0)
         # Points of the lattice cross cell borders while the robot turns away: a few more of many are no new contact.
         if fewest >= 0 and count > fewest + (max(2, fewest // 4) if fewest > 0 else 0):
             return False
@@ -195,7 +204,7 @@ def _is_free(
 def _mean_cost(cost: NDArray[np.uint8], corner: NDArray[np.float64], poses: NDArray[np.float64]) -> float:
     total = 0
     for k in range(poses.shape[0]):
-        total += _cost_under(cost, corner, poses[k, 0], poses[k, 1])
+        total += cost_under(cost, corner, poses[k, 0], poses[k, 1])
     mean: float = total / poses.shape[0]
     return mean
 
@@ -218,3 +227,4 @@ def compile_kernels() -> None:
     around.is_free_turn(pose, 0.1, drifting=True)
     around.mean_cost(turn_poses(pose, 0.1))
     around.cost_under(pose)
+    around.way_to_room(pose)

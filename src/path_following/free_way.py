@@ -1,0 +1,93 @@
+"""The shortest way of the outline out of where there is no room to turn, by arcs forward and backward: beside a wall, as after a slide.
+
+A hybrid A* (Dolgov et al. 2010) without a heuristic: what it looks for is near. Asked by `surroundings`, on one costmap.
+"""
+
+import heapq
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from path_following.outline import beneath
+
+_STEP_M = 0.2
+_CURVATURES = (0.0, 0.15, -0.15, 0.5, -0.5, 1.5, -1.5)  # 1/m: beside a wall only gentle arcs keep the rear corner off it
+_LOOKS = 3  # poses of an arc at which the outline is looked at
+_TURNED_BACK_M = 0.3  # of way is a change between forward and backward worth
+_CELL_M, _SIDE, _HEADINGS = 0.1, 50, 240  # of the places that count as one: the gentlest arc ends at another heading
+_MOST = 20_000  # nodes
+
+MOVES = np.array([(sign * _STEP_M, curvature) for sign in (1.0, -1.0) for curvature in _CURVATURES])
+
+
+@njit(cache=True)
+def _is_no_more(count: int, fewest: int) -> bool:
+    """As `surroundings` has it: points of a lattice cross cell borders, and a few more of many are no new contact."""
+    return bool(count <= fewest + (max(2, fewest // 4) if fewest > 0 else 0))
+
+
+@njit(cache=True)
+def free_way(
+    cost: NDArray[np.uint8],
+    corner: NDArray[np.float64],
+    footprint: NDArray[np.float64],
+    room: NDArray[np.float64],
+    start: NDArray[np.float64],
+    aside: NDArray[np.float64],
+) -> NDArray[np.int64]:
+    """(K,) int64 indices into `MOVES` from `start` (3,) x, y, yaw in map to where nothing lies in `room`; none where there is no such way.
+
+    `corner` (3,): x, y of the costmap's corner and its resolution, m. `footprint` and `room` (P, 2) are points of base_link. `aside` (H,):
+    metres that the robot slides to its left for every radian, by its heading. Touched may be no more than before, and nothing unknown.
+    """
+    at, fewest = np.empty((_MOST, 3)), np.empty((_MOST, 2), np.int64)
+    before, by, count = np.full(_MOST, -1, np.int64), np.full(_MOST, -1, np.int64), 1
+    at[0], fewest[0] = start, beneath(cost, corner, footprint, start)
+    closed = np.zeros((_SIDE, _SIDE, aside.size), np.bool_)
+    heap, pose = [(0.0, 0)], np.empty(3)
+    while len(heap) > 0:
+        total, node = heapq.heappop(heap)
+        x, y, yaw = at[node]
+        i, j = int((x - start[0]) / _CELL_M + _SIDE / 2), int((y - start[1]) / _CELL_M + _SIDE / 2)
+        heading = int(np.floor(yaw / (2.0 * np.pi) * aside.size)) % aside.size
+        if min(i, j) < 0 or max(i, j) >= _SIDE or closed[i, j, heading]:
+            continue
+        closed[i, j, heading] = True
+        if node > 0 and max(beneath(cost, corner, room, at[node])) == 0:
+            way = [by[node]]
+            while before[node] > 0:
+                node = before[node]
+                way.append(by[node])
+            return np.array(way[::-1], np.int64)
+        for move in range(MOVES.shape[0]):
+            if count == _MOST:
+                return np.empty(0, np.int64)
+            pose[:] = at[node]
+            lethal, unknown = fewest[node]
+            is_free = True
+            for _ in range(_LOOKS):
+                travelled = MOVES[move, 0] / _LOOKS
+                turned = MOVES[move, 1] * travelled
+                middle = pose[2] + 0.5 * turned
+                slid = aside[int(np.floor(middle / (2.0 * np.pi) * aside.size)) % aside.size] * abs(turned)
+                pose[0] += travelled * np.cos(middle) - slid * np.sin(middle)
+                pose[1] += travelled * np.sin(middle) + slid * np.cos(middle)
+                pose[2] += turned
+                here = beneath(cost, corner, footprint, pose)
+                if not (_is_no_more(here[0], lethal) and _is_no_more(here[1], unknown)):
+                    is_free = False
+                    break
+                lethal, unknown = min(lethal, here[0]), min(unknown, here[1])
+            if is_free:
+                is_back = by[node] >= 0 and MOVES[by[node], 0] * MOVES[move, 0] < 0.0
+                at[count], fewest[count, 0], fewest[count, 1], before[count], by[count] = pose, lethal, unknown, node, move
+                heapq.heappush(heap, (total + _STEP_M + (_TURNED_BACK_M if is_back else 0.0), count))
+                count += 1
+    return np.empty(0, np.int64)
+
+
+def headings() -> NDArray[np.float64]:
+    """(H,) rad, the middles of the headings that `aside` of `free_way` is given for."""
+    return np.asarray((np.arange(_HEADINGS) + 0.5) * (2.0 * math.pi / _HEADINGS))

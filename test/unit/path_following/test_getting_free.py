@@ -1,0 +1,84 @@
+"""A robot that stands where it cannot turn, as after a slide against a wall, comes free where its outline does."""
+
+import math
+
+import numpy as np
+import pytest
+from drive_simulation import Robot, World, drive
+
+from path_following import FollowerConfig, FollowerState, PathFollower
+from path_following.surroundings import Surroundings, footprint_lattice
+from robot_body import RobotBody
+
+BODY = RobotBody()
+WALL_Y = -0.08
+
+
+def wall_below(*, ahead: float = 9.0, behind: float = -9.0) -> World:
+    """A wall whose face lies at y = -0.08 m, and walls across it."""
+    world = World(20.0)
+    world.lethal[world.cells(-10, 10, -0.4, WALL_Y)] = True
+    world.lethal[world.cells(ahead, ahead + 0.3, -0.4, 6)] = True
+    world.lethal[world.cells(behind - 0.3, behind, -0.4, 6)] = True
+    return world
+
+
+def beside(gap_m: float) -> float:
+    """The y of a robot that stands along that wall."""
+    return WALL_Y + gap_m + BODY.half_width_m
+
+
+def off_the_wall(world: World, gap_m: float, yaw: float = 0.0, robot: Robot | None = None):
+    """A robot beside the wall that is sent straight off it."""
+    follower, y = PathFollower(FollowerConfig(), BODY), beside(gap_m)
+    follower.set_path([(0.0, y, 0.0), (0.0, y + 0.8, 0.0)], None)
+    return follower, drive(follower, world, (0.0, y, yaw), robot=robot, seconds=60.0)
+
+
+@pytest.mark.parametrize("robot", [Robot(), Robot(turn_share=1.1)])
+@pytest.mark.parametrize(("gap_m", "yaw"), [(0.02, 0.0), (0.04, 0.0), (0.04, 0.05), (0.04, -0.05)])
+def test_robot_beside_a_wall_ends_where_it_can_turn_and_touches_nothing(gap_m, yaw, robot):
+    follower, run = off_the_wall(wall_below(), gap_m, yaw, robot)
+    assert run.last.state is FollowerState.BLOCKED and "backing_off" in run.states()
+    assert not run.touched and run.poses[-1][1] >= WALL_Y + BODY.turning_radius_m
+    x, y, yaw = run.poses[-1]
+    follower.set_path([(x, y, 0.0), (x, y + 1.5, 0.0)], None)
+    assert drive(follower, wall_below(), (x, y, yaw)).last.state is FollowerState.REACHED
+
+
+def test_between_two_walls_it_goes_to_and_fro():
+    _, run = off_the_wall(wall_below(ahead=1.0, behind=-1.0), 0.04, 0.05)
+    assert not run.touched and run.poses[-1][1] >= WALL_Y + BODY.turning_radius_m
+    forward = [output.v > 0 for output in run.outputs if output.v]
+    assert len(set(forward)) == 2
+
+
+def surroundings_of(world: World) -> Surroundings:
+    lattice = footprint_lattice(BODY.length_m, BODY.width_m, 0.05)
+    return Surroundings(world.grid(), lattice, lattice)
+
+
+def test_robot_that_is_shut_in_is_told_no_way():
+    world = World(20.0)
+    world.lethal[:] = True
+    world.lethal[world.cells(-0.64, 0.64, -0.4, 0.4)] = False
+    around = surroundings_of(world)
+    assert not around.has_room((0.0, 0.0, 0.0)) and around.way_to_room((0.0, 0.0, 0.0)) == []
+
+
+def test_no_way_leads_over_what_is_not_known():
+    world, pose = wall_below(), (0.0, beside(0.04), 0.0)
+    assert surroundings_of(world).way_to_room(pose)
+    world.unknown[world.cells(-10, 10, 0.8, 10)] = True  # nearer than the robot is wide off the wall
+    assert surroundings_of(world).way_to_room(pose) == []
+
+
+def test_way_leads_to_where_it_says():
+    world, pose = wall_below(), (0.0, beside(0.04), 0.0)
+    around, (x, y, yaw) = surroundings_of(world), pose
+    for metres, curvature in around.way_to_room(pose):
+        for _ in range(100):
+            yaw += curvature * metres / 100
+            x, y = x + math.cos(yaw) * metres / 100, y + math.sin(yaw) * metres / 100
+    assert around.has_room((x, y, yaw)) and not world.touches(x, y, yaw)
+    assert y == pytest.approx(WALL_Y + BODY.turning_radius_m, abs=0.25) and np.isfinite([x, yaw]).all()
