@@ -16,6 +16,8 @@ class GettingFree:
     begun_s: float
     limit_s: float
     arc: Arc
+    arc_s: float | None = None
+    """When that arc began: a robot that does not come to its end does not come free."""
 
     def motion_from(self, config: FollowerConfig, around: Surroundings, pose: Pose) -> Motion | None:
         """The command at a pose; None where no way leads on."""
@@ -23,12 +25,14 @@ class GettingFree:
             arcs = _arcs(config, around, pose)
             if not arcs or not arcs[0].goes_on(around, pose):
                 return None
-            self.arc = arcs[0]
+            self.arc, self.arc_s = arcs[0], None
         return self.arc.motion
 
-    def is_done(self, _config: FollowerConfig, around: Surroundings, pose: Pose, stamp: float) -> bool:
-        """True where the robot may turn, or when it took too long."""
-        return around.has_room(pose) or stamp - self.begun_s > self.limit_s
+    def is_done(self, config: FollowerConfig, around: Surroundings, pose: Pose, stamp: float) -> bool:
+        """True where the robot may turn, or when an arc or all of them took too long."""
+        self.arc_s = stamp if self.arc_s is None else self.arc_s
+        is_late = stamp - self.arc_s > config.recovery_limit_s or stamp - self.begun_s > self.limit_s
+        return is_late or around.has_room(pose)
 
 
 def getting_free(config: FollowerConfig, around: Surroundings, pose: Pose, stamp: float) -> GettingFree | None:
@@ -41,6 +45,8 @@ def getting_free(config: FollowerConfig, around: Surroundings, pose: Pose, stamp
 
 
 def _arcs(config: FollowerConfig, around: Surroundings, pose: Pose) -> list[Arc]:
-    v = config.back_off_speed_mps
-    way = around.way_to_room(pose)
-    return [Arc(Motion(math.copysign(v, metres), math.copysign(v, metres) * bend), pose, abs(metres)) for metres, bend in way]
+    """Each no longer than it takes half of `recovery_limit_s`."""
+    v, way = config.back_off_speed_mps, around.way_to_room(pose)
+    most_m = 0.5 * config.recovery_limit_s * v
+    signed = [(math.copysign(v, metres), bend, abs(metres)) for metres, bend in way]
+    return [Arc(Motion(speed, speed * bend), pose, min(length_m, most_m)) for speed, bend, length_m in signed]

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from drive_simulation import Robot, World, drive
+from drive_simulation import TICK_S, Robot, World, drive
 
 from path_following import FollowerConfig, FollowerState, PathFollower
 from path_following.surroundings import Surroundings, footprint_lattice
@@ -51,6 +51,11 @@ def test_between_two_walls_it_goes_to_and_fro():
     assert not run.touched and run.poses[-1][1] >= WALL_Y + BODY.turning_radius_m
     forward = [output.v > 0 for output in run.outputs if output.v]
     assert len(set(forward)) == 2
+
+
+def test_robot_that_does_not_move_gives_up():
+    _, run = off_the_wall(wall_below(), 0.04, robot=Robot(speed_share=0.0))
+    assert run.last.state is FollowerState.BLOCKED and len(run.outputs) * TICK_S < 10.0
 
 
 def surroundings_of(world: World) -> Surroundings:
