@@ -118,15 +118,6 @@ def seen_down_to(columns: Columns, c: Index, z: Index) -> Index:
 
 
 @lean_njit
-def is_free_in(columns: Columns, c: Index, low: Index, high: Index) -> bool:
-    """Whether any voxel of column c was seen free in low..high."""
-    for r in range(columns.start[c], columns.start[c + 1]):
-        if columns.z_hi[r] >= low and columns.z_lo[r] <= high and not columns.occupied[r]:
-            return True
-    return False
-
-
-@lean_njit
 def is_free_through(columns: Columns, c: Index, low: Index, high: Index) -> bool:
     """Whether every voxel of column c was seen free in low..high."""
     for r in range(columns.start[c], columns.start[c + 1]):

@@ -12,7 +12,7 @@ from octomap_server_3dnav.octree.columns import (
     NO_VOXEL,
     Columns,
     blocking_voxel,
-    is_free_in,
+    is_free_through,
     lowest_occupied,
     seen_down_to,
 )
@@ -79,7 +79,7 @@ def beside(columns: Columns, surfaces: Surfaces, links: Links, s: Index, k: Inde
     if surfaces.height[n] >= surfaces.height[s]:
         return BLOCKED
     above = np.int64(surfaces.z[n]) + 1
-    return DROP if is_free_in(columns, c + DX[k] * columns.ny + DY[k], above, above) else UNKNOWN
+    return DROP if is_free_through(columns, c + DX[k] * columns.ny + DY[k], above, above) else UNKNOWN
 
 
 @lean_njit

@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from terrain_worlds import grid_of_heights, runs_of
 
 from octomap_server_3dnav.octree.column_runs import VoxelState
-from octomap_server_3dnav.octree.columns import NO_VOXEL, Columns, crop_columns, is_free_in, lowest_occupied
+from octomap_server_3dnav.octree.columns import NO_VOXEL, Columns, crop_columns, is_free_through, lowest_occupied
 from octomap_server_3dnav.terrain import fill, graph, planes, scene, surfaces
 from octomap_server_3dnav.terrain.config import Limits, TerrainConfig
 from octomap_server_3dnav.terrain.distance import distances
@@ -134,7 +134,7 @@ def test_wall_that_was_hit_in_strips_has_no_top_where_none_was_seen(strips, tops
 def test_top_is_seen_where_the_voxel_above_it_was_free(runs, is_seen):
     z_lo, z_hi, occupied = (np.array(numbers) for numbers in zip(*runs, strict=True))
     columns = Columns(1, 1, np.array([0, len(runs)], np.int32), z_lo.astype(np.int16), z_hi.astype(np.int16), occupied)
-    assert is_free_in(columns, 0, 3, 3) == is_seen
+    assert is_free_through(columns, 0, 3, 3) == is_seen
 
 
 def test_sigma_of_a_height_falls_with_its_hits_to_that_of_the_pose_and_is_a_voxels_without_any():
