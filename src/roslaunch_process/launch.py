@@ -15,16 +15,26 @@ ROS_PORTS = range(11311, 11400)
 _PACKAGE = "explore_3dnav"
 _STATUS = " t="
 
+_claims: list[socket.socket] = []
+
 
 def free_port(among: Iterable[int] = ROS_PORTS) -> int:
-    """The first port that nobody has: ROS's usual one, else one near it, below those that the system hands out to whoever asks."""
+    """The first port that nobody has: ROS's usual one, else one near it, below those that the system hands out to whoever asks.
+
+    It is claimed until this process asks again or ends: a master takes its port some seconds later, and others ask meanwhile.
+    """
+    _claims.clear()
     for port in among:
-        with socket.socket() as s:
-            try:
+        claim = socket.socket(socket.AF_UNIX)
+        try:
+            claim.bind(f"\0{_PACKAGE}-master-{port}")  # a name that is no file, gone with the process
+            with socket.socket() as s:
                 s.bind(("", port))
-                return port
-            except OSError:
-                continue
+        except OSError:
+            claim.close()
+            continue
+        _claims.append(claim)
+        return port
     raise OSError(f"no free port for a ROS master in {among}")
 
 

@@ -34,6 +34,16 @@ def test_taken_port_is_avoided():
         assert free_port([port, port + 1, port + 2]) != port
 
 
+def test_of_two_that_ask_at_one_moment_each_has_a_port_of_its_own():
+    ask = "import sys; from roslaunch_process import free_port; print(free_port(), flush=True); sys.stdin.read()"
+    with subprocess.Popen([sys.executable, "-c", ask], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdin is not None and other.stdout is not None
+        theirs = int(other.stdout.readline())
+        assert free_port() != theirs
+        other.stdin.close()
+    assert free_port([theirs]) == theirs
+
+
 def test_no_free_port_is_an_error():
     with pytest.raises(OSError, match="no free port"):
         free_port([])
