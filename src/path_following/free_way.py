@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from path_following.outline import beneath
+from path_following.outline import beneath, is_no_more
 
 _STEP_M = 0.2
 _CURVATURES = (0.0, 0.15, -0.15, 0.5, -0.5, 1.5, -1.5)  # 1/m: beside a wall only gentle arcs keep the rear corner off it
@@ -20,12 +20,6 @@ _CELL_M, _SIDE, _HEADINGS = 0.1, 50, 240  # of the places that count as one: the
 _MOST = 20_000  # nodes
 
 MOVES = np.array([(sign * _STEP_M, curvature) for sign in (1.0, -1.0) for curvature in _CURVATURES])
-
-
-@njit(cache=True)
-def _is_no_more(count: int, fewest: int) -> bool:
-    """As `surroundings` has it: points of a lattice cross cell borders, and a few more of many are no new contact."""
-    return bool(count <= fewest + (max(2, fewest // 4) if fewest > 0 else 0))
 
 
 @njit(cache=True)
@@ -76,7 +70,7 @@ def free_way(
                 pose[1] += travelled * np.sin(middle) + slid * np.cos(middle)
                 pose[2] += turned
                 here = beneath(cost, corner, footprint, pose)
-                if not (_is_no_more(here[0], lethal) and _is_no_more(here[1], unknown)):
+                if not (is_no_more(here[0], lethal) and is_no_more(here[1], unknown)):
                     is_free = False
                     break
                 lethal, unknown = min(lethal, here[0]), min(unknown, here[1])

@@ -32,3 +32,9 @@ def beneath(
         lethal += value == LETHAL
         unknown += value == UNKNOWN
     return lethal, unknown
+
+
+@njit(cache=True)
+def is_no_more(count: int, fewest: int) -> bool:
+    """Whether so many points over cells are no new contact, after so few: points of a lattice cross cell borders while the robot turns."""
+    return bool(count <= fewest + (max(2, fewest // 4) if fewest > 0 else 0))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from path_following.free_way import MOVES, free_way, headings
 from path_following.interface import CostGrid
-from path_following.outline import INSCRIBED, LETHAL, UNKNOWN, beneath, cost_under
+from path_following.outline import INSCRIBED, LETHAL, UNKNOWN, beneath, cost_under, is_no_more
 from path_following.reference_path import Pose
 from path_following.trail import Trail
 from rigid_geometry import slide_per_rad
@@ -193,8 +193,7 @@ def _is_free(
             may_stay_inside = False
         lethal, unseen = beneath(cost, corner, footprint, poses[k])
         count = lethal + (unseen if unknown >= 2 else 0)
-        # Points of the lattice cross cell borders while the robot turns away: a few more of many are no new contact.
-        if fewest >= 0 and count > fewest + (max(2, fewest // 4) if fewest > 0 else 0):
+        if fewest >= 0 and not is_no_more(count, fewest):
             return False
         fewest = count if fewest < 0 else min(fewest, count)
     return True
