@@ -147,8 +147,8 @@ def run_misconfigured(node: str, *parameters: str, remapped: tuple[str, ...] = (
 
 
 def one_line_of(stderr: str) -> str:
-    """The only line that is there; AssertionError when there are others."""
-    lines = [line for line in stderr.splitlines() if line.strip()]
+    """The only line that is there, but for the word of a slow machine; AssertionError when there are others."""
+    lines = [line for line in stderr.splitlines() if line.strip() and "loads its kernels" not in line]
     assert len(lines) == 1, f"expected one line: {stderr!r}"
     return lines[0]
 

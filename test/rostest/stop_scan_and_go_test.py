@@ -71,6 +71,14 @@ class StopScanAndGoTest(unittest.TestCase):
         """The last tick had this answer. On a busy machine zeros come between ticks: the node stands while it hears no command."""
         wait_until(lambda: any(abs(m.linear.x - v) < 1e-7 for m in self.velocities.messages[self.answered :]), f"{v} m/s")
 
+    def tick_until_driven(self, v: float, limit: int = 20) -> None:
+        """After a silence: a command that is heard before what was silent is answered with zero."""
+        for _ in range(limit):
+            self.tick(v=v)
+            if any(abs(m.linear.x - v) < 1e-7 for m in self.velocities.messages[self.answered :]):
+                return
+        self.fail(f"not {v} m/s after {limit} ticks")
+
     def state(self) -> str:
         return self.events.messages[-1].state if self.events.messages else ""
 
@@ -162,9 +170,12 @@ class StopScanAndGoTest(unittest.TestCase):
             self.assert_driven(0.2)
             for _ in range(7):
                 self.tick(v=0.2, without=silent)
-            self.assertEqual(self.velocities.messages[-1].linear.x, 0.0)
-            self.tick(v=0.2)
-            self.assert_driven(0.2)
+            time.sleep(0.2)  # answers of a busy machine are late
+            noticed = len(self.velocities.messages)
+            for _ in range(3):
+                self.tick(v=0.2, without=silent)
+            self.assertEqual({m.linear.x for m in self.velocities.messages[noticed:]}, {0.0})
+            self.tick_until_driven(0.2)
 
     def test_6_zero_is_sent_when_commands_cease_and_the_silence_is_named(self) -> None:
         self.drive()
