@@ -23,6 +23,52 @@ MOVES = np.array([(sign * _STEP_M, curvature) for sign in (1.0, -1.0) for curvat
 
 
 @njit(cache=True)
+def _cell_of(pose: NDArray[np.float64], start: NDArray[np.float64], count: int) -> tuple[int, int, int]:
+    """The place among those that count as one, around `start`, of `count` headings; negative outside."""
+    i, j = math.floor((pose[0] - start[0]) / _CELL_M + _SIDE / 2), math.floor((pose[1] - start[1]) / _CELL_M + _SIDE / 2)
+    if min(i, j) < 0 or max(i, j) >= _SIDE:
+        return -1, -1, -1
+    return i, j, int(math.floor(pose[2] / (2.0 * math.pi) * count)) % count
+
+
+@njit(cache=True)
+def _drive(
+    cost: NDArray[np.uint8],
+    corner: NDArray[np.float64],
+    footprint: NDArray[np.float64],
+    aside: NDArray[np.float64],
+    move: NDArray[np.float64],
+    pose: NDArray[np.float64],
+    fewest: NDArray[np.int64],
+) -> bool:
+    """Whether one of `MOVES` touches no more than before; moves `pose` (3,), and lowers `fewest` (2,), lethal and unknown points beneath."""
+    for _ in range(_LOOKS):
+        travelled = move[0] / _LOOKS
+        turned = move[1] * travelled
+        middle = pose[2] + 0.5 * turned
+        slid = aside[int(math.floor(middle / (2.0 * math.pi) * aside.size)) % aside.size] * abs(turned)
+        pose[0] += travelled * math.cos(middle) - slid * math.sin(middle)
+        pose[1] += travelled * math.sin(middle) + slid * math.cos(middle)
+        pose[2] += turned
+        here = beneath(cost, corner, footprint, pose)
+        for k in range(2):
+            if not is_no_more(here[k], fewest[k]):
+                return False
+            fewest[k] = min(fewest[k], here[k])
+    return True
+
+
+@njit(cache=True)
+def _moves_to(node: int, before: NDArray[np.int64], by: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(K,) the moves from the start to a node."""
+    way = [by[node] for _ in range(0)]
+    while before[node] >= 0:
+        way.append(by[node])
+        node = before[node]
+    return np.array(way[::-1], np.int64)
+
+
+@njit(cache=True)
 def free_way(
     cost: NDArray[np.uint8],
     corner: NDArray[np.float64],
@@ -40,43 +86,22 @@ def free_way(
     before, by, count = np.full(_MOST, -1, np.int64), np.full(_MOST, -1, np.int64), 1
     at[0], fewest[0] = start, beneath(cost, corner, footprint, start)
     closed = np.zeros((_SIDE, _SIDE, aside.size), np.bool_)
-    heap, pose = [(0.0, 0)], np.empty(3)
+    heap = [(0.0, 0)]
     while len(heap) > 0:
         total, node = heapq.heappop(heap)
-        x, y, yaw = at[node]
-        i, j = int((x - start[0]) / _CELL_M + _SIDE / 2), int((y - start[1]) / _CELL_M + _SIDE / 2)
-        heading = int(np.floor(yaw / (2.0 * np.pi) * aside.size)) % aside.size
-        if min(i, j) < 0 or max(i, j) >= _SIDE or closed[i, j, heading]:
+        cell = _cell_of(at[node], start, aside.size)
+        if cell[0] < 0 or closed[cell]:
             continue
-        closed[i, j, heading] = True
+        closed[cell] = True
         if node > 0 and max(beneath(cost, corner, room, at[node])) == 0:
-            way = [by[node]]
-            while before[node] > 0:
-                node = before[node]
-                way.append(by[node])
-            return np.array(way[::-1], np.int64)
+            return _moves_to(node, before, by)
         for move in range(MOVES.shape[0]):
             if count == _MOST:
                 return np.empty(0, np.int64)
-            pose[:] = at[node]
-            lethal, unknown = fewest[node]
-            is_free = True
-            for _ in range(_LOOKS):
-                travelled = MOVES[move, 0] / _LOOKS
-                turned = MOVES[move, 1] * travelled
-                middle = pose[2] + 0.5 * turned
-                slid = aside[int(np.floor(middle / (2.0 * np.pi) * aside.size)) % aside.size] * abs(turned)
-                pose[0] += travelled * np.cos(middle) - slid * np.sin(middle)
-                pose[1] += travelled * np.sin(middle) + slid * np.cos(middle)
-                pose[2] += turned
-                here = beneath(cost, corner, footprint, pose)
-                if not (is_no_more(here[0], lethal) and is_no_more(here[1], unknown)):
-                    is_free = False
-                    break
-                lethal, unknown = min(lethal, here[0]), min(unknown, here[1])
-            if is_free:
+            at[count], fewest[count] = at[node], fewest[node]
+            if _drive(cost, corner, footprint, aside, MOVES[move], at[count], fewest[count]):
                 is_back = by[node] >= 0 and MOVES[by[node], 0] * MOVES[move, 0] < 0.0
-                at[count], fewest[count, 0], fewest[count, 1], before[count], by[count] = pose, lethal, unknown, node, move
+                before[count], by[count] = node, move
                 heapq.heappush(heap, (total + _STEP_M + (_TURNED_BACK_M if is_back else 0.0), count))
                 count += 1
     return np.empty(0, np.int64)
