@@ -1,4 +1,4 @@
-"""Pauses a robot that explores, at moments that a seed draws, and lets it go on; prints as JSON how often, and how often it drove meanwhile.
+"""Pauses a robot that explores, at moments that a seed draws; prints as JSON how often, and how often it drove meanwhile.
 
     ROS_MASTER_URI=http://localhost:11311 python benchmarks/pauser.py SEED PAUSES
 
@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 
 BETWEEN_S = 2.0, 20.0  # of wall time
 LONG_S = 0.5, 5.0
-ANSWER_S, BEGIN_S = 20.0, 120.0
+ANSWER_S, BEGIN_S = 60.0, 240.0
 STANDS_S = 0.5  # after it says that it is paused
 
 
@@ -54,13 +54,14 @@ class Pauser:
 
     def pause(self, seconds: float, told: Told) -> None:
         """Once, for so long, if it explores at all."""
-        if not self._ask["pause"]().success or not self.wait_for("paused", ANSWER_S):
+        if not self._ask["pause"]().success:
             return
+        is_paused = self.wait_for("paused", ANSWER_S)
         time.sleep(STANDS_S)
         self.drives = False
         time.sleep(seconds)
         told.drove_while_paused += self.drives
-        told.pauses += self._ask["resume"]().success and self.wait_for("exploring", ANSWER_S)
+        told.pauses += self._ask["resume"]().success and self.wait_for("exploring", ANSWER_S) and is_paused
 
 
 def main() -> int:

@@ -41,7 +41,7 @@ def _drive(
     pose: NDArray[np.float64],
     fewest: NDArray[np.int64],
 ) -> bool:
-    """Whether one of `MOVES` touches no more than before; moves `pose` (3,), and lowers `fewest` (2,), lethal and unknown points beneath."""
+    """Whether one of `MOVES` touches no more than before; moves `pose` (3,), lowers `fewest` (2,), lethal and unknown points beneath."""
     for _ in range(_LOOKS):
         travelled = move[0] / _LOOKS
         turned = move[1] * travelled

@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger, TriggerResponse
 from finished_maps import load_map
 from octomap_server_3dnav.navigation.local_grid import project
 from octomap_server_3dnav.navigation.passages import navigable_terrain
+from octomap_server_3dnav.navigation.standing import with_standing
 from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, MapBuilder
 from octomap_server_3dnav.terrain.classify import Terrain
 from rigid_geometry.transforms import Transform
@@ -81,6 +82,7 @@ class ServedMap:
     def publish_local(self, stamp_s: float, terrain: Terrain) -> None:
         """The robot's storey around it, for the costmap (6.2.1)."""
         grid = project(terrain, terrain.robot_xyz[:2], 2 * self._explorer.config.local_radius_m)
+        grid = with_standing(grid, terrain, self.builder.robot)
         self._local.publish(message_of_grid(stamp_s, frames().map, grid))
 
     def show_and_save(self, stamp_s: float, T_map_base: Transform, whole: Terrain | None, path: NDArray[np.float64] | None) -> None:

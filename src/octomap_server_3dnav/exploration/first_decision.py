@@ -6,8 +6,9 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.exploration.decide import Explorer, Observation, SweepOutcome
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
 from octomap_server_3dnav.exploration.lookouts import find_lookouts
+from octomap_server_3dnav.navigation.local_grid import project
 from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
-from octomap_server_3dnav.navigation.storey import robot_storey
+from octomap_server_3dnav.navigation.standing import with_standing
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
 from octomap_server_3dnav.terrain.classified_terrain import Terrain
@@ -22,7 +23,8 @@ def compile_kernels() -> None:
     states[:, 0, 4:] = _OCCUPIED  # a wall, a drop that was seen, a hole to bridge, and three sides that go on
     states[:, 60:, 1:5] = _FREE
     states[40, 30, 4] = _UNKNOWN
-    robot_storey(_decide(states, 2.5, None))
+    around = _decide(states, 2.5, None)
+    with_standing(project(around, around.robot_xyz[:2], 5.0), around, _SETTINGS.robot)
     states[32, :27, 4:], states[32, 38:, 4:] = _OCCUPIED, _OCCUPIED  # a narrow door
     heights = SurfaceHeights(0.08)
     heights.add(HitHeights.of((np.argwhere(states == _OCCUPIED) + 0.5) * 0.08, 0.08))

@@ -14,6 +14,7 @@ from octomap_server_3dnav.exploration.first_decision import compile_kernels
 from octomap_server_3dnav.exploration.plan_validity import validity_in
 from octomap_server_3dnav.navigation.local_grid import project
 from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
+from octomap_server_3dnav.navigation.standing import with_standing
 from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder, MapConfig
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
@@ -58,7 +59,8 @@ def test_no_decision_compiles_what_was_not_compiled_beforehand(runs, here):
     decision = decide(Explorer(), runs, here)
     assert decision.kind is DecisionKind.GOAL
     validity_in(decision.terrain, decision, ExplorationConfig(), 6)
-    project(decision.terrain, decision.terrain.robot_xyz[:2], 12.0)
+    grid = project(decision.terrain, decision.terrain.robot_xyz[:2], 12.0)
+    with_standing(grid, decision.terrain, RobotBody())
     assert signatures() == before
 
 
