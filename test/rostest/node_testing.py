@@ -137,11 +137,11 @@ class DiagnosticsOf:
             time.sleep(0.01)
 
 
-def run_misconfigured(node: str, *parameters: str, remapped: tuple[str, ...] = ()) -> tuple[int, str]:
-    """Exit code and stderr of a node started beside the one under test with private parameters name:=value, and with remappings."""
+def run_misconfigured(node: str, *parameters: str) -> tuple[int, str]:
+    """Exit code and stderr of a node started beside the one under test with private parameters name:=value."""
     with suppress(KeyError):  # those of the last time
         rospy.delete_param(f"/misconfigured_{node}")
-    command = ["rosrun", "explore_3dnav", node, f"__name:=misconfigured_{node}", *(f"_{p}" for p in parameters), *remapped]
+    command = ["rosrun", "explore_3dnav", node, f"__name:=misconfigured_{node}", *(f"_{p}" for p in parameters)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30.0)
     return done.returncode, done.stderr
 
