@@ -87,7 +87,7 @@ def feed(topic: str, message_type: type) -> rospy.Publisher:
 def subscribers_of(topic: str) -> list[str]:
     """Names of the nodes that listen to a topic."""
     _, subscribers, _ = rosgraph.Master("/node_testing").getSystemState()
-    return [node for name, nodes in subscribers if name == topic for node in nodes]
+    return [node for name, nodes in subscribers if name == rospy.resolve_name(topic) for node in nodes]
 
 
 def wait_for_node(name: str, timeout_s: float = 30.0) -> None:
