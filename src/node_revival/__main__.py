@@ -1,8 +1,8 @@
 """`python -m node_revival COMMAND...`: runs a node, and starts it again when it was killed, broke or hangs.
 
 Between roslaunch and the node. A node that ends by itself, with 0, or with 2 for a wrong parameter, is not started again; nor one that
-said that it ends, however that goes, or dies three times in a minute. `/revival/NODE` on the parameter server says this process's pid,
-how many times it started the node again, and why it gave up.
+said that it ends, however that goes, or dies three times in a minute. The parameter `revival/NODE` in the node's namespace says this
+process's pid, how many times it started the node again, and why it gave up.
 The node's memory is a folder that lives as long as this process.
 """
 
@@ -35,14 +35,16 @@ _WANTED = (0, 2)  # exit codes of a node that ends as it should
 class _Master:
     """The parameter server, as far as this process needs it."""
 
-    def __init__(self, node: str) -> None:
-        self._node = node
+    def __init__(self, name: str) -> None:
+        """name: the node's, with its namespace."""
+        namespace, _, node = name.rpartition("/")
+        self._key = f"{namespace}/revival/{node}"
         self._server = xmlrpc.client.ServerProxy(os.environ.get("ROS_MASTER_URI", "http://localhost:11311"))
 
     def tell(self, key: str, value: int | str) -> None:
-        """Sets /revival/NODE/KEY; where there is no master any more the terminal alone knows."""
+        """Sets revival/NODE/KEY in the node's namespace; where there is no master any more the terminal alone knows."""
         try:
-            self._server.setParam("/node_revival", f"/revival/{self._node}/{key}", value)
+            self._server.setParam("/node_revival", f"{self._key}/{key}", value)
         except (OSError, xmlrpc.client.Error):
             pass
 
@@ -54,7 +56,8 @@ class Revival:
         self._command, self._memory, self._config = command, memory, config
         self._node = next((word[8:] for word in command if word.startswith("__name:=")), Path(command[0]).name)
         self._asked_to_end = False
-        self._master = _Master(self._node)
+        self._full_name = f"{_namespace(command)}/{self._node}"
+        self._master = _Master(self._full_name)
 
     def run(self) -> int:
         """Until the node has ended for good; its exit code, 128 and the signal when it was killed."""
@@ -83,7 +86,7 @@ class Revival:
         self._asked_to_end = True
 
     def _say(self, text: str) -> None:
-        sys.stderr.write(f"[explore] {self._node} {text}\n")
+        sys.stderr.write(f"[explore] {self._full_name.lstrip('/')} {text}\n")
         sys.stderr.flush()
 
     def _live(self) -> tuple[int, str, bool]:
@@ -124,6 +127,12 @@ class Revival:
         with contextlib.suppress(OSError):
             path.write_text(told)
         return f" ({path} says where)"
+
+
+def _namespace(command: Sequence[str]) -> str:
+    """Of the node, as rospy finds it: "" or "/left"."""
+    told = next((word[6:] for word in command if word.startswith("__ns:=")), os.environ.get("ROS_NAMESPACE", ""))
+    return f"/{told.strip('/')}".rstrip("/")
 
 
 def forget_dead(root: Path) -> None:

@@ -43,7 +43,7 @@ class AskedService:
 
         `is_known`: whether it has been there; by default where this node has, in a process before.
         """
-        self._name, self._type, self._patience_s = name, service_type, patience_s
+        self._name, self._type, self._patience_s = rospy.resolve_name(name), service_type, patience_s
         self._is_known = not Life().is_first if is_known is None else is_known
         self._proxy: rospy.ServiceProxy | None = None
         self.broken = 0  # times that it did not answer

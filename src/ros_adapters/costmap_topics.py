@@ -38,9 +38,9 @@ class CostmapTopics:
     """As costmap_2d: the whole where the window has moved or somebody new listens, else the rectangle that has changed, if any has."""
 
     def __init__(self, node: Node, robot: RobotBody) -> None:
-        self._whole = node.publisher("/local_costmap/costmap", OccupancyGrid, latch=True)
-        self._updates = node.publisher("/local_costmap/costmap_updates", OccupancyGridUpdate)
-        self._footprint = node.publisher("/local_costmap/footprint", PolygonStamped)
+        self._whole = node.publisher("local_costmap/costmap", OccupancyGrid, latch=True)
+        self._updates = node.publisher("local_costmap/costmap_updates", OccupancyGridUpdate)
+        self._footprint = node.publisher("local_costmap/footprint", PolygonStamped)
         x, y = robot.half_length_m, robot.half_width_m
         self._corners = np.array([[x, y, 0.0], [-x, y, 0.0], [-x, -y, 0.0], [x, -y, 0.0]])
         self._sent: CostmapView | None = None

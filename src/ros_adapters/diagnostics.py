@@ -14,6 +14,11 @@ from ros_adapters.inputs import InputWatch
 _PERIOD_S = 1.0  # on the steady clock
 
 
+def status_name(node: str) -> str:
+    """What a node of this robot is called on /diagnostics, where all robots of a master speak: its name with the namespace."""
+    return str(rospy.resolve_name(node)).lstrip("/")
+
+
 class Diagnostics:
     """What a node says of itself on /diagnostics once a second of the steady clock, and at once when its state changes.
 
@@ -21,7 +26,7 @@ class Diagnostics:
     """
 
     def __init__(self, name: str) -> None:
-        self._name = name
+        self._name, self._status_name = name, status_name(name)
         self._counts: Counter[str] = Counter()
         self._last_text: dict[str, str] = {}
         self._conditions: dict[str, str] = {}
@@ -82,6 +87,6 @@ class Diagnostics:
         values += [KeyValue(f"dropped: {what}", f"{n}, last: {self._last_text[what]}") for what, n in list(self._counts.items())]
         values += [KeyValue(what, text) for what, text in list(self._conditions.items())]
         values += [KeyValue(f"input: {watch.topic}", watch.described(now_s)) for watch in self.inputs]
-        array = DiagnosticArray(status=[DiagnosticStatus(level, self._name, message, "explore_3dnav", values)])
+        array = DiagnosticArray(status=[DiagnosticStatus(level, self._status_name, message, "explore_3dnav", values)])
         array.header.stamp = ros_time(time.time() if self._stamp_s is None else self._stamp_s)
         self._publisher.publish(array)

@@ -34,8 +34,8 @@ class DrivenPlan:
     def __init__(self, node: Node, follower: PathFollower, results: Results, tf: TransformInput, recoveries: RecoveryTopic) -> None:
         """`results`: when a plan takes effect; `tf`: of goals in any frame."""
         self._node, self._follower, self._results, self._recoveries = node, follower, results, recoveries
-        self._plan = node.publisher("/move_base/current_plan", Path, latch=True)
-        current_goal = node.publisher("/move_base/current_goal", PoseStamped, latch=True)
+        self._plan = node.publisher("move_base/current_plan", Path, latch=True)
+        current_goal = node.publisher("move_base/current_goal", PoseStamped, latch=True)
         self.T_map_base: Transform | None = None  # where the robot is; None while nobody knows
         self._failure = ""  # why the robot does not drive any more
         self.pause = ExplorationPause(node, self._stand, lambda: not follower.state.is_over, explores=not only_localises(node.name))
@@ -45,9 +45,9 @@ class DrivenPlan:
         self.goals = GoalAction(node.lock, driving)
         self.pause.serve(self.goals)
         node.serve("storePlan", StorePlan, self._on_store_plan)
-        node.subscribe("/move_base_simple/goal", PoseStamped, self.goals.on_simple_goal, required=False)
-        node.subscribe("/clicked_point", PointStamped, self.goals.on_clicked_point, required=False)
-        node.subscribe("/exploration/event", RunEvent, self._on_event, required=False)
+        node.subscribe("move_base_simple/goal", PoseStamped, self.goals.on_simple_goal, required=False)
+        node.subscribe("clicked_point", PointStamped, self.goals.on_clicked_point, required=False)
+        node.subscribe("exploration/event", RunEvent, self._on_event, required=False)
 
     def take_up(self) -> None:
         """A plan that the process before this one was given and had not driven yet."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+import rospy
 from actionlib_msgs.msg import GoalID
 from std_msgs.msg import Bool
 from std_srvs.srv import Trigger, TriggerResponse
@@ -35,16 +36,16 @@ class ExplorationPause:
         """Begins to answer; `goals` are the user's."""
         self._goals = goals
         node = self._node
-        node.serve("/explore/pause", Trigger, lambda _: self._answer_pause())
-        node.serve("/explore/resume", Trigger, lambda _: self._answer_resume())
+        node.serve("explore/pause", Trigger, lambda _: self._answer_pause())
+        node.serve("explore/resume", Trigger, lambda _: self._answer_resume())
         node.serve("~recall", Trigger, lambda _: self._answer_recall())
         node.serve("~replan", Trigger, lambda _: self._answer_replan())
-        node.subscribe("/move_base/cancel", GoalID, self._on_cancel, required=False)
-        node.subscribe("/explore/resume", Bool, self._on_resume, required=False)
+        node.subscribe("move_base/cancel", GoalID, self._on_cancel, required=False)
+        node.subscribe("explore/resume", Bool, self._on_resume, required=False)
 
     def begin(self, why: str) -> None:
         """The robot stands, and drives nothing but goals until exploration is told to go on."""
-        how = "/explore/resume lets exploration go on" if self._explores else "goals are driven to"
+        how = f"{rospy.resolve_name('explore/resume')} lets exploration go on" if self._explores else "goals are driven to"
         self.reason, self.recalled = f"{why}; {how}", ""
         self._stand(self.reason)
 

@@ -18,8 +18,8 @@ from ros_adapters.frames import frames
 from ros_adapters.frontier_markers import frontier_markers
 from ros_adapters.node import Node
 
-RECALL = "/move_base_node/recall"
-STATUS = "/explore/status"
+RECALL = "move_base_node/recall"
+STATUS = "explore/status"
 _MEMORY = "requests"
 _OVER = ("finished", "failed")
 _EXPLORING, _GOING_HOME, _HOME = ExploreStatus.EXPLORING, ExploreStatus.GOING_HOME, ExploreStatus.HOME
@@ -47,11 +47,11 @@ class ExplorationRequests:
         self._event, self._drive, self._began_s, self._decided = node.life.kept(_MEMORY, (starting, RunEvent(), math.nan, ""))
         self._told = ExploreStatus()
         self._status = node.publisher(STATUS, ExploreStatus, latch=True)
-        self._frontiers = node.publisher("/explore/frontiers", MarkerArray, latch=True)
+        self._frontiers = node.publisher("explore/frontiers", MarkerArray, latch=True)
         self._recall = rospy.ServiceProxy(RECALL, Trigger)
         for name, errand in (("start", Errand.EXPLORE), ("stop", Errand.END), ("return_home", Errand.HOME)):
-            node.serve(f"/explore/{name}", Trigger, partial(self._ask, errand))
-        node.subscribe("/exploration/event", RunEvent, self._on_event)
+            node.serve(f"explore/{name}", Trigger, partial(self._ask, errand))
+        node.subscribe("exploration/event", RunEvent, self._on_event)
         self._tell()
 
     def _on_event(self, heard: RunEvent) -> None:

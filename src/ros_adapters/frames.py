@@ -27,15 +27,15 @@ class Frames:
 def frames() -> Frames:
     """The names of this run, read once. ValueError when /frames holds something else."""
     try:
-        values = rospy.get_param("/frames", {})
+        values = rospy.get_param("frames", {})
     except OSError:  # no master, as in a test of messages alone
         return Frames()
     try:
         found = Frames(**{str(name): str(value).lstrip("/") for name, value in dict(values).items()})
     except (TypeError, ValueError) as error:
-        raise ValueError(f"/frames is {values!r}: expected names for map, odom, base and footprint") from error
+        raise ValueError(f"{rospy.resolve_name('frames')} is {values!r}: expected names for map, odom, base and footprint") from error
     if "" in (found.map, found.odom, found.base) or len({found.map, found.odom, found.base, found.footprint}) < 4:
-        raise ValueError(f"/frames is {values!r}: names that differ are expected for map, odom, base and footprint")
+        raise ValueError(f"{rospy.resolve_name('frames')} is {values!r}: names that differ are expected for map, odom, base and footprint")
     own = {name: str(rospy.get_param(f"~{of}", "")).lstrip("/") for name, of in (("map", "frame_id"), ("base", "base_frame_id"))}
     return replace(found, **{name: frame for name, frame in own.items() if frame})
 
@@ -48,11 +48,11 @@ def named_as_ours(frame: str) -> str:
 
 def lacks_footprint() -> bool:
     """Whether the footprint's frame is wanted, and the robot's description has no such link."""
-    text, name = str(rospy.get_param("/robot_description", "")), frames().footprint
+    text, name = str(rospy.get_param("robot_description", "")), frames().footprint
     links = {link.get("name") for link in ElementTree.fromstring(text).iter("link")} if text else set()
     return name != "" and name not in links
 
 
 def robot_description() -> str:
     """The URDF of the parameter /robot_description, its base called base_link; empty where it is not set. ValueError when it is none."""
-    return with_base(str(rospy.get_param("/robot_description", "")), frames().base)
+    return with_base(str(rospy.get_param("robot_description", "")), frames().base)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from path_following import FollowerOutput
     from rigid_geometry.transforms import Transform
 
-_PLAN_PATH = "/octomap_server_3dnav_node/plan_path"
+_PLAN_PATH = "octomap_server_3dnav_node/plan_path"
 _TOLERANCE_M = 0.5
 _GIVEN_UP = ("stuck", "blocked")
 _MOMENT_S = 0.1

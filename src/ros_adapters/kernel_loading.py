@@ -7,7 +7,7 @@ from collections.abc import Callable
 import rospy
 from std_msgs.msg import String
 
-LOADING_TOPIC = "/simulation/loading"  # who waits for a node goes on waiting while it speaks here
+LOADING_TOPIC = "simulation/loading"  # who waits for a node goes on waiting while it speaks here
 _TELL_AFTER_S = 3.0  # a full cache is read by then
 _TELL_EVERY_S = 1.0
 

@@ -24,11 +24,11 @@ class LineInput:
         sensor = LidarRevolutions(node.parameters(LidarConfig, section="lidar")) if spinning else LaserScans()
         self._lines: LineSource[Any] = LineSource(SweepAssemblyConfig(), mount, sensor)
         self._tilt = TiltInput(node, tilt_joint, self._lines.add_joint)
-        self.topics = (*self._tilt.topics, "/points_filtered" if spinning else "/scan_filtered")
+        self.topics = (*self._tilt.topics, "points_filtered" if spinning else "scan_filtered")
         if spinning:
-            node.subscribe("/points_filtered", PointCloud2, self._on_points, silent_after_s=SILENT_AFTER_S)
+            node.subscribe("points_filtered", PointCloud2, self._on_points, silent_after_s=SILENT_AFTER_S)
         else:
-            node.subscribe("/scan_filtered", LaserScan, self._on_scan, silent_after_s=SILENT_AFTER_S)
+            node.subscribe("scan_filtered", LaserScan, self._on_scan, silent_after_s=SILENT_AFTER_S)
 
     def add_odometry(self, stamp_s: float, T_odom_base: NDArray[np.float64]) -> None:
         """The (4, 4) pose of base_link at a time."""

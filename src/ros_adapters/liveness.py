@@ -71,7 +71,7 @@ class Liveness:
     def revived(self) -> Revived:
         """What the processes above nodes say on the parameter server."""
         try:
-            found = self._master.getParam("/revival")
+            found = self._master.getParam(rospy.resolve_name("revival"))
         except rosgraph.MasterError:
             return {}
         return found if isinstance(found, dict) else {}
@@ -80,7 +80,7 @@ class Liveness:
         if name in self._addresses and self._answers(self._addresses[name]):
             return False  # as long as it answers where it was, the master need not be asked
         try:
-            host, _, port = self._master.lookupNode(f"/{name}").rstrip("/").rpartition("//")[2].partition(":")
+            host, _, port = self._master.lookupNode(rospy.resolve_name(name)).rstrip("/").rpartition("//")[2].partition(":")
         except rosgraph.MasterError:
             return name in self._addresses or time.monotonic() > self._deadline
         self._addresses[name] = (host, int(port))
@@ -102,6 +102,6 @@ class Liveness:
     def _ask_to_end(self) -> None:
         for name in self._names:
             try:
-                xmlrpc.client.ServerProxy(self._master.lookupNode(f"/{name}")).shutdown(rospy.get_name(), "the run has ended")
+                xmlrpc.client.ServerProxy(self._master.lookupNode(rospy.resolve_name(name))).shutdown(rospy.get_name(), "the run has ended")
             except (OSError, xmlrpc.client.Error, rosgraph.MasterError):
                 continue  # it is gone already

@@ -31,7 +31,7 @@ class ResultTimes:
 def result_times(node: str) -> ResultTimes:
     """What /results says; a wrong value ends the node with exit code 2."""
     try:
-        return load_config(ResultTimes, rospy.get_param("/results", {}), "/results")
+        return load_config(ResultTimes, rospy.get_param("results", {}), rospy.resolve_name("results"))
     except ConfigError as error:
         sys.stderr.write(f"{node}: wrong parameter: {'; '.join(str(error).splitlines())}\n")
         sys.exit(2)
@@ -39,9 +39,9 @@ def result_times(node: str) -> ResultTimes:
 
 def mapping_mode(node: str) -> str:
     """What /mapping says, or stop_and_go; a wrong value ends the node with exit code 2."""
-    mode = str(rospy.get_param("/mapping", STOP_AND_GO))
+    mode = str(rospy.get_param("mapping", STOP_AND_GO))
     if mode not in MODES:
-        sys.stderr.write(f"{node}: wrong parameter: /mapping is {mode!r}, not one of {', '.join(MODES)}\n")
+        sys.stderr.write(f"{node}: wrong parameter: {rospy.resolve_name('mapping')} is {mode!r}, not one of {', '.join(MODES)}\n")
         sys.exit(2)
     return mode
 
@@ -58,21 +58,22 @@ def only_localises(node: str) -> bool:
 
 def finished_map(node: str) -> Path:
     """The folder that /finished_map names, for a robot that is only localised; one that holds no map ends the node with exit code 2."""
-    folder = Path(str(rospy.get_param("/finished_map", "")))
+    folder = Path(str(rospy.get_param("finished_map", "")))
     if not (folder / "sweeps/index.json").is_file():
-        sys.stderr.write(f"{node}: wrong parameter: /finished_map {str(folder)!r} holds no sweeps/index.json: name the folder of a run\n")
+        asked = f"{rospy.resolve_name('finished_map')} {str(folder)!r}"
+        sys.stderr.write(f"{node}: wrong parameter: {asked} holds no sweeps/index.json: name the folder of a run\n")
         sys.exit(2)
     return folder
 
 
 def is_tracking() -> bool:
     """Whether scan_tracking_node stands between the odometry and who uses it, as /tracking says."""
-    return bool(rospy.get_param("/tracking", False))
+    return bool(rospy.get_param("tracking", False))
 
 
 def odometry_topic() -> str:
     """Where the robot's odometry is: as tracked on the map, or as fused."""
-    return "/odom_tracked" if is_tracking() else "/odom"
+    return "odom_tracked" if is_tracking() else "odom"
 
 
 class Results:

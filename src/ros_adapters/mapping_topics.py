@@ -21,10 +21,10 @@ class MappingTopics:
     def __init__(self, node: Node, mapper: Mapper) -> None:
         """`mapper` has the graph and the clouds that are shown."""
         self._mapper = mapper
-        self._mapped = node.publisher("/mapped_sweep", MappedSweep, large=True, latch=True)  # for a terrain node that is started again
-        self._graph = node.publisher("/pose_graph", MarkerArray, latch=True)
-        self._trajectory = node.publisher("/trajectory", Path, latch=True)
-        self._cloud_map = node.publisher("/cloud_map", PointCloud2, large=True, latch=True)
+        self._mapped = node.publisher("mapped_sweep", MappedSweep, large=True, latch=True)  # for a terrain node that is started again
+        self._graph = node.publisher("pose_graph", MarkerArray, latch=True)
+        self._trajectory = node.publisher("trajectory", Path, latch=True)
+        self._cloud_map = node.publisher("cloud_map", PointCloud2, large=True, latch=True)
 
     def repeat(self, mapped: MappedSweep) -> None:
         """A sweep of which perhaps nobody has heard."""

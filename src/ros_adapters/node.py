@@ -34,8 +34,8 @@ C = TypeVar("C")
 M = TypeVar("M")
 R = TypeVar("R")
 
-READY_TOPIC = "/simulation/ready"
-TICK_TOPIC = "/simulation/tick"
+READY_TOPIC = "simulation/ready"
+TICK_TOPIC = "simulation/tick"
 SILENT_AFTER_S = 0.3  # a sensor that pauses longer is silent
 SIMULATOR = ""  # among those whose ticks a node acts after
 _QUEUE = 100  # small messages
@@ -69,7 +69,7 @@ class Node:
         self.life = Life()
         self.life.show_stacks()
         self.lock = threading.RLock()
-        self.lockstep = bool(rospy.get_param("/lockstep", False))
+        self.lockstep = bool(rospy.get_param("lockstep", False))
         self.diagnostics = Diagnostics(name)
         self._required: list[Callable[[], bool]] = []
         self._barrier: Barrier | None = None
@@ -118,7 +118,7 @@ class Node:
         self._acts = (act, then)
         if not self.lockstep:
             return
-        self._barrier = Barrier(after, [rospy.remap_name(topic) for topic in on])
+        self._barrier = Barrier(after, [rospy.resolve_name(topic) for topic in on])
         self._tick_topic = CountingPublisher(f"{TICK_TOPIC}/{self.name}", SimulationTick, queue_size=None, tcp_nodelay=True)
         for upstream in after:
             topic = f"{TICK_TOPIC}/{upstream}".rstrip("/")
@@ -135,7 +135,7 @@ class Node:
 
     def received(self, topic: str) -> None:
         """Counts a message that came otherwise than by a subscription to its topic."""
-        topic = rospy.remap_name(topic)
+        topic = rospy.resolve_name(topic)
         self._heard(topic, time.monotonic())
         self._count_message(topic)
 
@@ -216,7 +216,7 @@ class Node:
         A pause longer than `silent_after_s` is told on /diagnostics. A callback that returns False says that the message was not for
         this node: it breaks no pause, and the barrier counts it. Arrays of numbers arrive as numpy arrays.
         """
-        guard, name = self.dropping(callback), rospy.remap_name(topic)
+        guard, name = self.dropping(callback), rospy.resolve_name(topic)
 
         def take_in(message: M) -> None:
             arrived_s = time.monotonic()
@@ -278,7 +278,7 @@ class Node:
         publisher = CountingPublisher(
             topic, message_type, queue_size=5 if large else small, tcp_nodelay=True, latch=latch, subscriber_listener=listener
         )
-        self._sent[rospy.remap_name(topic)] = publisher
+        self._sent[rospy.resolve_name(topic)] = publisher
         return publisher
 
     def run(self) -> None:

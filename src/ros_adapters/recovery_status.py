@@ -34,7 +34,7 @@ class RecoveryTopic:
     """Tells of each recovery once, when it begins."""
 
     def __init__(self, node: Node) -> None:
-        self._topic = node.publisher("/move_base/recovery_status", RecoveryStatus)
+        self._topic = node.publisher("move_base/recovery_status", RecoveryStatus)
         self._state = FollowerState.IDLE
 
     def tell(self, stamp_s: float, output: FollowerOutput, T_map_base: Transform | None) -> None:

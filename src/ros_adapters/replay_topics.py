@@ -30,7 +30,7 @@ class RestingJoints:
 
     def __init__(self, node: Node) -> None:
         self.links = moving_joints(robot_description())
-        self._publisher = node.publisher("/joint_states", JointState)
+        self._publisher = node.publisher("joint_states", JointState)
 
     def show(self, stamp_s: float) -> None:
         self._publisher.publish(JointState(header=header(stamp_s, ""), name=list(self.links), position=[0.0] * len(self.links)))
@@ -54,9 +54,9 @@ class SweepTopics:
     """/cloud_map, /pose_graph and /trajectory, latched for whoever comes late."""
 
     def __init__(self, node: Node) -> None:
-        self.cloud = node.publisher("/cloud_map", PointCloud2, large=True, latch=True)
-        self._graph = node.publisher("/pose_graph", MarkerArray, latch=True)
-        self._trajectory = node.publisher("/trajectory", Path, latch=True)
+        self.cloud = node.publisher("cloud_map", PointCloud2, large=True, latch=True)
+        self._graph = node.publisher("pose_graph", MarkerArray, latch=True)
+        self._trajectory = node.publisher("trajectory", Path, latch=True)
 
     def show_map(self, stamp_s: float, points: Floats, poses: Floats, edges: Sequence[tuple[int, int, str]]) -> None:
         """(N, 3) points and (V, 4, 4) vertices in map; of the edges those between vertices that are there."""

@@ -13,7 +13,7 @@ def results_folder(node: str) -> Path | None:
 
     One that cannot be made ends the node with exit code 2, as does that of the finished map in which a robot is only localised.
     """
-    out, finished = (str(rospy.get_param(name, "")) for name in ("~out", "/finished_map"))
+    out, finished = (str(rospy.get_param(name, "")) for name in ("~out", "finished_map"))
     if not out:
         return None
     if finished and Path(finished).resolve() == Path(out).resolve():

@@ -23,9 +23,9 @@ _FIELDS = [
 
 def sensor_is_spinning(node: str) -> bool:
     """Whether the parameter /sensor says that a spinning lidar is in the laser's place; exit code 2 when it says neither."""
-    sensor = str(rospy.get_param("/sensor", "tilting"))
+    sensor = str(rospy.get_param("sensor", "tilting"))
     if sensor not in ("tilting", "spinning"):
-        sys.stderr.write(f"{node}: wrong parameter: /sensor = {sensor!r} is none of tilting, spinning\n")
+        sys.stderr.write(f"{node}: wrong parameter: {rospy.resolve_name('sensor')} = {sensor!r} is none of tilting, spinning\n")
         sys.exit(2)
     return sensor == "spinning"
 

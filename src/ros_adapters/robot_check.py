@@ -37,12 +37,12 @@ class RobotCheck:
         except ValueError as error:
             joint, self._joint_fault = "", str(error)
         self._sensor, self._mapping, spinning = sensor, mapping, sensor == "spinning"
-        self._scan = HeardTopic("/scan", LaserScan, _scan_content) if not spinning else None
-        self._points = HeardTopic("/points", PointCloud2, self._revolution, _CLOUDS) if spinning else None
+        self._scan = HeardTopic("scan", LaserScan, _scan_content) if not spinning else None
+        self._points = HeardTopic("points", PointCloud2, self._revolution, _CLOUDS) if spinning else None
         self._joint = joint or ""
-        self._tilt = None if joint is None else HeardTopic("/joint_states", JointState, self._tilt_of)
-        self._imu = HeardTopic("/imu/data", Imu, _imu_content)
-        self._wheels = HeardTopic("/wheel_odom", Odometry, odometry_twist)
+        self._tilt = None if joint is None else HeardTopic("joint_states", JointState, self._tilt_of)
+        self._imu = HeardTopic("imu/data", Imu, _imu_content)
+        self._wheels = HeardTopic("wheel_odom", Odometry, odometry_twist)
         self._tf = TransformWatch(self._frames)
         self._looked_s = 0.0
 
@@ -94,7 +94,7 @@ class RobotCheck:
         if self._tilt is not None and self._mapping == DRIVING:
             what = "nod in front of the robot, or come to rest level; without it, map with mapping:=stop_and_go"
             rows += [graph.service_row("nod", "std_srvs/SetBool", what)]
-        rows += [*graph.command_rows("/cmd_vel"), *self._tf.rows()]
+        rows += [*graph.command_rows("cmd_vel"), *self._tf.rows()]
         return rows + self._description()
 
     @staticmethod
@@ -104,9 +104,10 @@ class RobotCheck:
     def _clock(self) -> list[Row]:
         if not rospy.get_param("/use_sim_time", False):
             return []
+        clock = rospy.resolve_name("/clock")
         if rospy.get_time() > 0.0:
-            return [Row(Level.OK, "/clock", "time", "simulated")]
-        return [Row(Level.ERROR, "/clock", "time", "/use_sim_time is true, and no /clock comes", "rosparam set /use_sim_time false")]
+            return [Row(Level.OK, clock, "time", "simulated")]
+        return [Row(Level.ERROR, clock, "time", f"/use_sim_time is true, and no {clock} comes", "rosparam set /use_sim_time false")]
 
     def _timing(self, watch: HeardTopic, needed: str, graph: RobotGraph) -> list[Row]:
         if not watch.heard:
@@ -118,7 +119,7 @@ class RobotCheck:
     def _laser(self, graph: RobotGraph) -> list[Row]:
         watch = self._scan or self._points
         assert watch is not None
-        rows = self._timing(watch, "/points" if self._points else "/scan", graph)
+        rows = self._timing(watch, "points" if self._points else "scan", graph)
         if watch.heard:
             rows.append(frame_row(watch.topic, watch.frames, self._laser_frame))
         if self._scan and self._scan.contents:
@@ -135,7 +136,7 @@ class RobotCheck:
     def _of_tilt(self, graph: RobotGraph) -> list[Row]:
         if self._tilt is None:
             return [self._of_fixed()]
-        rows = self._timing(self._tilt, "/joint_states", graph)
+        rows = self._timing(self._tilt, "joint_states", graph)
         if self._joint_fault:
             return [*rows, Row(Level.ERROR, "robot_description", "tilt", self._joint_fault, "give the laser one joint that tilts about y")]
         if self._tilt.heard or self._tilt.other_messages:
@@ -148,7 +149,7 @@ class RobotCheck:
         return Row(Level.OK, "robot_description", "tilt", "the lidar is fixed")
 
     def _of_imu(self, graph: RobotGraph) -> list[Row]:
-        rows, topic = self._timing(self._imu, "/imu/data", graph), self._imu.topic
+        rows, topic = self._timing(self._imu, "imu/data", graph), self._imu.topic
         samples = np.array([(*gyro, *accel) for _, gyro, accel in self._imu.contents]).reshape(-1, 6)
         standing = stands(np.array(self._wheels.contents).reshape(-1, 2), self._limits)
         for frame in sorted(self._imu.frames):
@@ -165,7 +166,7 @@ class RobotCheck:
         return rows
 
     def _of_wheels(self, graph: RobotGraph) -> list[Row]:
-        rows = self._timing(self._wheels, "/wheel_odom", graph)
+        rows = self._timing(self._wheels, "wheel_odom", graph)
         if self._wheels.contents:
             rows += wheel_rows(self._wheels.topic, np.array(self._wheels.contents), self._robot, self._limits)
         return rows

@@ -16,8 +16,8 @@ from sensor_checks import Level, Row, judged
 
 def our_senders() -> dict[tuple[str, str], str]:
     """Who of these nodes sends which transform, by parent and child."""
-    odometry = "/scan_tracking_node" if is_tracking() else "/odometry_fusion_node"
-    return {(frames().odom, frames().base): odometry, (frames().map, frames().odom): "/pose_graph_mapping_node"}
+    odometry = rospy.resolve_name("scan_tracking_node" if is_tracking() else "odometry_fusion_node")
+    return {(frames().odom, frames().base): odometry, (frames().map, frames().odom): rospy.resolve_name("pose_graph_mapping_node")}
 
 
 class RobotGraph:
@@ -79,7 +79,8 @@ class RobotGraph:
         found_type = self._types.get(topic, "*")
         if found_type not in ("geometry_msgs/Twist", "*"):
             rows.append(Row(Level.ERROR, topic, "type", found_type, "the nodes send geometry_msgs/Twist"))
-        others = [node for node in self.publishers.get(topic, []) if node not in ("/stop_scan_and_go_node", rospy.get_name())]
+        ours = rospy.resolve_name("stop_scan_and_go_node")
+        others = [node for node in self.publishers.get(topic, []) if node not in (ours, rospy.get_name())]
         if others:
             advice = "it drives the robot beside these nodes: end it, or give it a multiplexer (twist_mux)"
             rows.append(Row(Level.WARN, topic, "also sent by", ", ".join(others), advice))
@@ -123,9 +124,9 @@ class TransformWatch:
             Row(Level.ERROR, "tf", f"{parent} -> {child}", f"sent by {sender}", _advice(parent, child))
             for (parent, child), sender in sorted(self._others.items())
         ]
-        advice = "the URDF has it elsewhere: end the static publisher, or correct one of the two"
-        rows += [Row(Level.ERROR, "tf", "mount", f"/tf_static moves {frame}", advice) for frame in sorted(self._frames.contradicting)]
-        rows += [Row(Level.ERROR, "tf", "transform", text, "see who publishes /tf_static") for text in sorted(self._wrong)]
+        advice, static = "the URDF has it elsewhere: end the static publisher, or correct one of the two", rospy.resolve_name("/tf_static")
+        rows += [Row(Level.ERROR, "tf", "mount", f"{static} moves {frame}", advice) for frame in sorted(self._frames.contradicting)]
+        rows += [Row(Level.ERROR, "tf", "transform", text, f"see who publishes {static}") for text in sorted(self._wrong)]
         return rows or [Row(Level.OK, "tf", "tree", "nobody else sends map -> odom or odom -> base_link")]
 
 

@@ -24,6 +24,7 @@ from mount_calibration import RECORDED_FILE, TiltCalibration, write_calibration
 from rigid_geometry import quat_xyzw_from_transform
 from robot_body import DESCRIPTION, RobotBody, robot_mapping
 from ros_adapters.conversions import plain, stamp_of, transform_from_pose
+from ros_adapters.diagnostics import status_name
 from ros_adapters.mapping_mode import OFF
 from whole_files import WaitingLines, refusal, write_whole
 
@@ -168,8 +169,9 @@ class RunLog:
         self._decision = plain(message, ExplorationDecision)
 
     def diagnostics(self, message: DiagnosticArray) -> None:
+        counted = [status_name(node) for node in _COUNTED]
         for status in message.status:
-            if status.name in _COUNTED:
+            if status.name in counted:
                 self._counts.update({v.key: v.value for v in status.values})
 
     def knows_parameters_of(self, node: str) -> bool:

@@ -46,7 +46,7 @@ class ServedMap:
         self._explorer, self._timing = memory.explorer, memory.timing
         self._files = MapFiles(node.run_folder(), partial(node.diagnostics.on_terminal, "the map is not on disk"))
         self._plans = PlanServices(node, self._explorer, transforms)
-        self._local = node.publisher("/local_terrain", TerrainGrid, large=True, latch=True)
+        self._local = node.publisher("local_terrain", TerrainGrid, large=True, latch=True)
         node.serve("octomap_binary", GetOctomap, partial(self._on_get_octomap, binary=True))
         node.serve("octomap_full", GetOctomap, partial(self._on_get_octomap, binary=False))
         node.serve("~clear_bbx", BoundingBoxQuery, self._on_clear_bbx)

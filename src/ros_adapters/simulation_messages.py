@@ -41,12 +41,12 @@ class TickPublisher:
             kinds["/points"] = (PointCloud2, lambda sample: _points_message(sample, laser))
         else:
             kinds["/scan"] = (LaserScan, lambda sample: _scan_message(sample, laser, scan_geometry))
-        self._sensors = {topic: (_publisher(topic, kind), message) for topic, (kind, message) in kinds.items()}
+        self._sensors = {topic: (_publisher(topic.lstrip("/"), kind), message) for topic, (kind, message) in kinds.items()}
         self._clock = _publisher("/clock", Clock)
-        self._truth = _publisher("/ground_truth/odom", Odometry)
-        self._contacts = _publisher("/ground_truth/contacts", Contact)
+        self._truth = _publisher("ground_truth/odom", Odometry)
+        self._contacts = _publisher("ground_truth/contacts", Contact)
         self._tick = _publisher(TICK_TOPIC, SimulationTick)
-        self._counts = Counter(dict.fromkeys(self._sensors, 0))
+        self._counts = Counter({publisher.resolved_name: 0 for publisher, _ in self._sensors.values()})
         self._stamp_s, self.recounts = 0.0, 0
 
     def __call__(self, data: "TickData", wait_until: Callable[[float], None] | None = None) -> None:
@@ -78,11 +78,11 @@ class TickPublisher:
     def _publish(self, delivery: "Delivery") -> None:
         publisher, message = self._sensors[delivery.topic]
         publisher.publish(message(delivery.sample))
-        self._counts[delivery.topic] += 1
+        self._counts[publisher.resolved_name] += 1
 
 
 def _publisher(topic: str, message_type: type) -> rospy.Publisher:
-    queue = None if rospy.get_param("/lockstep", False) else _QUEUE  # running free, no subscriber that hangs stops the robot
+    queue = None if rospy.get_param("lockstep", False) else _QUEUE  # running free, no subscriber that hangs stops the robot
     return rospy.Publisher(topic, message_type, queue_size=queue, tcp_nodelay=True)
 
 

@@ -125,7 +125,7 @@ class TransformInput:
 
     def hears(self, publisher: str) -> bool:
         """True when the node `publisher` is connected: a transform that it sends from now on will arrive."""
-        return publisher in heard_publishers(self._subscriber)
+        return rospy.resolve_name(publisher) in heard_publishers(self._subscriber)
 
     def T_map_odom(self, stamp_s: float) -> NDArray[np.float64] | None:
         """The (4, 4) correction that holds at a time; None when it is not known or too old."""

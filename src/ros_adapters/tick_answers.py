@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-COMMAND_TOPIC = "/cmd_vel"
+COMMAND_TOPIC = "cmd_vel"
+COMMANDS = "/cmd_vel"  # what an answer counts, whatever the topic's full name is
 
 
 class TickAnswers:
@@ -25,10 +26,10 @@ class TickAnswers:
 
         ValueError when it says nothing of commands.
         """
-        if len(topics) != len(counts) or COMMAND_TOPIC not in topics:
-            raise ValueError(f"answer to tick {tick} counts {list(topics)}, expected {COMMAND_TOPIC} among them")
+        if len(topics) != len(counts) or COMMANDS not in topics:
+            raise ValueError(f"answer to tick {tick} counts {list(topics)}, expected {COMMANDS} among them")
         if tick >= self._answered and recount >= self._recount:
-            self._answered, self._needed = tick, int(counts[list(topics).index(COMMAND_TOPIC)])
+            self._answered, self._needed = tick, int(counts[list(topics).index(COMMANDS)])
             if recount > self._recount:
                 self._recount, self._received = recount, self._needed
 

@@ -47,7 +47,7 @@ class TickBarrier:
         self._newcomer_s = math.inf  # by the steady clock, when a node that was away is there
         self._recounted_tick = -_SOON_TICKS
         self._witnessed = (0, 0) if _WITNESS in self._wait_for else None  # tick and recount that the judge's ear has heard of
-        heard = [(COMMAND_TOPIC, Twist, self._on_command), ("/simulation/tick_done", SimulationTick, self._on_tick_done)]
+        heard = [(COMMAND_TOPIC, Twist, self._on_command), ("simulation/tick_done", SimulationTick, self._on_tick_done)]
         if self._witnessed is not None:
             heard.append((f"{TICK_TOPIC}/{_WITNESS}", SimulationTick, self._on_witness))
         self._answers = [rospy.Subscriber(*topic, queue_size=None, tcp_nodelay=True) for topic in heard]

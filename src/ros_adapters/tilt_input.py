@@ -16,9 +16,9 @@ class TiltInput:
     ) -> None:
         """`take(stamp_s, tilt_rad)` hears every tilt; `joint` is the tilting joint's name, None where the laser is fixed."""
         self._joint, self._take = joint, take
-        self.topics = () if joint is None else ("/joint_states",)
+        self.topics = () if joint is None else ("joint_states",)
         if joint is not None:
-            node.subscribe("/joint_states", JointState, self._on_joints, silent_after_s=silent_after_s)
+            node.subscribe("joint_states", JointState, self._on_joints, silent_after_s=silent_after_s)
 
     @property
     def is_fixed(self) -> bool:

@@ -13,7 +13,7 @@ from ros_adapters.frames import robot_description
 from stage_config import ConfigError
 
 Transform = NDArray[np.float64]
-CALIBRATION_PARAMETER = "/mount_calibration"
+CALIBRATION_PARAMETER = "mount_calibration"
 
 
 def robot_of_parameters(node: str) -> RobotBody:
@@ -21,14 +21,15 @@ def robot_of_parameters(node: str) -> RobotBody:
 
     Where it is not set, as for a node that is started alone, it is the Husky, with a warning.
     """
-    if not rospy.has_param("/robot"):
-        rospy.logwarn("%s: /robot is not set: taken for a Husky; load your robot.yaml there, as launch/robot.launch does", node)
+    parameter = rospy.resolve_name("robot")
+    if not rospy.has_param(parameter):
+        rospy.logwarn("%s: %s is not set: taken for a Husky; load your robot.yaml there, as launch/robot.launch does", node, parameter)
         return RobotBody()
-    values = rospy.get_param("/robot")
+    values = rospy.get_param(parameter)
     try:
         if not isinstance(values, dict):
-            raise ConfigError(f"/robot is {values!r}, not a robot.yaml: load it there, as launch/robot.launch does")
-        return robot_from_mapping(values, "/robot")
+            raise ConfigError(f"{parameter} is {values!r}, not a robot.yaml: load it there, as launch/robot.launch does")
+        return robot_from_mapping(values, parameter)
     except ConfigError as error:
         _refuse(node, "; ".join(str(error).splitlines()))
 
@@ -40,8 +41,8 @@ def robot_mount(node: str, robot: RobotBody) -> tuple[str | None, Transform, Tra
     """
     urdf = robot_description()
     if not urdf:
-        _refuse(node, "/robot_description is not set")
-    if rospy.has_param("/robot") and (found := contradictions(robot, urdf)):
+        _refuse(node, f"{rospy.resolve_name('robot_description')} is not set")
+    if rospy.has_param("robot") and (found := contradictions(robot, urdf)):
         _refuse(node, f"robot.yaml contradicts robot_description: {'; '.join(found)}")
     mount = laser_mount(urdf, robot.mount("laser"))
     if mount[0] is None:
@@ -50,7 +51,7 @@ def robot_mount(node: str, robot: RobotBody) -> tuple[str | None, Transform, Tra
 
 
 def _check_fixed(node: str, robot: RobotBody) -> None:
-    asked = {name: str(rospy.get_param(f"/{name}", default)) for name, default in (("sensor", "tilting"), ("mapping", "stop_and_go"))}
+    asked = {name: str(rospy.get_param(name, default)) for name, default in (("sensor", "tilting"), ("mapping", "stop_and_go"))}
     if problem := fixed_laser_problem(robot, **asked):
         _refuse(node, problem)
 
@@ -70,7 +71,7 @@ def mount_calibration(node: str) -> TiltCalibration:
     try:
         return named_calibration(str(rospy.get_param(CALIBRATION_PARAMETER, "") or ""))
     except ValueError as error:
-        _refuse(node, f"{CALIBRATION_PARAMETER}: {error}")
+        _refuse(node, f"{rospy.resolve_name(CALIBRATION_PARAMETER)}: {error}")
 
 
 def _refuse(node: str, reason: str) -> NoReturn:

@@ -21,7 +21,7 @@ from ros_adapters.node import Node
 from ros_adapters.zone_messages import zone_list, zones_of
 from whole_files import refusal
 
-FILE, REPLAN = "zones.yaml", "/move_base_node/replan"
+FILE, REPLAN = "zones.yaml", "move_base_node/replan"
 _BOUNDS, _NO_GO = ColorRGBA(0.2, 0.9, 0.3, 1.0), ColorRGBA(0.95, 0.2, 0.2, 1.0)
 _WIDTH_M = 0.05
 _MEMORY = "zones"
@@ -37,15 +37,15 @@ class ZoneKeeper:
         """`use` takes new zones; `robot` tells where it was last, T_map_base, None while that is not known."""
         self._node, self._use, self._robot, self._folder = node, use, robot, node.run_folder()
         self._replan = rospy.ServiceProxy(REPLAN, Trigger)
-        self._markers = node.publisher("/explore/zones", MarkerArray, latch=True)
-        self._list = node.publisher("/explore/zone_list", ZoneList, latch=True)
+        self._markers = node.publisher("explore/zones", MarkerArray, latch=True)
+        self._list = node.publisher("explore/zone_list", ZoneList, latch=True)
         try:
             zones = zones_from_mapping(rospy.get_param("~zones", {}))
         except ValueError as error:
             sys.stderr.write(f"{node.name}: wrong parameter: zones: {error}\n")
             sys.exit(2)
         self._keep(node.life.kept(_MEMORY, zones))
-        node.serve("/explore/set_zones", SetZones, self._on_set)
+        node.serve("explore/set_zones", SetZones, self._on_set)
 
     def _keep(self, zones: Zones) -> None:
         self._use(zones)

@@ -15,11 +15,11 @@ class Needs:
 
 
 NEEDS = {
-    "/scan": Needs(5.0, 0.2, 0.3),
-    "/points": Needs(5.0, 0.3, 0.3),
-    "/joint_states": Needs(10.0, 0.2, 0.3),
-    "/imu/data": Needs(25.0, 0.1, 0.1),
-    "/wheel_odom": Needs(8.0, 0.2, 0.3),
+    "scan": Needs(5.0, 0.2, 0.3),
+    "points": Needs(5.0, 0.3, 0.3),
+    "joint_states": Needs(10.0, 0.2, 0.3),
+    "imu/data": Needs(25.0, 0.1, 0.1),
+    "wheel_odom": Needs(8.0, 0.2, 0.3),
 }
 """By topic. Motion stops 0.3 s after the last of an input; an IMU's pause over 0.1 s is bridged by a guess (`max_imu_gap_s`)."""
 

@@ -12,7 +12,7 @@ class StopScanAndGoConfig:
     max_input_age_s: float = parameter(
         0.3, "s", "the robot stands when odometry, joint states or the follower's command are older than this", low=0.05, high=5.0
     )
-    teleop_topic: str = parameter("/joy_teleop/cmd_vel", "-", "a Twist here drives the robot in place of the follower's command")
+    teleop_topic: str = parameter("joy_teleop/cmd_vel", "-", "a Twist here drives the robot in place of the follower's command")
     teleop_hold_s: float = parameter(0.5, "s", "for so long after it came", low=0.05, high=10.0, at_runtime=True)
     start_delay_s: float = parameter(1.0, "s", "odometry must have been there for so long before the first sweep", low=0.0, high=60.0)
     max_distance_m: float = parameter(

@@ -87,7 +87,7 @@ def feed(topic: str, message_type: type) -> rospy.Publisher:
 def subscribers_of(topic: str) -> list[str]:
     """Names of the nodes that listen to a topic."""
     _, subscribers, _ = rosgraph.Master("/node_testing").getSystemState()
-    return [node for name, nodes in subscribers if name == topic for node in nodes]
+    return [node for name, nodes in subscribers if name == rospy.resolve_name(topic) for node in nodes]
 
 
 def wait_for_node(name: str, timeout_s: float = 30.0) -> None:
@@ -137,11 +137,11 @@ class DiagnosticsOf:
             time.sleep(0.01)
 
 
-def run_misconfigured(node: str, *parameters: str, remapped: tuple[str, ...] = ()) -> tuple[int, str]:
-    """Exit code and stderr of a node started beside the one under test with private parameters name:=value, and with remappings."""
+def run_misconfigured(node: str, *parameters: str) -> tuple[int, str]:
+    """Exit code and stderr of a node started beside the one under test with private parameters name:=value."""
     with suppress(KeyError):  # those of the last time
         rospy.delete_param(f"/misconfigured_{node}")
-    command = ["rosrun", "explore_3dnav", node, f"__name:=misconfigured_{node}", *(f"_{p}" for p in parameters), *remapped]
+    command = ["rosrun", "explore_3dnav", node, f"__name:=misconfigured_{node}", *(f"_{p}" for p in parameters)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=30.0)
     return done.returncode, done.stderr
 

@@ -153,12 +153,6 @@ class PybulletSimTest(unittest.TestCase):
         self.assertEqual(code, 2, stderr)
         self.assertIn("romms", one_line_of(stderr))
 
-    def test_namespace_ends_the_nodes_of_the_robot_at_once(self) -> None:
-        for node in (NODE, "exploration_monitor_node", "stop_scan_and_go_node"):
-            code, stderr = run_misconfigured(node, remapped=("__ns:=second",))
-            self.assertEqual(code, 2, stderr)
-            self.assertIn("namespace /second", one_line_of(stderr))
-
 
 if __name__ == "__main__":
     rospy.init_node("pybullet_sim_test", disable_rostime=True)

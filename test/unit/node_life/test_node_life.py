@@ -14,7 +14,7 @@ import pytest
 import node_revival.__main__
 from node_life import Deaths, Life, RevivalConfig, Watch, processor_s
 from node_life.life import MEMORY
-from node_revival.__main__ import forget_dead
+from node_revival.__main__ import Revival, forget_dead
 
 LIVES = "from node_life import Life; import os, sys, time, signal, pathlib; life = Life(); log = pathlib.Path(sys.argv[1])\n"
 
@@ -263,3 +263,32 @@ def test_without_room_for_a_memory_a_node_lives_once(tmp_path: Path, monkeypatch
     assert node_revival.__main__.main([sys.executable, "-c", body, str(tmp_path / "log"), "__name:=a_node"]) == 1
     assert (tmp_path / "log").read_text() == "lived "
     assert "nothing is kept for a restart: /proc/nowhere/" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "environment", "key"),
+    [
+        (["__name:=a_node"], {}, "/revival/a_node/pid"),
+        (["__name:=a_node"], {"ROS_NAMESPACE": "/left"}, "/left/revival/a_node/pid"),
+        (["__name:=a_node"], {"ROS_NAMESPACE": "/"}, "/revival/a_node/pid"),
+        (["__name:=a_node", "__ns:=site/left/"], {"ROS_NAMESPACE": "/right"}, "/site/left/revival/a_node/pid"),
+    ],
+)
+def test_what_is_told_of_a_node_stands_in_its_namespace(
+    monkeypatch: pytest.MonkeyPatch, words: list[str], environment: dict[str, str], key: str
+) -> None:
+    told: list[str] = []
+
+    class Server:
+        def __init__(self, _address: str) -> None: ...
+
+        def setParam(self, _caller: str, name: str, _value: object) -> None:  # noqa: N802  # the master's name for it
+            told.append(name)
+
+    monkeypatch.delenv("ROS_NAMESPACE", raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setattr("xmlrpc.client.ServerProxy", Server)
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    assert Revival(["true", *words], None, RevivalConfig()).run() == 0
+    assert told == [key]

@@ -62,7 +62,7 @@ def test_update_is_the_type_that_rviz_knows() -> None:
 def test_whole_costmap_and_its_updates_together_are_the_newest_one() -> None:
     node, rng = _Node(), np.random.default_rng(3)
     topics, cost = CostmapTopics(node, RobotBody()), np.zeros((20, 30), np.uint8)  # type: ignore[arg-type]
-    whole, updates = node.topics["/local_costmap/costmap"], node.topics["/local_costmap/costmap_updates"]
+    whole, updates = node.topics["local_costmap/costmap"], node.topics["local_costmap/costmap_updates"]
     shown = np.zeros(0)
     for step in range(40):
         if step % 8 == 7:
@@ -82,7 +82,7 @@ def test_whole_costmap_and_its_updates_together_are_the_newest_one() -> None:
 def test_whoever_begins_to_listen_gets_the_whole_costmap() -> None:
     node = _Node()
     topics, same = CostmapTopics(node, RobotBody()), view(np.zeros((4, 4)))  # type: ignore[arg-type]
-    whole = node.topics["/local_costmap/costmap"]
+    whole = node.topics["local_costmap/costmap"]
     for listeners, sent in ((1, 1), (1, 1), (2, 2), (1, 2), (0, 2), (1, 3)):
         whole.listeners = listeners
         topics.publish(1.0, same, HERE)
@@ -94,7 +94,7 @@ def test_footprint_is_the_outline_where_the_robot_is() -> None:
     T = np.eye(4)
     T[:2, :2], T[:3, 3] = [[0.0, -1.0], [1.0, 0.0]], (2.0, 3.0, 0.5)  # turned to the left
     CostmapTopics(node, robot).publish(1.0, view(np.zeros((4, 4))), T)  # type: ignore[arg-type]
-    (message,) = node.topics["/local_costmap/footprint"].messages
+    (message,) = node.topics["local_costmap/footprint"].messages
     x, y, z = np.array([[p.x, p.y, p.z] for p in message.polygon.points]).T
     assert message.header.frame_id == "map" and set(z) == {0.5}
     assert np.ptp(x) == pytest.approx(robot.width_m) and np.ptp(y) == pytest.approx(robot.length_m)
@@ -106,7 +106,7 @@ def test_each_recovery_is_told_once_when_it_begins() -> None:
     topic = RecoveryTopic(node)  # type: ignore[arg-type]
     for state in (S.FOLLOWING, S.WAITING, S.WAITING, S.BACKING_OFF, S.BACKING_OFF, S.BLOCKED, S.BLOCKED, S.FOLLOWING, S.WAITING):
         topic.tell(1.0, FollowerOutput(0.0, 0.0, state, "in the test"), HERE)
-    told = node.topics["/move_base/recovery_status"].messages
+    told = node.topics["move_base/recovery_status"].messages
     assert [m.recovery_behavior_name for m in told] == ["waiting", "backing_off", "blocked", "waiting"]
     assert [list(Recovery)[m.current_recovery_number].value for m in told] == ["waiting", "backing_off", "blocked", "waiting"]
     assert {m.total_number_of_recoveries for m in told} == {len(Recovery)}
@@ -117,7 +117,7 @@ def test_what_is_no_state_of_the_follower_is_told_too_but_by_a_robot_that_knows_
     topic = RecoveryTopic(node)  # type: ignore[arg-type]
     for recovery, here in ((Recovery.LOCALISING, HERE), (Recovery.CLEARING, HERE), (Recovery.NEXT_GOAL, None)):
         topic.tell_of(recovery, 1.0, here)
-    told = node.topics["/move_base/recovery_status"].messages
+    told = node.topics["move_base/recovery_status"].messages
     assert [m.recovery_behavior_name for m in told] == ["localising", "clearing"]
 
 
@@ -130,7 +130,7 @@ def test_what_has_a_second_name_goes_out_under_both_and_counts_once(monkeypatch:
     monkeypatch.setattr(rospy.Publisher, "__init__", begin)
     monkeypatch.setattr(rospy.Publisher, "publish", lambda self, *_: sent.append(self.name))
     monkeypatch.setattr(rospy.Publisher, "get_num_connections", lambda self: 1)
-    ours = "/local_costmap/costmap"
+    ours = "local_costmap/costmap"
     publisher, other = CountingPublisher(ours, object), CountingPublisher("/odom", object)
     for each in (publisher, other):
         each.publish("message")

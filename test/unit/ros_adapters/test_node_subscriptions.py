@@ -54,7 +54,7 @@ def test_message_that_is_not_for_the_node_breaks_no_silence(parameters: dict[str
 
 
 def test_barrier_counts_messages_that_are_not_for_the_node(parameters: dict[str, object]) -> None:
-    parameters["/lockstep"] = True
+    parameters["lockstep"] = True
     node, acted = listening(), list[Tick | None]()
     node.acts(acted.append, after=("sim",), on=(TOPIC,))
     assert node._barrier is not None

@@ -89,7 +89,7 @@ def test_level_scan_is_read_as_a_laser_s() -> None:
 
 @pytest.mark.parametrize(("value", "spinning"), [("tilting", False), ("spinning", True)])
 def test_sensor_is_what_the_parameter_says(monkeypatch: pytest.MonkeyPatch, value: str, spinning: bool) -> None:
-    monkeypatch.setattr("rospy.get_param", lambda name, default: {"/sensor": value}.get(name, default))
+    monkeypatch.setattr("rospy.get_param", lambda name, default: {"sensor": value}.get(name, default))
     assert sensor_is_spinning("a_node") is spinning
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from explore_3dnav.msg import Contact, ExplorationDecision, RunEvent
 from nav_msgs.msg import Odometry
 
@@ -223,3 +224,16 @@ def test_what_a_node_could_not_save_speaks_against_a_run(tmp_path: Path) -> None
     log = RunLog(tmp_path, {}, RobotBody(), judged=False)
     log.finish("explored: all", not_saved=["octomap_server_3dnav_node: map not saved: it is full"])
     assert read_summary(tmp_path)["faults"] == ["not on disk"]
+
+
+@pytest.mark.parametrize(("namespace", "own", "other"), [("/", "", "left/"), ("/left/", "left/", "right/"), ("/left/", "left/", "")])
+def test_counts_are_those_of_the_robot_s_own_nodes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, namespace: str, own: str, other: str
+) -> None:
+    monkeypatch.setattr("rospy.names._caller_id", f"{namespace}exploration_monitor_node")
+    log = RunLog(tmp_path, {}, RobotBody(), judged=False)
+    for prefix, closures in ((own, "3"), (other, "7")):
+        status = DiagnosticStatus(name=f"{prefix}pose_graph_mapping_node", values=[KeyValue("loop closures", closures)])
+        log.diagnostics(DiagnosticArray(status=[status]))
+    log.finish("explored: all")
+    assert read_summary(tmp_path)["loop_closures"] == 3

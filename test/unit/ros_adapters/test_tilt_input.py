@@ -27,9 +27,9 @@ def test_tilting_mount_is_heard_by_its_joint_and_not_by_odometry() -> None:
     node, heard = PlayedNode(), list[tuple[float, float]]()
     tilt = TiltInput(node, "tilt_joint", lambda *one: heard.append(one))  # type: ignore[arg-type]
     tilt.add_odometry(1.0)
-    assert node.callbacks["/joint_states"](joints(2.0, wheel=7.0, tilt_joint=0.3)) is True
-    assert node.callbacks["/joint_states"](joints(3.0, wheel=7.0)) is False
-    assert heard == [(pytest.approx(2.0), 0.3)] and not tilt.is_fixed and tilt.topics == ("/joint_states",)
+    assert node.callbacks["joint_states"](joints(2.0, wheel=7.0, tilt_joint=0.3)) is True
+    assert node.callbacks["joint_states"](joints(3.0, wheel=7.0)) is False
+    assert heard == [(pytest.approx(2.0), 0.3)] and not tilt.is_fixed and tilt.topics == ("joint_states",)
 
 
 def test_fixed_mount_is_level_with_every_odometry_and_hears_no_joints() -> None:
