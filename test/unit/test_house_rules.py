@@ -223,7 +223,11 @@ def test_node_s_docstring_names_every_topic_and_service(path: Path) -> None:
 
 def topics_and_services(tree: ast.Module) -> set[str]:
     """First arguments of everything that makes a topic or service."""
-    makers = {"subscribe", "publisher", "Subscriber", "Publisher", "Service", "ServiceProxy", "serve"}
+    return first_arguments(tree, {"subscribe", "publisher", "Subscriber", "Publisher", "Service", "ServiceProxy", "serve"})
+
+
+def first_arguments(tree: ast.Module, makers: set[str]) -> set[str]:
+    """Texts that are the first arguments of calls of these names."""
     found = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and getattr(node.func, "attr", getattr(node.func, "id", "")) in makers and node.args:
@@ -231,6 +235,18 @@ def topics_and_services(tree: ast.Module) -> set[str]:
             if isinstance(first, ast.Constant) and isinstance(first.value, str):
                 found.add(first.value)
     return found
+
+
+OF_ALL_ROBOTS = {"/tf", "/tf_static", "/clock", "/diagnostics", "/use_sim_time"}  # the first three are remapped by the launch files
+MORE_NAMES = {"get_param", "has_param", "AskedService", "CountingPublisher", "HeardTopic", "_publisher", "InteractiveMarkerServer"}
+
+
+@pytest.mark.parametrize("path", [*NODES, *modules_of(ADAPTERS)], ids=lambda p: p.name)
+def test_name_of_a_topic_service_or_parameter_is_relative(path: Path) -> None:
+    """So a node works in the namespace of one of several robots."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    found = topics_and_services(tree) | first_arguments(tree, MORE_NAMES)
+    assert not {name for name in found if name.startswith("/")} - OF_ALL_ROBOTS
 
 
 def configs_read_by(path: Path) -> set[tuple[str, str]]:
