@@ -23,7 +23,8 @@ _REACH_M = 0.4  # it is judged by ground that is so near, as lines of the laser 
 def with_standing(grid: TerrainGrid, terrain: Terrain, robot: RobotBody) -> TerrainGrid:
     """The grid of a terrain, with 100 where it does not know the column and something in the robot's way stands there.
 
-    Higher than a step over the nearest ground, or over as much as a slope may rise from there, and no higher than the robot.
+    Higher than a step over the nearest ground, or over as much as a slope may rise from there, and no higher than the robot. Ground is no
+    farther from it than from its cell's middle; behind a front, which the terrain knows exactly, that says nothing new.
     """
     if np.isnan(grid.height).all():
         return grid
@@ -37,9 +38,12 @@ def with_standing(grid: TerrainGrid, terrain: Terrain, robot: RobotBody) -> Terr
     low_m = ground_m + robot.max_step_m + off_m[row, column] * math.tan(robot.max_slope_rad)
     low, high = (np.floor(z / grid.resolution + 1e-6).astype(np.int64) for z in (low_m, ground_m + robot.height_m))
     met = _met(terrain.columns, x * terrain.columns.ny + y, low, high)
-    cost = grid.cost.copy()
-    cost[row[met], column[met]] = LETHAL
-    return replace(grid, cost=cost)
+    if not met.any():
+        return grid
+    cost, is_free = grid.cost.copy(), np.ones(grid.cost.shape, dtype=np.bool_)
+    cost[row[met], column[met]], is_free[row[met], column[met]] = LETHAL, False
+    away_m = ndimage.distance_transform_edt(is_free, grid.resolution).astype(np.float32)
+    return replace(grid, cost=cost, distance=np.where(np.isnan(grid.height), grid.distance, np.minimum(grid.distance, away_m)))
 
 
 @njit(cache=True)
