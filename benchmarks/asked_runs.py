@@ -10,13 +10,12 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from disturbed_runs import runs_made
 from registration_scores import text_table
-from tracking_drift import seeds_of
 
 from map_zones import Zone, Zones, write_zones
 from roslaunch_process import free_port
@@ -51,7 +50,7 @@ def explored(world: str, seed: int, folder: Path, options: argparse.Namespace) -
     asked = subprocess.Popen(pauser, env=environment, stdout=subprocess.PIPE) if options.pauses else None
     run.wait()
     if asked:
-        folder.with_suffix(".pauses.json").write_bytes(asked.communicate(timeout=60)[0])
+        folder.with_suffix(".pauses.json").write_bytes(asked.communicate()[0])
 
 
 def _number(summary: Mapping[str, object], name: str, scale: float, digits: int) -> str:
@@ -63,7 +62,7 @@ def row(world: str, seed: int, folder: Path) -> tuple[str, ...]:
     """A line of the table; what a run does not say is a dash."""
     file, pauses = folder / "summary.json", folder.with_suffix(".pauses.json")
     s = json.loads(file.read_text()) if file.is_file() else {}
-    told = json.loads(pauses.read_text().splitlines()[-1]) if pauses.is_file() else {}
+    told = json.loads((pauses.read_text().splitlines() or ["{}"])[-1]) if pauses.is_file() else {}
     end = "success" if s.get("success") else f"{s.get('stop_reason')}: {', '.join(s.get('faults') or [])}"
     return (
         *(world, str(seed)),
@@ -85,15 +84,9 @@ def main() -> int:
     parser.add_argument("more", nargs="*", help="after --: arguments of ./explore")
     options = parser.parse_args()
     table = []
-    with tempfile.TemporaryDirectory() as made:
-        for world in options.worlds.split(","):
-            for seed in seeds_of(options.seeds):
-                folder = (options.keep or Path(made)) / f"{Path(world).stem}-{seed}"
-                folder.parent.mkdir(parents=True, exist_ok=True)
-                if not (folder / "summary.json").is_file():
-                    explored(world, seed, folder, options)
-                table.append(row(world, seed, folder))
-                print(*table[-1], file=sys.stderr, flush=True)
+    for made in runs_made(options.worlds, options.seeds, options.keep, lambda *run: explored(*run, options)):
+        table.append(row(*made))
+        print(*table[-1], file=sys.stderr, flush=True)
     print(text_table(HEADER, table))
     return 0
 

@@ -12,6 +12,7 @@ import json
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -94,12 +95,23 @@ def rows(world: str, seed: int, folder: Path) -> list[tuple[str, ...]]:
     return found
 
 
-def explored(world: str, seed: int, script: str, folder: Path, more: list[str]) -> Path:
-    """The folder of a run with a script of disturbances."""
+def explored(world: str, seed: int, folder: Path, script: str, more: list[str]) -> None:
+    """Makes a run with a script of disturbances."""
     said = f"pybullet_sim_node/disturbances={script}"
     command = ["./explore", "--headless", "--force", "--world", world, "--seed", str(seed), "--out", str(folder), "--set", said, *more]
     subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, check=False)
-    return folder
+
+
+def runs_made(worlds: str, seeds: str, keep: Path | None, make: Callable[[str, int, Path], object]) -> Iterator[tuple[str, int, Path]]:
+    """World, seed and folder of every run; those that `keep` does not hold are made first, without it for as long as they are looked at."""
+    with tempfile.TemporaryDirectory() as made:
+        for world in worlds.split(","):
+            for seed in seeds_of(seeds):
+                folder = (keep or Path(made)) / f"{Path(world).stem}-{seed}"
+                folder.parent.mkdir(parents=True, exist_ok=True)
+                if not (folder / "summary.json").is_file():
+                    make(world, seed, folder)
+                yield world, seed, folder
 
 
 def main() -> int:
@@ -111,14 +123,9 @@ def main() -> int:
     parser.add_argument("more", nargs="*", help="after --: arguments of ./explore")
     options = parser.parse_args()
     table = []
-    with tempfile.TemporaryDirectory() as made:
-        for world in options.worlds.split(","):
-            for seed in seeds_of(options.seeds):
-                folder = (options.keep or Path(made)) / f"{Path(world).stem}-{seed}"
-                if not (folder / "summary.json").is_file():
-                    explored(world, seed, options.script, folder, options.more)
-                table += rows(world, seed, folder)
-                print(*table[-1], file=sys.stderr, flush=True)
+    for made in runs_made(options.worlds, options.seeds, options.keep, lambda *run: explored(*run, options.script, options.more)):
+        table += rows(*made)
+        print(*table[-1], file=sys.stderr, flush=True)
     print(text_table(HEADER, table))
     return 0
 
