@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from std_srvs.srv import Trigger, TriggerResponse
 
 from finished_maps import load_map
+from octomap_server_3dnav.exploration.decide import EXPLORING
+from octomap_server_3dnav.navigation.headroom import with_seen_headroom
 from octomap_server_3dnav.navigation.local_grid import project
 from octomap_server_3dnav.navigation.passages import navigable_terrain
 from octomap_server_3dnav.navigation.standing import with_standing
@@ -94,6 +96,8 @@ class ServedMap:
         if whole is None:
             whole = navigable_terrain(tree.column_runs(), T_map_base, self._explorer.terrain_settings, None, self.builder.heights)
         terrain = self._explorer.with_way_out(whole)
+        if not self._explorer.explores or self._explorer.state not in EXPLORING:
+            terrain = with_seen_headroom(terrain, self._explorer.terrain_settings)
         self._plans.know(stamp_s, terrain)
         self._node.diagnostics.holds("no terrain", "")
         self._node.diagnostics.values["ground m2"] = f"{terrain.ground_area_m2:.1f}"

@@ -39,6 +39,9 @@ class State(Enum):
     ENDED = "ended"  # where it stood
 
 
+EXPLORING = State.STARTING, State.UNDER_WAY, State.RETREATING
+
+
 class Errand(Enum):
     """What somebody may ask the robot for."""
 
@@ -125,7 +128,7 @@ class Explorer:
     def ask(self, errand: Errand, reason: str) -> None:
         """Somebody wants something else from the next sweep on; a robot that is told to explore again has its budget anew."""
         self._asked = None if errand is Errand.EXPLORE else (errand, reason)
-        if errand is Errand.EXPLORE and self._state not in (State.STARTING, State.UNDER_WAY, State.RETREATING):
+        if errand is Errand.EXPLORE and self._state not in EXPLORING:
             self._state, self._budget = State.STARTING, Budget(self.config, since_start=False)
 
     def configure(self, config: ExplorationConfig, frontier: FrontierConfig, planner: PlannerConfig) -> None:
@@ -277,8 +280,7 @@ class Explorer:
         return self._without_frontiers([f for f in frontiers if f.last], view)  # 26
 
     def _seen_within(self, dist_limit: float | None, observation: Observation) -> View:
-        terrain = observation.terrain_within(dist_limit)
-        view = View(terrain, observation.T_map_base, "global" if dist_limit is None else "local")
+        view = View(observation.terrain_within(dist_limit), observation.T_map_base, "global" if dist_limit is None else "local")
         if dist_limit is not None:
             self._goals.notice(view)
         return view

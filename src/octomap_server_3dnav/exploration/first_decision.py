@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.exploration.decide import Explorer, Observation, SweepOutcome
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
 from octomap_server_3dnav.exploration.lookouts import find_lookouts
+from octomap_server_3dnav.navigation.headroom import with_seen_headroom
 from octomap_server_3dnav.navigation.local_grid import project
 from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.navigation.standing import with_standing
@@ -32,6 +33,7 @@ def compile_kernels() -> None:
     states[32:, :27, 4:], states[32:, 38:, 4:], states[52:, 27:38] = _OCCUPIED, _OCCUPIED, _UNKNOWN  # a dead end
     dead_end = navigable_terrain(ColumnRuns.from_dense(states), _pose(1.2), _SETTINGS, None)
     find_lookouts(dead_end, FrontierConfig(least_lookout_gain_m2=0.0), _SETTINGS)
+    with_seen_headroom(dead_end, _SETTINGS)
 
 
 def _pose(x: float) -> NDArray[np.float64]:
