@@ -8,12 +8,12 @@ import pytest
 from exploring import ExploreRun
 
 ROOMS_LIMIT_S = 240.0
-LONGEST = ("test_campaign.py", "test_determinism.py")
+LONGEST = ("test_campaign.py", "test_determinism.py", "test_chaos.py")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files that make several runs for one test come last."""
-    items.sort(key=lambda item: item.path.name in LONGEST)
+    items.sort(key=lambda item: LONGEST.index(item.path.name) + 1 if item.path.name in LONGEST else 0)
 
 
 @pytest.hookimpl(tryfirst=True)
