@@ -1,6 +1,6 @@
 """A bad hand in a run: it kills, stops and starves nodes, and silences sensors, as a seed draws it.
 
-Blows come in wall time: while a sweep is matched or decided about, the simulated clock stands. Sensors fall silent in simulated time.
+Blows come in simulated time, so that a slow machine strikes no more often; where its clock stands, after some seconds all the same.
 """
 
 import csv
@@ -30,23 +30,21 @@ _STATUS = re.compile(r"\bt=([0-9.]+) s.*\| (.*)$", re.MULTILINE)
 
 @dataclass(frozen=True)
 class ChaosConfig:
-    """How bad the hand is; seconds of wall time, of silences in simulated time."""
+    """How bad the hand is; seconds of wall time, of pauses and silences in simulated time."""
 
-    pause_s: float = (
-        3.0  # between two blows, on average and exponentially distributed: a node takes as long to be back, so several are away
-    )
+    pause_s: float = 1.5  # between two blows, on average and exponentially distributed: several nodes are away at once
+    standing_s: float = 20.0  # after which a blow comes though the simulated clock stands: the run may be at its end
     shares: tuple[float, ...] = (0.6, 0.25, 0.15)  # of KINDS
     longest_s: float = 20.0  # of a stop (issue 42) and of a starving: a node that is stopped for 5 s is killed as hung
     starved_share: float = 0.1  # of the time a node that starves may run
     starved_period_s: float = 0.2
-    most_at_once: int = 4  # blows while the simulated clock stands: however slow the machine, it goes on between them
     silence_every_s: float = 30.0  # a sensor is silent, on average
     longest_silence_s: float = 1.0  # three times what stops the robot
 
 
 @dataclass(frozen=True)
 class Blow:
-    """What is done to a node, `pause_s` after the one before it; `lasts_s` is 0 for a kill."""
+    """What is done to a node, `pause_s` of simulated time after the one before it; `lasts_s` is 0 for a kill."""
 
     pause_s: float
     kind: str
@@ -87,30 +85,29 @@ class BadHand:
         begun_s, promised = time.monotonic(), RevivalConfig()
         spared_s = promised.within_s + promised.silent_s  # a node that hangs is killed so late
         struck_s: dict[str, list[float]] = {}
-        stood_at: list[str] = []
         lines = WaitingLines(self.told)
         lines.add(_ROW.format("wall_s", "sim_s", "doing", "kind", "node", "lasts_s"))
         for blow in plan:
-            if self.over.wait(blow.pause_s) or not self._clock_goes_on(stood_at[-self.config.most_at_once :]):
+            if not self._waits(blow.pause_s):
                 break
             now_s, pid = time.monotonic(), node_pid(self.root, blow.node)
             recent = [at_s for at_s in struck_s.get(blow.node, ()) if now_s - at_s < spared_s]
             if pid is None or len(recent) >= promised.deaths - 1:
                 continue
             sim_s, doing = _status(self.log)
-            stood_at.append(sim_s)
             self._strike(pid, blow)
             struck_s[blow.node] = [*recent, time.monotonic()]
             lasted_s = time.monotonic() - now_s
             lines.add(_ROW.format(f"{now_s - begun_s:.2f}", sim_s, f'"{doing}"', blow.kind, blow.node, f"{lasted_s:.2f}"))
         lines.close()
 
-    def _clock_goes_on(self, stood_at: Sequence[str]) -> bool:
-        """Once it shows another time than at each of the newest blows; False when the run is over before."""
-        while len(stood_at) == self.config.most_at_once and set(stood_at) == {_status(self.log)[0]}:
+    def _waits(self, pause_s: float) -> bool:
+        """Until the simulated clock has gone on by so much, or has stood for long; False when the run is over before."""
+        due_s, until_s = _clock_s(self.log) + pause_s, time.monotonic() + self.config.standing_s
+        while _clock_s(self.log) < due_s and time.monotonic() < until_s:
             if self.over.wait(_LOOK_S):
-                return False
-        return True
+                break
+        return not self.over.is_set()
 
     def _strike(self, pid: int, blow: Blow) -> None:
         """Until the node may run again, or has ended."""
@@ -151,6 +148,10 @@ def _status(log: Path) -> tuple[str, str]:
     """Simulated seconds and what the robot does, by the newest status line; empty before the first."""
     found = _STATUS.findall(log.read_text(errors="replace")) if log.exists() else []
     return found[-1] if found else ("", "")
+
+
+def _clock_s(log: Path) -> float:
+    return float(_status(log)[0] or 0.0)
 
 
 @contextmanager

@@ -105,19 +105,30 @@ def test_node_is_not_struck_a_third_time_within_a_minute(tmp_path: Path, node: C
     assert [row["node"] for row in struck(tmp_path, *plan)] == ["move_base_node", "move_base_node", "scan_filter_node"]
 
 
-def test_hand_waits_where_the_clock_has_stood_for_several_blows(tmp_path: Path, node: Callable) -> None:
-    for name in ROBOT_NODES[:6]:
+def test_blows_come_in_simulated_time(tmp_path: Path, node: Callable) -> None:
+    log, names = tmp_path / "log", ROBOT_NODES[:3]
+    for name in names:
         node(name)
-    log = tmp_path / "log"
     log.write_text("t=1.0 s, 2 sweeps | driving\n")
     hand = BadHand(os.getpid(), log, tmp_path / "chaos.csv")
-    at_work = threading.Thread(target=hand.work, args=(iter([Blow(0.0, KILL, name, 0.0) for name in ROBOT_NODES[:6]]),))
+    at_work = threading.Thread(target=hand.work, args=(iter([Blow(2.0, STOP, name, 0.01) for name in names]),))
     at_work.start()
-    at_work.join(1.0)
-    assert at_work.is_alive() and told(tmp_path, {})["kill"] == 4
-    log.write_text("t=1.5 s, 2 sweeps | driving\n")
+    done = []
+    for clock_s in (2.9, 3.0, 4.9, 5.0):
+        log.write_text(f"t={clock_s} s, 2 sweeps | driving\n")
+        at_work.join(1.0)
+        done.append(told(tmp_path, {})["stop"])
+    hand.over.set()
     at_work.join(20.0)
-    assert told(tmp_path, {})["kill"] == 6
+    assert done == [0, 1, 1, 2] and not at_work.is_alive()
+
+
+def test_blow_comes_where_the_clock_stands_for_long(tmp_path: Path, node: Callable) -> None:
+    process = node("move_base_node")
+    (tmp_path / "log").write_text("t=1.0 s, 2 sweeps | driving\n")
+    hand = BadHand(os.getpid(), tmp_path / "log", tmp_path / "chaos.csv", ChaosConfig(standing_s=0.5))
+    hand.work(iter([Blow(60.0, KILL, "move_base_node", 0.0)]))
+    assert process.wait(5.0) == -9
 
 
 def test_node_that_does_not_run_is_passed_over_and_no_other_is_taken_for_it(tmp_path: Path, node: Callable) -> None:
