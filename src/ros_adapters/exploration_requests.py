@@ -43,8 +43,9 @@ class ExplorationRequests:
     def __init__(self, node: Node, explorer: Explorer) -> None:
         self._node, self._explorer = node, explorer
         starting = RunEvent(state="starting", reason="waiting for the first sweep")
-        # The last event, that to which the next sweep belongs, the stamp of the first, and what was decided.
-        self._event, self._drive, self._began_s, self._decided = node.life.kept(_MEMORY, (starting, RunEvent(), math.nan, ""))
+        # The last event, that to which the next sweep belongs, the stamp of the first, what was decided, and seconds of all pauses.
+        memory = node.life.kept(_MEMORY, (starting, RunEvent(), math.nan, "", 0.0))
+        self._event, self._drive, self._began_s, self._decided, self._paused_s = memory
         self._told = ExploreStatus()
         self._status = node.publisher(STATUS, ExploreStatus, latch=True)
         self._frontiers = node.publisher("explore/frontiers", MarkerArray, latch=True)
@@ -56,6 +57,7 @@ class ExplorationRequests:
 
     def _on_event(self, heard: RunEvent) -> None:
         event = plain(heard, RunEvent)
+        self._paused_s += stamp_of(event) - stamp_of(self._event) if self._event.state == "paused" else 0.0
         self._event = event
         self._began_s = stamp_of(event) if math.isnan(self._began_s) else self._began_s
         if event.state in ("sweeping", "looking"):
@@ -65,11 +67,12 @@ class ExplorationRequests:
         self._remember()
         self._tell()
 
-    def drive(self, stamp_s: float) -> tuple[bool, str, float, float, bool, bool]:
-        """Of a sweep at `stamp_s`, for `Observation`: on the way, why the drive failed, time and way, whether it stood, and at its goal."""
+    def drive(self, stamp_s: float) -> tuple[bool, str, float, float, bool, bool, float]:
+        """Of a sweep at `stamp_s`, for `Observation`: on the way, why the drive failed, time and way, whether it stood, and at its goal,
+        and seconds of all pauses."""
         drive = self._drive
-        stands = drive.state != "driving" and stamp_s > stamp_of(drive)
-        return drive.intermediate, drive.failure, stamp_s - self._began_s, drive.distance_m, stands, stands and drive.reached
+        stands, elapsed_s = drive.state != "driving" and stamp_s > stamp_of(drive), stamp_s - self._began_s
+        return drive.intermediate, drive.failure, elapsed_s, drive.distance_m, stands, stands and drive.reached, self._paused_s
 
     def on_decision(self, stamp_s: float, decision: Decision) -> None:
         """What was decided after a sweep."""
@@ -79,7 +82,7 @@ class ExplorationRequests:
         self._tell()
 
     def _remember(self) -> None:
-        self._node.life.keep(_MEMORY, (self._event, self._drive, self._began_s, self._decided))
+        self._node.life.keep(_MEMORY, (self._event, self._drive, self._began_s, self._decided, self._paused_s))
 
     def _tell(self) -> None:
         event, explorer = self._event, self._explorer

@@ -65,7 +65,7 @@ class Observation:
 
     `vertex_poses` (V, 4, 4): T_map_base of every sweep of the map, the last where the robot is now; `terrain_within` gives the terrain
     around it; `trouble`: why the sweep is UNPLACED or LOST. `on_the_way`: it was not made at the goal; `drive_failure`: what the follower
-    said when it could not reach that, else empty. `elapsed_s` since the start, and `driven_m` by odometry, for a budget.
+    said when it could not reach that, else empty. `elapsed_s` since the start, `paused_s` of them, `driven_m` by odometry, for a budget.
     `stands`: the robot stood when the sweep ended; `at_goal`: because it had reached its goal, not because somebody had stopped it.
     """
 
@@ -79,6 +79,7 @@ class Observation:
     driven_m: float = 0.0
     stands: bool = True
     at_goal: bool = True
+    paused_s: float = 0.0
 
     @property
     def T_map_base(self) -> Transform:
@@ -212,10 +213,9 @@ class Explorer:
         return self._go_home(observation) if self._state is State.GOING_HOME else None
 
     def _why_over(self, observation: Observation) -> str:
-        leg_m = self._budget.spend(observation.elapsed_s, observation.driven_m, observation.T_map_base[:3, 3])
-        if not self._budget.is_set:
-            return ""
-        return self._budget.why_over(self._homing.way_m(observation.vertex_poses, observation.terrain_within(None), leg_m))
+        o = observation
+        leg_m = self._budget.spend(o.elapsed_s, o.driven_m, o.T_map_base[:3, 3], o.paused_s)
+        return self._budget.why_over(self._homing.way_m(o.vertex_poses, o.terrain_within(None), leg_m)) if self._budget.is_set else ""
 
     def _begin_homing(self, why: str, then: DecisionKind) -> None:
         self._state = State.GOING_HOME

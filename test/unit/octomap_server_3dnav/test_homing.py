@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from terrain_worlds import BELOW, OCCUPIED, opening, pose, room, runs_of
 
+from octomap_server_3dnav.exploration.budget import Budget
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decide import Errand, Explorer, Observation, State, SweepOutcome
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
@@ -187,6 +188,23 @@ def test_what_the_first_sweep_took_is_kept_for_the_last() -> None:
         run = Run(budget_s=budget_s)
         run.sweep(HOME, s=30.0)
         assert run.sweep((HOME[0] + 2.0, HOME[1], 0.0), s=20.0, m=2.0).reason.startswith("frontier") == goes_on
+
+
+def test_robot_that_has_hardly_driven_needs_no_more_for_the_way_home_than_it_has_spent() -> None:
+    """The path home leads to the next voxel, the way driven was half a millimetre: that is no pace to reckon with."""
+    budget = Budget(ExplorationConfig(budget_s=60.0), since_start=True)
+    budget.spend(7.0, 0.0, np.zeros(3))
+    budget.spend(14.0, 0.0005, np.array([0.0005, 0.0, 0.0]))
+    assert budget.why_over(0.1) == ""
+
+
+def test_pause_is_spent_and_is_no_pace_of_driving() -> None:
+    """40 s for 4 m, then 600 s of which 590 s were a pause: 640 + 4 * 50 / 4 + 2 * 40 = 770, and not 640 + 640 + 2 * 600."""
+    for budget_s, goes_on in ((790.0, True), (700.0, False)):
+        run = Run(budget_s=budget_s)
+        run.sweep(HOME)
+        run.sweep(AWAY, s=40.0, m=4.0)
+        assert (run.sweep(AWAY, s=600.0, m=0.0, paused_s=590.0).kind, run.explorer.is_going_home) == (GOAL, not goes_on)
 
 
 def test_spent_budget_ends_at_home_whatever_it_costs_and_says_what_was_spent() -> None:
