@@ -57,7 +57,7 @@ def parser() -> argparse.ArgumentParser:
         "--chaos",
         type=int,
         metavar="SEED",
-        help="in every run kill, stop and starve nodes, and silence sensors, at moments that SEED draws; default: none of it",
+        help="in every run kill, stop and starve nodes, and spoil what sensors tell, at moments that SEED draws; default: none of it",
     )
     p.add_argument(
         "--soak",

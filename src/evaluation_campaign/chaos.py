@@ -1,4 +1,4 @@
-"""A bad hand in a run: it kills, stops and starves nodes, and silences sensors, as a seed draws it.
+"""A bad hand in a run: it kills, stops and starves nodes, and spoils what sensors tell, as a seed draws it.
 
 Blows come in simulated time, so that a slow machine strikes no more often; where its clock stands, after some seconds all the same.
 """
@@ -22,6 +22,7 @@ from whole_files import WaitingLines
 
 CHAOS_FILE = "chaos.csv"
 KILL, STOP, STARVE = KINDS = ("kill", "stop", "starve")
+FAULTS = ("silent", "nan", "late")
 _SENSORS = ("/scan", "/joint_states", "/imu/data", "/wheel_odom")
 _LOOK_S = 0.25
 _ROW = "{},{},{},{},{},{}\n"
@@ -30,7 +31,7 @@ _STATUS = re.compile(r"\bt=([0-9.]+) s.*\| (.*)$", re.MULTILINE)
 
 @dataclass(frozen=True)
 class ChaosConfig:
-    """How bad the hand is; seconds of wall time, of pauses and silences in simulated time."""
+    """How bad the hand is; seconds of wall time, of pauses and faults in simulated time."""
 
     pause_s: float = 1.5  # between two blows, on average and exponentially distributed: several nodes are away at once
     standing_s: float = 20.0  # after which a blow comes though the simulated clock stands: the run may be at its end
@@ -38,8 +39,8 @@ class ChaosConfig:
     longest_s: float = 20.0  # of a stop (issue 42) and of a starving: a node that is stopped for 5 s is killed as hung
     starved_share: float = 0.1  # of the time a node that starves may run
     starved_period_s: float = 0.2
-    silence_every_s: float = 30.0  # a sensor is silent, on average
-    longest_silence_s: float = 1.0  # three times what stops the robot
+    fault_every_s: float = 20.0  # a sensor is silent, tells no numbers or is late, on average
+    longest_fault_s: float = 1.0  # three times what stops the robot
 
 
 @dataclass(frozen=True)
@@ -61,12 +62,13 @@ def blows(seed: str, config: ChaosConfig, nodes: Sequence[str] = ROBOT_NODES) ->
             yield Blow(pause_s, kind, node, 0.0 if kind == KILL else draws.uniform(0.0, config.longest_s))
 
 
-def silences(seed: str, until_s: float, config: ChaosConfig | None = None) -> str:
-    """Of the sensors, as pybullet_sim_node's timing/silence has them."""
+def faults(seed: str, until_s: float, config: ChaosConfig | None = None) -> str:
+    """Of the sensors, as pybullet_sim_node's timing/faults has them."""
     config = config or ChaosConfig()
-    draws, found, at_s = random.Random(f"{seed} silences"), [], 0.0
-    while (at_s := at_s + draws.expovariate(1.0 / config.silence_every_s)) < until_s:
-        found.append(f"{draws.choice(_SENSORS)} {at_s:.2f} {at_s + draws.uniform(0.0, config.longest_silence_s) + 0.01:.2f}")
+    draws, found, at_s = random.Random(f"{seed} faults"), [], 0.0
+    while (at_s := at_s + draws.expovariate(1.0 / config.fault_every_s)) < until_s:
+        lasts_s = draws.uniform(0.0, config.longest_fault_s) + 0.01
+        found.append(f"{draws.choice(FAULTS)} {draws.choice(_SENSORS)} {at_s:.2f} {at_s + lasts_s:.2f}")
     return ", ".join(found)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from evaluation_campaign.chaos import hand_at_work, silences, told
+from evaluation_campaign.chaos import faults, hand_at_work, told
 from evaluation_campaign.plan import BY_PROFILE, OUTCOME_FILE, Limits, RunSpec
 from exploration_evaluation import add_clairvoyant, read_json, write_json
 from roslaunch_process import descendants, end_with_parent, free_port, send
@@ -99,7 +99,7 @@ def _explore(request: RunRequest, folder: Path) -> tuple[int, bool]:
     command += ["--robot", request.robot] if request.robot else []
     command += ["--movers", request.movers] if request.movers else []
     if request.chaos is not None:
-        command += ["--set", f"pybullet_sim_node/timing/silence={silences(request.chaos_seed, request.limits.sim_s)}"]
+        command += ["--set", f"pybullet_sim_node/timing/faults={faults(request.chaos_seed, request.limits.sim_s)}"]
     with (folder.parent / f".{folder.name}.log").open("w") as log:
         process = subprocess.Popen(
             command,

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pybullet_simulation.sensor_faults import SILENT
 from pybullet_simulation.timing_config import TimingConfig
 
 _MOST_SIGMAS = 3.0
@@ -22,11 +23,12 @@ class SensorTimes:
 
 @dataclass(frozen=True)
 class Measurement:
-    """A measurement at a stamp, delivered `copies` times: 0 when it was lost."""
+    """A measurement at a stamp, delivered `copies` times: 0 when it was lost. `fault`: its kind, empty for none."""
 
     stamp_ns: int
     delivery_ns: int
     copies: int
+    fault: str = ""
 
 
 class SensorClock:
@@ -38,7 +40,7 @@ class SensorClock:
         self._period_ns, self._duration_ns, self._latency_ns = (
             nanoseconds(t) for t in (sensor.period_s, sensor.duration_s, sensor.latency_s)
         )
-        self._silences = [silence for silence in timing.silences() if silence.topic == sensor.topic]
+        self._faults = [fault for fault in timing.sensor_faults() if fault.topic == sensor.topic]
         phase_rng, self._jitter_rng, self._line_rng = (np.random.default_rng([*seed, stream]) for stream in range(3))
         phase_ns = round(timing.phase_share * phase_rng.random() * self._period_ns)
         self._next_ns = self._own(begin_ns + phase_ns + (0 if self._duration_ns else self._period_ns))
@@ -53,7 +55,8 @@ class SensorClock:
 
     def _measurement(self, stamp_ns: int) -> Measurement:
         delivery_ns = stamp_ns + self._latency_ns
-        return Measurement(stamp_ns, delivery_ns, 0 if self._is_silent(delivery_ns) else self._copies())
+        fault = self._fault_at(delivery_ns)
+        return Measurement(stamp_ns, delivery_ns, 0 if fault == SILENT else self._copies(), fault)
 
     def _copies(self) -> int:
         draw = self._line_rng.random()
@@ -61,9 +64,9 @@ class SensorClock:
             return 0
         return 2 if draw > 1.0 - self._timing.doubled_share else 1
 
-    def _is_silent(self, delivery_ns: int) -> bool:
+    def _fault_at(self, delivery_ns: int) -> str:
         since_s = (delivery_ns - self._begin_ns) / 1e9
-        return any(silence.begin_s <= since_s < silence.end_s for silence in self._silences)
+        return next((fault.kind for fault in self._faults if fault.begin_s <= since_s < fault.end_s), "")
 
     def _interval_ns(self) -> int:
         sigmas = float(np.clip(self._jitter_rng.standard_normal(), -_MOST_SIGMAS, _MOST_SIGMAS))

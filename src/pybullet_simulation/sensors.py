@@ -16,6 +16,7 @@ from pybullet_simulation.lidar_config import SpinningLidarConfig
 from pybullet_simulation.records import Delivery, ImuSample, JointSample, LidarGeometry, Revolution, Sample, Scan, WheelOdometry
 from pybullet_simulation.robot_model import RobotModel
 from pybullet_simulation.sensor_clock import SensorClock, SensorTimes, nanoseconds
+from pybullet_simulation.sensor_faults import faulty
 from pybullet_simulation.spinning_lidar import SpinningLidar
 from pybullet_simulation.timing_config import SENSOR_TOPICS, TimingConfig
 from pybullet_simulation.trace import Trace
@@ -76,7 +77,8 @@ class Sensors:
         """What is delivered by then and was not before, in order; `trace` reaches until then."""
         for topic, clock in self._clocks.items():
             for one in clock.measured(until_ns):
-                delivery = Delivery(one.delivery_ns / 1e9, topic, self._measure[topic](trace, one.stamp_ns))
+                sample = faulty(self._measure[topic](trace, one.stamp_ns), one.fault)
+                delivery = Delivery(one.delivery_ns / 1e9, topic, sample)
                 for _ in range(one.copies):
                     heapq.heappush(self._under_way, (one.delivery_ns, next(self._numbers), delivery))
         found = []

@@ -2,19 +2,11 @@
 
 from dataclasses import dataclass
 
+from pybullet_simulation.sensor_faults import SensorFault, read_fault
 from stage_config import check_ranges, parameter
 
 SENSOR_TOPICS = ("/scan", "/points", "/joint_states", "/imu/data", "/wheel_odom")
 """The sensors by the topic that they are heard on; /points stands for /scan with a spinning lidar."""
-
-
-@dataclass(frozen=True)
-class Silence:
-    """A sensor whose messages do not come from `begin_s` until `end_s`, in seconds since the simulator's start."""
-
-    topic: str
-    begin_s: float
-    end_s: float
 
 
 @dataclass(frozen=True)
@@ -40,32 +32,22 @@ class TimingConfig:
     wheel_latency_s: float = parameter(0.012, "s", "from wheel odometry to its message, by the same line", low=0.0, high=1.0)
     lost_share: float = parameter(0.002, "-", "share of the messages that are lost, as on a busy USB or UDP line", low=0.0, high=0.5)
     doubled_share: float = parameter(0.001, "-", "share of the messages that come twice, with the same stamp", low=0.0, high=0.5)
-    silence: str = parameter(
-        "", "-", "faults for tests: TOPIC FROM TO, in seconds since the simulator's start, more after commas: /scan 20 25, /imu/data 40 41"
+    faults: str = parameter(
+        "",
+        "-",
+        "for tests: KIND TOPIC FROM TO, in seconds since the simulator's start, more after commas: silent /scan 20 25, nan /imu/data 40 41;"
+        " late: stamps are 3 s too old",
     )
 
     def validate(self) -> list[str]:
         """All violations, as sentences; empty when the configuration can be used."""
         problems = check_ranges(self)
         try:
-            self.silences()
+            self.sensor_faults()
         except ValueError as error:
             problems.append(str(error))
         return problems
 
-    def silences(self) -> tuple[Silence, ...]:
-        """What `silence` says. ValueError names the part that cannot be read."""
-        return tuple(_silence(part) for part in self.silence.split(",") if part.strip())
-
-
-def _silence(text: str) -> Silence:
-    try:
-        topic, begin, end = text.split()
-        found = Silence(topic, float(begin), float(end))
-    except ValueError:
-        raise ValueError(f"silence = {text.strip()!r}: expected TOPIC FROM TO, such as /scan 20 25") from None
-    if topic not in SENSOR_TOPICS:
-        raise ValueError(f"silence = {text.strip()!r}: no sensor of that topic; there are {', '.join(SENSOR_TOPICS)}")
-    if not found.begin_s < found.end_s:
-        raise ValueError(f"silence = {text.strip()!r}: does not end after it begins")
-    return found
+    def sensor_faults(self) -> tuple[SensorFault, ...]:
+        """What `faults` says. ValueError names the part that cannot be read."""
+        return tuple(read_fault(part, SENSOR_TOPICS) for part in self.faults.split(",") if part.strip())

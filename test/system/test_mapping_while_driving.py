@@ -64,8 +64,8 @@ def test_odometry_that_jumps_and_matches_that_are_refused_stop_the_robot_and_ben
 
 def test_laser_that_misses_half_of_five_sweeps_slows_the_robot_and_bends_no_map(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    silence = ", ".join(f"/scan {begin} {begin + 0.9}" for begin in (14, 16, 18, 20, 22))
-    with ExploreRun(*DRIVING, "--out", out, "--set", f"pybullet_sim_node/timing/silence={silence}") as run:
+    faults = ", ".join(f"silent /scan {begin} {begin + 0.9}" for begin in (14, 16, 18, 20, 22))
+    with ExploreRun(*DRIVING, "--out", out, "--set", f"pybullet_sim_node/timing/faults={faults}") as run:
         assert run.wait(300.0) == 0, run.text
     assert "scans of a sweep are missing:" in (out / "roslaunch.log").read_text()
     result = summary(out)

@@ -83,12 +83,13 @@ def test_run_is_made_with_the_campaign_s_movers_where_it_has_some(tmp_path):
 
 def test_bad_hand_strikes_the_run_and_what_it_did_is_in_the_outcome(tmp_path, monkeypatch):
     monkeypatch.setattr(chaos, "blows", lambda _seed, _config: iter([chaos.Blow(0.5, "kill", "move_base_node", 0.0)]))
-    script = f"echo $asked > {tmp_path}/asked\npython3 -c 'import time; time.sleep(300)' __name:=move_base_node\n"
+    clock = 'for t in 1 2 3 4 5 6 7 8 9; do echo "t=$t.0 s, 1 sweeps | driving"; sleep 0.5; done &\n'
+    script = f"echo $asked > {tmp_path}/asked\n{clock}python3 -c 'import time; time.sleep(300)' __name:=move_base_node\n"
     told = """echo '{"stop_reason": "explored", "restarts": {"a": 2, "b": 1}}' > "$out/summary.json"\n"""
     request = request_with(tmp_path, script + told)
     outcome = make_run(replace(request, chaos=7))
     assert (outcome["status"], outcome["chaos"]) == ("finished", {"kill": 1, "stop": 0, "starve": 0, "restarts": 3})
-    assert f"timing/silence={chaos.silences('7 runs/ours/rooms-3', 60.0)}" in (tmp_path / "asked").read_text()
+    assert f"timing/faults={chaos.faults('7 runs/ours/rooms-3', 60.0)}" in (tmp_path / "asked").read_text()
 
 
 def test_without_chaos_nothing_is_struck_or_silenced(tmp_path):

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from evaluation_campaign.chaos import KILL, KINDS, STARVE, STOP, BadHand, Blow, ChaosConfig, blows, node_pid, silences, told
+from evaluation_campaign.chaos import FAULTS, KILL, KINDS, STARVE, STOP, BadHand, Blow, ChaosConfig, blows, faults, node_pid, told
 from explore_command.parameters import ROBOT_NODES
 from pybullet_simulation import TimingConfig
 
@@ -38,12 +38,12 @@ def test_seed_draws_the_blows_and_each_node_has_its_turn() -> None:
     assert all((blow.lasts_s == 0.0) == (blow.kind == KILL) and blow.lasts_s <= 20.0 for blow in first)
 
 
-def test_silences_are_those_of_the_simulator_s_sensors() -> None:
-    config = TimingConfig(silence=silences("1", 1800.0))
+def test_faults_are_those_of_the_simulator_s_sensors() -> None:
+    config = TimingConfig(faults=faults("1", 1800.0))
     assert not config.validate()
-    found = config.silences()
-    assert 30 < len(found) < 90 and silences("1", 1800.0) == config.silence != silences("2", 1800.0)
-    assert all(0.0 < one.end_s - one.begin_s < 1.1 for one in found)
+    found = config.sensor_faults()
+    assert 50 < len(found) < 130 and faults("1", 1800.0) == config.faults != faults("2", 1800.0)
+    assert all(0.0 < one.end_s - one.begin_s < 1.1 for one in found) and {one.kind for one in found} == set(FAULTS)
 
 
 @pytest.fixture
@@ -109,18 +109,18 @@ def test_blows_come_in_simulated_time(tmp_path: Path, node: Callable) -> None:
     log, names = tmp_path / "log", ROBOT_NODES[:3]
     for name in names:
         node(name)
-    log.write_text("t=1.0 s, 2 sweeps | driving\n")
+    log.write_text("")
     hand = BadHand(os.getpid(), log, tmp_path / "chaos.csv")
     at_work = threading.Thread(target=hand.work, args=(iter([Blow(2.0, STOP, name, 0.01) for name in names]),))
     at_work.start()
     done = []
-    for clock_s in (2.9, 3.0, 4.9, 5.0):
+    for clock_s in (0.0, 1.9, 2.0, 3.9, 4.0):
         log.write_text(f"t={clock_s} s, 2 sweeps | driving\n")
         at_work.join(1.0)
         done.append(told(tmp_path, {})["stop"])
     hand.over.set()
     at_work.join(20.0)
-    assert done == [0, 1, 1, 2] and not at_work.is_alive()
+    assert done == [0, 0, 1, 1, 2] and not at_work.is_alive()
 
 
 def test_blow_comes_where_the_clock_stands_for_long(tmp_path: Path, node: Callable) -> None:

@@ -77,25 +77,40 @@ def test_effects_have_streams_of_their_own():
     assert np.array_equal(quiet, stamps_of(clock(TimingConfig(lost_share=0.3))))
 
 
-def test_silence_is_of_one_sensor_between_its_times():
-    silent = TimingConfig(silence="/imu/data 2 3, /scan 5 6", lost_share=0.0)
+def test_fault_is_of_one_sensor_between_its_times():
+    silent = TimingConfig(faults="silent /imu/data 2 3, silent /scan 5 6", lost_share=0.0)
     lost = np.array([m.delivery_ns / 1e9 for m in clock(silent).measured(10**10) if m.copies == 0])
     assert len(lost) == pytest.approx(100, abs=2) and lost.min() >= 2.0 and lost.max() < 3.0
 
 
+def test_sensor_whose_values_are_no_numbers_or_whose_stamps_are_old():
+    faults = "nan /imu/data 1 2, nan /wheel_odom 1 2, nan /joint_states 1 2, nan /scan 1 2, late /imu/data 2 3"
+    simulation = Simulation(SimulationConfig(), load_world("rooms", 1), 1, timing=TimingConfig(faults=faults, lost_share=0.0))
+    ticks = [simulation.tick() for _ in range(70)]
+    simulation.close()
+    since_s = [d.time_s - (ticks[0].stamp_s - 0.05) for tick in ticks for d in tick.deliveries]
+    samples = [d.sample for tick in ticks for d in tick.deliveries]
+    for sample, at_s in zip(samples, since_s, strict=True):
+        values = np.concatenate([np.ravel(v) for k, v in vars(sample).items() if k not in ("stamp_s", "names")])
+        assert np.isnan(values).all() if 1.0 <= at_s < 2.0 else not np.isnan(values).any()
+    ages = np.array([d.time_s - d.sample.stamp_s for tick in ticks for d in tick.deliveries if d.topic == "/imu/data"])
+    assert set(np.round(ages).tolist()) == {0.0, 3.0} and np.count_nonzero(ages > 1.0) == pytest.approx(100, abs=2)
+
+
 @pytest.mark.parametrize(
-    ("silence", "told"),
+    ("faults", "told"),
     [
-        ("/lidar 1 2", "no sensor of that topic; there are /scan, /points"),
-        ("/scan 1", "expected TOPIC FROM TO"),
-        ("/scan 1 x", "expected TOPIC FROM TO"),
-        ("/scan 2 2", "does not end after it begins"),
-        ("/scan nan 2", "does not end after it begins"),
+        ("silent /lidar 1 2", "no sensor of that topic; there are /scan, /points"),
+        ("wrong /scan 1 2", "no such kind; there are silent, nan, late"),
+        ("/scan 1 2", "expected KIND TOPIC FROM TO"),
+        ("silent /scan 1 x", "expected KIND TOPIC FROM TO"),
+        ("silent /scan 2 2", "does not end after it begins"),
+        ("silent /scan nan 2", "does not end after it begins"),
     ],
 )
-def test_silence_that_cannot_be_read_is_refused(silence, told):
+def test_fault_that_cannot_be_read_is_refused(faults, told):
     with pytest.raises(ConfigError, match=told):
-        realistic(TimingConfig, "hardware", {"silence": silence})
+        realistic(TimingConfig, "hardware", {"faults": faults})
 
 
 def test_realism_is_hardware_or_ideal_and_values_stay_on_top():
