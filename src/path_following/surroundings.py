@@ -125,17 +125,24 @@ class Surroundings:
     def is_clear(self, poses: NDArray[np.float64]) -> bool:
         """The same for (K, 3) poses where every centimetre counts: it may touch nothing more than now, not by a point of its outline.
 
-        But back the way that it came it may, as long as that grazes no more than a cell's breadth: along a slope the cells of its edge lie
-        deeper and less deep in the outline, and a robot that stands there must get out again.
+        But back the way that it came it may, as much as it does where it was, if that is no more than a cell's breadth: along a slope the
+        cells of its edge lie deeper and less deep in the outline, and a robot that stands there must get out again.
         """
         poses = self.slide.along(poses)
-        touched = np.array([beneath(self._cost, self._corner, self._footprint, pose)[0] for pose in poses])
+        touched = self._touched(poses)
         if self._is_free(poses, Unknown.NOT_UNDER_THE_CENTRE) and touched.max() <= touched[0]:
             return True
         if self._trail is None or touched.max() > _GRAZED * len(self._footprint):
             return False
-        is_new = ~self._trail.holds(poses)
-        return not touched[is_new].any() and (not is_new.any() or self._is_free(poses[is_new], Unknown.NOT_UNDER_THE_CENTRE))
+        had = [self._trail.like(pose) for pose in poses]
+        if any(count > self._touched(there).max(initial=0) for count, there in zip(touched, had, strict=True)):
+            return False
+        new = poses[[not len(there) for there in had]]
+        return not len(new) or self._is_free(new, Unknown.NOT_UNDER_THE_CENTRE)
+
+    def _touched(self, poses: NDArray[np.float64]) -> NDArray[np.int64]:
+        """(K,) points of the outline over lethal cells at (K, 3) poses."""
+        return np.array([beneath(self._cost, self._corner, self._footprint, pose)[0] for pose in poses], dtype=np.int64)
 
     def is_free_turn(self, pose: Pose, angle: float, *, drifting: bool) -> bool:
         """True when the robot may turn on the spot by `angle` radians; `drifting`: with room around it for more than it slides."""

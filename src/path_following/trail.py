@@ -46,10 +46,8 @@ class Trail:
             dx, dy = px - x, py - y
             self._poses[k] = (pose[0] + c * dx - s * dy, pose[1] + s * dx + c * dy, heading + turned)
 
-    def holds(self, poses: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(K,) which of (K, 3) poses the robot had, to a few centimetres and degrees."""
-        if not self._poses:
-            return np.zeros(len(poses), dtype=bool)
-        x, y, yaw = (np.subtract.outer(column, had) for column, had in zip(poses.T, np.array(self._poses).T, strict=True))
-        is_turned = np.abs((yaw + math.pi) % (2 * math.pi) - math.pi) > _TURNED_RAD
-        return np.asarray(((np.hypot(x, y) <= _BESIDE_M) & ~is_turned).any(axis=1))
+    def like(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(M, 3) the poses that the robot had and that are one (3,), to a few centimetres and degrees."""
+        had = np.array(self._poses).reshape(-1, 3)
+        is_there = np.hypot(had[:, 0] - pose[0], had[:, 1] - pose[1]) <= _BESIDE_M
+        return np.asarray(had[is_there & (np.abs((had[:, 2] - pose[2] + math.pi) % (2 * math.pi) - math.pi) <= _TURNED_RAD)])
