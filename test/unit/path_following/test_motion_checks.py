@@ -192,6 +192,12 @@ def test_back_the_way_it_came_the_robot_grazes_no_more_than_it_did_there():
     assert not around(edge, trail=passed).is_clear(back)
 
 
+def test_robot_whose_corner_grazes_something_turns_away_from_it_and_no_deeper_into_it():
+    there, grazing = around((0.47, 0.39), (0.39, 0.39)), (0.0, 0.0, 0.06)
+    assert there.is_free_turn(grazing, -0.2, drifting=False)
+    assert not there.is_free_turn(grazing, 0.15, drifting=False)
+
+
 def holds(trail: Trail, *poses: tuple[float, float, float]) -> list[bool]:
     return [len(trail.like(np.array(pose))) > 0 for pose in poses]
 
