@@ -36,7 +36,7 @@ def beneath(
 
 @njit(cache=True)
 def is_no_more(count: int, fewest: int) -> bool:
-    """Whether so many points over cells are no new contact, after so few: along a wall points of a lattice cross cell borders while the robot
+    """Whether so many points over cells are no new contact, after so few: along a wall points of a lattice cross cell borders as the robot
     turns. A corner has few points, and each of them is five centimetres.
     """
     return bool(count <= fewest + fewest // 4)
