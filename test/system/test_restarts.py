@@ -17,7 +17,7 @@ from explore_command.parameters import ROBOT_NODES
 
 SEED = 5
 STOPPED = "scan_filter_node", "pose_graph_mapping_node"
-WITNESS = "exploration_monitor_node"  # which dies once more when the run is over
+WITNESS = "exploration_monitor_node"  # which dies once more while it judges
 GOES_ON = re.compile(r"t=([0-9.]+) s")
 
 
@@ -37,10 +37,10 @@ def strike(run: ExploreRun, node: str, number: signal.Signals) -> None:
     raise AssertionError(f"the clock stands after the end of {node}:\n{run.text}")
 
 
-def wait_until_finished(run: ExploreRun, out: Path) -> None:
-    """Until the robot has said that it is done."""
+def wait_until_judged(run: ExploreRun) -> None:
+    """Until the maps are saved and all nodes but the witness have been ended."""
     deadline_s = time.monotonic() + 300.0
-    while ",finished," not in (out / "events.csv").read_text():
+    while any(f"__name:={node} " in f"{command} " for command in run.running().values() for node in ROBOT_NODES if node != WITNESS):
         assert run.process.poll() is None and time.monotonic() < deadline_s, run.text
         time.sleep(0.02)
 
@@ -56,9 +56,9 @@ def struck_run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
         for node, number in blows:
             time.sleep(draws.uniform(0.0, 0.7))
             strike(run, node, number)
-        wait_until_finished(run, out)
-        os.kill(run.pid_of(WITNESS), signal.SIGKILL)  # while it saves or judges
-        code = run.wait(300.0)
+        wait_until_judged(run)
+        os.kill(run.pid_of(WITNESS), signal.SIGKILL)
+        code = run.wait(60.0)  # nodes that were ended are not asked once more
         assert code == 0, run.text
         assert not run.running()
     return out, run.text
