@@ -134,8 +134,8 @@ class Surroundings:
             return True
         if self._trail is None or touched.max() > _GRAZED * len(self._footprint):
             return False
-        had = [self._trail.like(pose) for pose in poses]
-        if any(count > self._touched(there).max(initial=0) for count, there in zip(touched, had, strict=True)):
+        had = self._trail.like(poses)
+        if any(count and count > self._touched(there).max(initial=0) for count, there in zip(touched, had, strict=True)):
             return False
         new = poses[[not len(there) for there in had]]
         return not len(new) or self._is_free(new, Unknown.NOT_UNDER_THE_CENTRE)

@@ -46,8 +46,10 @@ class Trail:
             dx, dy = px - x, py - y
             self._poses[k] = (pose[0] + c * dx - s * dy, pose[1] + s * dx + c * dy, heading + turned)
 
-    def like(self, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(M, 3) the poses that the robot had and that are one (3,), to a few centimetres and degrees."""
+    def like(self, poses: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+        """To each of (K, 3) poses those (M, 3) that the robot had and that are it, to a few centimetres and degrees."""
         had = np.array(self._poses).reshape(-1, 3)
-        is_there = np.hypot(had[:, 0] - pose[0], had[:, 1] - pose[1]) <= _BESIDE_M
-        return np.asarray(had[is_there & (np.abs((had[:, 2] - pose[2] + math.pi) % (2 * math.pi) - math.pi) <= _TURNED_RAD)])
+        off = np.abs(had - poses[:, None])
+        turned = np.minimum(off[..., 2] % (2 * math.pi), -off[..., 2] % (2 * math.pi))
+        is_it = (np.hypot(off[..., 0], off[..., 1]) <= _BESIDE_M) & (turned <= _TURNED_RAD)
+        return [had[one] for one in is_it]

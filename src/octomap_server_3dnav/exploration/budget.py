@@ -33,7 +33,7 @@ class Budget:
         """Whether there is a limit at all."""
         return bool(self._limit.any())
 
-    def spend(self, elapsed_s: float, driven_m: float, xyz: NDArray[np.floating], paused_s: float = 0.0) -> float:
+    def spend(self, elapsed_s: float, driven_m: float, xyz: NDArray[np.floating], paused_s: float) -> float:
         """After a sweep, `elapsed_s` since the start, `paused_s` of them by somebody, `driven_m` by odometry, and at (3,) `xyz` in map: the
         metres of the leg before it.
 

@@ -193,8 +193,8 @@ def test_what_the_first_sweep_took_is_kept_for_the_last() -> None:
 def test_robot_that_has_hardly_driven_needs_no_more_for_the_way_home_than_it_has_spent() -> None:
     """The path home leads to the next voxel, the way driven was half a millimetre: that is no pace to reckon with."""
     budget = Budget(ExplorationConfig(budget_s=60.0), since_start=True)
-    budget.spend(7.0, 0.0, np.zeros(3))
-    budget.spend(14.0, 0.0005, np.array([0.0005, 0.0, 0.0]))
+    budget.spend(7.0, 0.0, np.zeros(3), 0.0)
+    budget.spend(14.0, 0.0005, np.array([0.0005, 0.0, 0.0]), 0.0)
     assert budget.why_over(0.1) == ""
 
 

@@ -199,7 +199,7 @@ def test_robot_whose_corner_grazes_something_turns_away_from_it_and_no_deeper_in
 
 
 def holds(trail: Trail, *poses: tuple[float, float, float]) -> list[bool]:
-    return [len(trail.like(np.array(pose))) > 0 for pose in poses]
+    return [len(there) > 0 for there in trail.like(np.array(poses))]
 
 
 def test_trail_ends_where_the_robot_was_carried_away():
