@@ -1,6 +1,5 @@
 """From raw messages of IMU and wheels to an estimate for every wheel stamp: what odometry_fusion_node and ./map_bag both run."""
 
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -37,7 +36,6 @@ class FusedOdometry:
         self._filter = OdometryFilter(config, robot)
         self._imu = ImuInput(limits, rotation_of)
         self._position_of, self._frame = position_of, ""
-        self._due: deque[float] = deque()
 
     @property
     def dropped(self) -> dict[str, int]:
@@ -55,18 +53,11 @@ class FusedOdometry:
     def add_wheels(self, stamp_s: float, forward_mps: float, yaw_rate: float) -> None:
         """Takes the wheels' velocities in m/s and rad/s."""
         self._imu.add_wheels(stamp_s, yaw_rate)
-        if not self._filter.add_wheels(stamp_s, forward_mps, yaw_rate):
-            return
-        if self._due and stamp_s < self._due[-1]:
-            self._due.clear()  # time jumped back
-        self._due.append(stamp_s)
+        self._filter.add_wheels(stamp_s, forward_mps, yaw_rate)
 
     def poll(self) -> Iterator[OdometryEstimate]:
         """The estimates that are due by now, oldest first."""
-        complete_until_s = self._filter.complete_until_s
-        if complete_until_s is None:
-            return
-        while self._due and self._due[0] <= complete_until_s:
-            estimate = self._filter.estimate(self._due.popleft())
+        while (due_s := self._filter.next_due_s) is not None:
+            estimate = self._filter.estimate(due_s)
             if estimate is not None:
                 yield estimate

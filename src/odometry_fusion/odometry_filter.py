@@ -17,6 +17,7 @@ from odometry_fusion.config import OdometryConfig
 from odometry_fusion.displacement import DisplacementWatch, displaced
 from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, predict, rest
 from odometry_fusion.interval import ImuInterval, imu_interval
+from odometry_fusion.set_back import SetBackWatch
 from odometry_fusion.track import Rest, Track, Wheels, anchored, at_stamp, longer, track_covariance
 from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer
 from robot_body import RobotBody
@@ -69,6 +70,7 @@ class OdometryFilter:
         self._dropped: Counter[str] = Counter()
         self._imu: StampedBuffer[list[float]] = StampedBuffer("imu", config.jump_back_s, config.buffer_s, self._dropped)
         self._wheels: StampedBuffer[list[float]] = StampedBuffer("wheels", config.jump_back_s, config.buffer_s, self._dropped)
+        self._set_back = SetBackWatch()
         self._track: Track | None = None
         self._displacement = DisplacementWatch(config, robot)
 
@@ -82,6 +84,12 @@ class OdometryFilter:
         """Both inputs are there up to this stamp: an estimate up to it that is None now will never come. None without inputs."""
         latest = [b.last_stamp_s for b in (self._imu, self._wheels) if b.last_stamp_s is not None]
         return min(latest) + STAMP_TOLERANCE_S if len(latest) == 2 else None
+
+    @property
+    def next_due_s(self) -> float | None:
+        """Stamp of the first wheel message that no estimate was asked for yet and both inputs reach; None where there is none."""
+        following, until_s = self._wheels.first(), self.complete_until_s
+        return following[0] if following is not None and until_s is not None and following[0] <= until_s else None
 
     def mount_imu(self, position_base: ArrayLike) -> None:
         """Where (3,) in base_link the IMU is: one beside the middle feels turns. Until it is told, it is in the middle."""
@@ -97,9 +105,9 @@ class OdometryFilter:
             raise ValueError(f"an IMU sample has three rates and three accelerations, not {gyro!r} and {accel!r}")
         self._add(self._imu, stamp_s, row)
 
-    def add_wheels(self, stamp_s: float, v: float, w: float) -> bool:
-        """Takes forward velocity in m/s and yaw rate in rad/s from the encoders; False when it was dropped, as by `add_imu`."""
-        return self._add(self._wheels, stamp_s, [float(v), float(w)])
+    def add_wheels(self, stamp_s: float, v: float, w: float) -> None:
+        """Takes forward velocity in m/s and yaw rate in rad/s from the encoders; drops as `add_imu` does."""
+        self._add(self._wheels, stamp_s, [float(v), float(w)])
 
     def estimate(self, stamp_s: float) -> OdometryEstimate | None:
         """The estimate at a time; stamps asked for must not decrease.
@@ -120,20 +128,25 @@ class OdometryFilter:
             track = self._between(track, stamp_s, self._observed(*following))
         return self._described(track)
 
-    def _add(self, buffer: StampedBuffer[list[float]], stamp_s: float, row: list[float]) -> bool:
+    def _add(self, buffer: StampedBuffer[list[float]], stamp_s: float, row: list[float]) -> None:
         if not all(map(math.isfinite, (stamp_s, *row))):
             self._dropped[f"{buffer.source}_not_finite"] += 1
-            return False
-        arrival = buffer.judge(stamp_s)
-        if arrival is Arrival.LATE:
-            return False
-        if arrival is Arrival.TIME_JUMP:
-            self._imu.clear()
-            self._wheels.clear()
-            self._track = None
-            self._displacement.begin_again()
-        buffer.append(stamp_s, row)
-        return True
+        elif buffer.jumps_back(stamp_s):
+            if self._set_back.hold(buffer.source, stamp_s, row):
+                self._begin_again()
+        elif buffer.judge(stamp_s) is Arrival.IN_ORDER:
+            if late := self._set_back.late(buffer.source):
+                self._dropped[f"{buffer.source}_late"] += late
+            buffer.append(stamp_s, row)
+
+    def _begin_again(self) -> None:
+        self._dropped["time_jump"] += 1
+        self._imu.clear()
+        self._wheels.clear()
+        self._track = None
+        self._displacement.begin_again()
+        for source, stamp_s, row in self._set_back.believed():
+            self._add(self._imu if source == self._imu.source else self._wheels, stamp_s, row)
 
     def _commit_until(self, stamp_s: float) -> None:
         """Processes the wheel messages up to a time; the IMU is complete up to there."""

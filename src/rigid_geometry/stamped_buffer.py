@@ -52,15 +52,19 @@ class StampedBuffer(Generic[V]):
         """The M values held."""
         return list(self._values)
 
+    def jumps_back(self, stamp_s: float) -> bool:
+        """Whether this stamp is too old for a late message."""
+        return self._last_stamp_s is not None and stamp_s <= self._last_stamp_s - self._jump_back_s
+
     def judge(self, stamp_s: float) -> Arrival:
         """Whether a sample with this stamp comes in order; counts it when not."""
         if self._last_stamp_s is None or stamp_s > self._last_stamp_s:
             return Arrival.IN_ORDER
-        if stamp_s > self._last_stamp_s - self._jump_back_s:
-            self._dropped[f"{self.source}_late"] += 1
-            return Arrival.LATE
-        self._dropped["time_jump"] += 1
-        return Arrival.TIME_JUMP
+        if self.jumps_back(stamp_s):
+            self._dropped["time_jump"] += 1
+            return Arrival.TIME_JUMP
+        self._dropped[f"{self.source}_late"] += 1
+        return Arrival.LATE
 
     def append(self, stamp_s: float, value: V) -> None:
         """Adds the newest sample and forgets what is older than the buffer is long."""

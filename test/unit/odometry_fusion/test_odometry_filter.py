@@ -302,6 +302,29 @@ def test_time_that_jumps_back_starts_afresh():
     np.testing.assert_array_equal(again[-1].T_odom_base, estimates(data)[-1].T_odom_base)
 
 
+@pytest.mark.parametrize(("early_for_s", "afresh"), [(0.36, False), (1.5, True)])
+def test_imu_alone_that_stamps_too_early_for_a_moment_is_late_and_the_filter_goes_on(early_for_s, afresh):
+    """Found by chaos: stamps 3 s too early for 0.36 s, and the filter began again, tilted, in a motion."""
+    data = drive([REST, Motion(6.0, 0.5)])
+    early = type(data)(
+        [(s - 3.0 if 4.0 < s < 4.0 + early_for_s else s, *rest) for s, *rest in data.imu], data.wheels, data.truth, data.path_m
+    )
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
+    last = estimates(early, odometry)[-1]
+    assert (odometry.dropped.get("time_jump", 0) > 0) is afresh and (odometry.dropped.get("imu_late", 0) > 30) is not afresh
+    if not afresh:
+        np.testing.assert_allclose(last.T_odom_base, estimates(data)[-1].T_odom_base, atol=0.05)
+
+
+def test_both_inputs_that_jump_back_start_afresh_at_once():
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
+    for stamp_s in (5.0, 5.01, 2.0):
+        odometry.add_imu(stamp_s, np.zeros(3), [0, 0, 9.81])
+        odometry.add_wheels(stamp_s, 0.0, 0.0)
+    assert odometry.dropped == {"time_jump": 1}
+    assert odometry.estimate(2.0) is not None and odometry.complete_until_s == pytest.approx(2.0, abs=1e-3)
+
+
 def test_pause_of_the_imu_inflates_the_attitude_and_is_counted():
     data = drive([REST, Motion(4.0, 0.5)])
     whole = estimates(data)[-1]
