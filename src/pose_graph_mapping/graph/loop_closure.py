@@ -94,18 +94,29 @@ def find_closest_vertex(graph: PoseGraph, group: Sequence[int], last_vertex: int
 
 
 def find_loose_vertex(graph: PoseGraph, last_vertex: int, config: MappingConfig) -> int | None:
-    """The nearest vertex of the area around the last one beyond a leg that is known no better than `loose_sigma_m`, or None.
+    """The nearest vertex of the area around the last one beyond a leg that is known loosely, or None.
 
-    Where a match did not hold one direction only odometry does. Loops do not ask vertices that are so near along the graph; yet a sweep
-    from a little farther on may see what holds them.
+    Loose is a leg that is known no better than `loose_sigma_m`: where a match did not hold one direction only odometry does. Loose is
+    also one that no match spans, whatever odometry says of itself, once the last leg has one. Loops do not ask vertices that are so near
+    along the graph; yet a sweep from a little farther on may see what holds them.
     """
     positions, along = graph.poses()[:, :3, 3], graph.distances_from(last_vertex)
     straight = np.linalg.norm(positions - positions[last_vertex], axis=1)
     near = np.flatnonzero((along <= _AREAS * config.graph_dist_m) & (straight <= config.loop_grown_dist_m))
-    legs = near[near < last_vertex]
-    loose = [int(k) for k in legs if sigmas(graph.relative_covariance(int(k), int(k) + 1))[0] > config.loose_sigma_m]
+    spanned, legs = _spanned(graph), [int(k) for k in near[near < last_vertex]]
+    hanging = {k for k in legs if not spanned[k] and spanned[last_vertex - 1]}
+    loose = [k for k in legs if k in hanging or sigmas(graph.relative_covariance(k, k + 1))[0] > config.loose_sigma_m]
     beyond = near[(near <= max(loose, default=-1)) & (near < last_vertex - 1)]
     return int(beyond[np.argmin(straight[beyond])]) if len(beyond) else None
+
+
+def _spanned(graph: PoseGraph) -> NDArray[np.bool_]:
+    """(V - 1,) of every leg from a vertex to the next, whether a match or a loop leads over it."""
+    spanned = np.zeros(max(len(graph) - 1, 0), dtype=np.bool_)
+    for i, j, kind in graph.edges():
+        if kind is not EdgeKind.ODOMETRY:
+            spanned[min(i, j) : max(i, j)] = True
+    return spanned
 
 
 def beyond_correction(T_guess: Array, T_found: Array, covariance: Array, config: MappingConfig) -> str | None:
