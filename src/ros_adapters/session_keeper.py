@@ -1,6 +1,7 @@
 """The session folder of the mapping node: sweeps go to disk as they come, and a session that ended, however it ended, goes on."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from sensor_msgs.msg import PointCloud2
 
 from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.graph.finished_map import FinishedMap, Mapper
+from pose_graph_mapping.graph.light_clouds import Counts
 from pose_graph_mapping.graph.localisation import LocalisationConfig, Placement, localise
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
@@ -41,11 +43,13 @@ class SessionKeeper:
         self._diagnostics = diagnostics
         self._saved_vertices = 0
 
-    def resumed(self, config: MappingConfig, match: Match, *, terrain_has_it: bool = False) -> PoseGraphMapper | None:
+    def resumed(
+        self, config: MappingConfig, match: Match, looked_through: Sequence[Counts] = (), *, terrain_has_it: bool = False
+    ) -> PoseGraphMapper | None:
         """The mapper of the session on disk, whose map the terrain node then has too; None where there are no sweeps."""
         if not self._store or not self._store.sweeps:
             return None
-        found = resume(self._store, config, match)
+        found = resume(self._store, config, match, looked_through)
         for note in (*found.notes, *([] if terrain_has_it else self.hand_over(found.mapper.graph))):
             rospy.logwarn("session: %s", note)
             self._diagnostics.dropped("session", note)
@@ -143,6 +147,8 @@ def _hand_over_map(store: SessionStore, graph: PoseGraph) -> list[str]:
 def _hand_over_sweeps(restore: AskedService, store: SessionStore, graph: PoseGraph) -> list[str]:
     problems: list[str] = []
     for stored in store.sweeps:
+        if rospy.is_shutdown():
+            return [*problems, f"the node ends before sweep {stored.vertex_id} was handed over"]
         try:
             answer = restore(_message(store, graph, stored.vertex_id, stored.stamp_s))
         except DamagedSweepError as error:

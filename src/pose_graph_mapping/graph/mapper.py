@@ -17,13 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.graph.dead_reckoning import levelled, odometry_covariance
+from pose_graph_mapping.graph.light_clouds import Counts, LightClouds
 from pose_graph_mapping.graph.localisation import Placement
 from pose_graph_mapping.graph.loop_closure import LoopClosure, Match, beyond_correction, detect_loop_closures, sigmas
 from pose_graph_mapping.graph.mapping_update import MappingUpdate
 from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, PoseGraph, unit_up
-from pose_graph_mapping.registration.cloud import PointCloud, merged, voxel_downsample, with_normals
+from pose_graph_mapping.registration.cloud import PointCloud, merged, voxel_downsample
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
-from pose_graph_mapping.registration.seen_through import Gone, View
+from pose_graph_mapping.registration.seen_through import Gone
 from rigid_geometry import as_transform, inverse
 
 Array = NDArray[np.float64]
@@ -60,8 +61,7 @@ class PoseGraphMapper:
             raise ValueError("; ".join(problems))
         self._config, self._match = config, match
         self.graph = empty_graph(config)
-        self._clouds: list[PointCloud] = []
-        self._seen_through: list[NDArray[np.uint8]] = []  # of every point of these, by how many later sweeps
+        self._clouds = LightClouds(config)
         self._stamps_s: list[float] = []
         self._T_odom_last = np.eye(4)
         self._old_last_vertex_estimate = np.eye(4)
@@ -96,7 +96,6 @@ class PoseGraphMapper:
         T_odom_base = as_transform(T_odom_base)
         up = None if gravity_base is None or not self._config.use_gravity else unit_up(gravity_base)
         self._check(stamp_s, sweep, gravity_sigma_rad)
-        self.finish_cloud()
         cloud = voxel_downsample(sweep, self._config.vertex_voxel_m)
         edges_before = self.graph.measurements()
         with self._whole():
@@ -106,14 +105,13 @@ class PoseGraphMapper:
                 placed = self._next_vertex(cloud, T_odom_base)
             else:
                 placed = self._first_vertex(T_odom_base, up)
-            self._clouds.append(cloud)
-            self._seen_through.append(np.zeros(len(cloud), dtype=np.uint8))
+            self._clouds.add(cloud)
             self._stamps_s.append(float(stamp_s))
             if up is not None:
                 self.graph.add_gravity(len(self.graph) - 1, up, gravity_sigma_rad or self._config.gravity_sigma_rad)
             self._old_last_vertex_estimate = self.graph.pose(len(self.graph) - 1)  # 4, 19
             self._T_odom_last = T_odom_base  # 5
-            loops = detect_loop_closures(self.graph, self._cloud, self._match, self._config)  # 20
+            loops = detect_loop_closures(self.graph, self._clouds.cloud, self._match, self._config)  # 20
             self._look_through(len(self.graph) - 1)
         rejected = {id(edge) for edge in self.graph.rejected()}
         update = self._update(placed, loops)
@@ -122,13 +120,13 @@ class PoseGraphMapper:
     @contextlib.contextmanager
     def _whole(self) -> Iterator[None]:
         """What is done inside is done wholly, or not at all: a vertex without its sweep could not be saved."""
-        clouds, seen_through, stamps_s = list(self._clouds), list(self._seen_through), list(self._stamps_s)
+        clouds, stamps_s = self._clouds.copy(), list(self._stamps_s)
         last = self._T_odom_last, self._old_last_vertex_estimate
         try:
             with self.graph.whole():
                 yield
         except BaseException:
-            self._clouds, self._seen_through, self._stamps_s = clouds, seen_through, stamps_s
+            self._clouds, self._stamps_s = clouds, stamps_s
             self._T_odom_last, self._old_last_vertex_estimate = last
             raise
 
@@ -136,52 +134,53 @@ class PoseGraphMapper:
         """Solve the whole graph again and judge every match and loop; the edges that were left out by it. For the end of a session."""
         return self.graph.solve()
 
-    def restore(self, graph: PoseGraph, clouds: Sequence[PointCloud], stamps_s: Sequence[float], T_odom_last: Array) -> None:
-        """Go on with the graph and the light clouds (body frames) of an earlier session; T_odom_last (4, 4): odometry of its last sweep."""
+    def restore(
+        self,
+        graph: PoseGraph,
+        clouds: Sequence[PointCloud],
+        stamps_s: Sequence[float],
+        T_odom_last: Array,
+        looked_through: Sequence[Counts] = (),
+    ) -> None:
+        """Go on with the graph and the light clouds (body frames) of an earlier session; T_odom_last (4, 4): odometry of its last sweep.
+
+        looked_through: as that session had it; sweeps beyond it look through the others anew.
+        """
         if not 0 < len(graph) == len(clouds) == len(stamps_s):
             raise ValueError(f"{len(clouds)} clouds and {len(stamps_s)} stamps for {len(graph)} vertices, of which one is wanted at least")
-        self.graph, self._clouds, self._stamps_s = graph, list(clouds), [float(s) for s in stamps_s]
+        self.graph, self._stamps_s = graph, [float(s) for s in stamps_s]
+        self._clouds = LightClouds(self._config, clouds, looked_through)
         self._T_odom_last = as_transform(T_odom_last)
         self._old_last_vertex_estimate = graph.pose(len(graph) - 1)
-        self._seen_through = [np.zeros(len(cloud), dtype=np.uint8) for cloud in clouds]
-        for vertex_id in range(len(graph)):
+        for vertex_id in range(len(looked_through), len(graph)):
             self._look_through(vertex_id)
 
     def vertex_clouds(self) -> tuple[PointCloud, ...]:
         """The light cloud of every vertex, in its body frame, without what has gone."""
-        self.finish_cloud()
-        return tuple(self._cloud(k) for k in range(len(self._clouds)))
+        return tuple(map(self._clouds.cloud, range(len(self._clouds))))
 
     def gone(self) -> Gone:
         """What later sweeps looked through."""
-        points = tuple(cloud.points[~self._stays(k)] for k, cloud in enumerate(self._clouds))
-        return Gone(points, self._config.vertex_voxel_m)
+        return self._clouds.gone()
 
-    def _stays(self, vertex_id: int) -> NDArray[np.bool_]:
-        most = self._config.gone_sweeps or math.inf
-        return np.asarray(self._seen_through[vertex_id] < most)
-
-    def _cloud(self, vertex_id: int) -> PointCloud:
-        return self._clouds[vertex_id].selected(self._stays(vertex_id))
+    def looked_through(self) -> tuple[Counts, ...]:
+        """Of every point of every vertex's cloud, by how many later sweeps it was looked through."""
+        return self._clouds.counts()
 
     def _look_through(self, vertex_id: int) -> None:
         """Counts which points of the older sweeps around a vertex that one looks through; odometry alone does not place it well enough."""
         held = any(kind is not EdgeKind.ODOMETRY and vertex_id == j for _, j, kind in self.graph.edges())
         if not held or not self._config.gone_sweeps:
             return
-        view, T_vertex_map = View(self._clouds[vertex_id], self._config), inverse(self.graph.pose(vertex_id))
-        for k in self._near(vertex_id, self._config.graph_dist_m, self._config.loose_sigma_m):
-            if k < vertex_id:
-                through = view.through(self._clouds[k].transformed(T_vertex_map @ self.graph.pose(k)))
-                self._seen_through[k] = self._seen_through[k] + (through & self._stays(k))
+        near, T_vertex_map = (
+            self._near(vertex_id, self._config.graph_dist_m, self._config.loose_sigma_m),
+            inverse(self.graph.pose(vertex_id)),
+        )
+        self._clouds.look_through(vertex_id, {k: T_vertex_map @ self.graph.pose(k) for k in near if k < vertex_id})
 
     def finish_cloud(self) -> None:
-        """Estimates the normals of the last sweep's cloud, which the next matches need; for whoever has time before the next sweep.
-
-        By one thread: others classify meanwhile.
-        """
-        if self._clouds and self._clouds[-1].normals is None:
-            self._clouds[-1] = with_normals(self._clouds[-1], self._config.vertex_normal_neighbours, threads=1)
+        """Estimates the normals of the last sweep's cloud, which the next matches need; for whoever has time before the next sweep."""
+        self._clouds.finish_last()
 
     def area_cloud(self, distance_m: float, most_sigma_m: float = math.inf) -> PointCloud:
         """The clouds of all vertices within `distance_m` of the last one along the graph, merged, in the map frame.
@@ -189,9 +188,8 @@ class PoseGraphMapper:
         Of more than `area_most_sweeps` evenly many. Without those that are known beside it no better than `most_sigma_m`: with them the
         area shows one wall in two places.
         """
-        self.finish_cloud()
         near = self._near(len(self.graph) - 1, distance_m, most_sigma_m)
-        return merged([self._cloud(k).transformed(self.graph.pose(k)) for k in near])
+        return merged([self._clouds.cloud(k).transformed(self.graph.pose(k)) for k in near])
 
     def _near(self, vertex_id: int, distance_m: float, most_sigma_m: float) -> list[int]:
         near = evenly([int(k) for k in np.flatnonzero(self.graph.distances_from(vertex_id) <= distance_m)], self._config.area_most_sweeps)

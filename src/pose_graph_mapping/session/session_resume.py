@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.graph.light_clouds import Counts
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper, empty_graph
-from pose_graph_mapping.registration.cloud import PointCloud, vertex_cloud
+from pose_graph_mapping.registration.cloud import PointCloud, voxel_downsample
 from pose_graph_mapping.registration.matching import RegistrationResult, refused
 from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_store import DamagedSweepError, SessionStore
@@ -26,12 +28,12 @@ class Resumed:
     notes: tuple[str, ...]
 
 
-def resume(store: SessionStore, config: MappingConfig, match: Match) -> Resumed:
+def resume(store: SessionStore, config: MappingConfig, match: Match, looked_through: Sequence[Counts] = ()) -> Resumed:
     """The mapper that a session's sweeps were placed by, as it was after the last of them.
 
     A sweep that is damaged keeps its vertex and edges, has no points, and is named in the notes. Its next sweep goes to `add_sweep` with a
-    placement found by `localise`; without one where odometry has gone on all the while. ValueError for a session without sweeps, or one
-    that was stored without its graph.
+    placement found by `localise`; without one where odometry has gone on all the while. looked_through: what the mapper before knew of
+    it, which need not be found out again. ValueError for a session without sweeps, or one that was stored without its graph.
     """
     if not store.sweeps:
         raise ValueError("the session holds no sweeps that could be gone on with")
@@ -44,7 +46,7 @@ def resume(store: SessionStore, config: MappingConfig, match: Match) -> Resumed:
             graph.add_gravity(vertex_id, m.gravity_base, m.gravity_sigma_rad or config.gravity_sigma_rad)
     graph.optimise()
     mapper = PoseGraphMapper(config, _without_empty_clouds(match))
-    mapper.restore(graph, clouds, [s.stamp_s for s in store.sweeps], measured[-1].T_odom_base)
+    mapper.restore(graph, clouds, [s.stamp_s for s in store.sweeps], measured[-1].T_odom_base, looked_through)
     return Resumed(mapper, tuple(dict.fromkeys(notes)))
 
 
@@ -58,7 +60,7 @@ def _measured(store: SessionStore, vertex_id: int) -> Measured:
 def _light_cloud(store: SessionStore, vertex_id: int, config: MappingConfig, notes: list[str]) -> PointCloud:
     """What the mapper keeps of a sweep; no points where the file is damaged."""
     try:
-        return vertex_cloud(store.load_sweep(vertex_id), config.vertex_voxel_m, config.vertex_normal_neighbours)
+        return voxel_downsample(store.load_sweep(vertex_id), config.vertex_voxel_m)
     except DamagedSweepError as error:
         notes[:] = [note for note in notes if not note.startswith(store.sweeps[vertex_id].file)]
         notes.append(f"{error}; vertex {vertex_id} stays without its points")

@@ -6,6 +6,7 @@ import pytest
 from synthetic_sweeps import furnished_room, pose, sweep, world_of
 
 from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.graph.light_clouds import LightClouds
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, refused
 from pose_graph_mapping.registration.seen_through import Gone
@@ -96,6 +97,26 @@ def test_gone_on_session_has_forgotten_the_same(left, tmp_path):
     after = resume(SessionStore(tmp_path), MappingConfig(), at_the_guess).mapper
     for a, b in zip(after.gone().points, before.gone().points, strict=True):
         np.testing.assert_array_equal(a, b)
+
+
+def test_session_that_was_looked_through_is_not_looked_through_again(left, tmp_path, monkeypatch):
+    before = drive(left, store=SessionStore(tmp_path))
+    asked = []
+    look_through = LightClouds.look_through
+    monkeypatch.setattr(LightClouds, "look_through", lambda clouds, k, others: (asked.append(k), look_through(clouds, k, others)))
+    after = resume(SessionStore(tmp_path), MappingConfig(), at_the_guess, before.looked_through()).mapper
+    assert asked == []
+    for a, b in zip(after.looked_through(), before.looked_through(), strict=True):
+        np.testing.assert_array_equal(a, b)
+    resume(SessionStore(tmp_path), MappingConfig(), at_the_guess, before.looked_through()[:-1])
+    assert asked == [len(WAY) - 1], "the sweep that was on disk before it was remembered"
+
+
+def test_counts_that_do_not_fit_their_cloud_begin_at_zero(left, tmp_path):
+    before = drive(left, store=SessionStore(tmp_path))
+    counts = (before.looked_through()[0][:-5], *before.looked_through()[1:])
+    after = resume(SessionStore(tmp_path), MappingConfig(), at_the_guess, counts).mapper
+    assert not after.looked_through()[0].any() and after.looked_through()[1].any()
 
 
 def test_saved_cloud_is_without_what_has_gone_and_the_sweeps_stay_as_they_were(left, tmp_path):
