@@ -39,7 +39,7 @@ def explored(world: str, seed: int, folder: Path, options: argparse.Namespace) -
     port, more = free_port(), []
     if options.bounds:
         zones = folder.with_suffix(".yaml")
-        write_zones(zones, star(seed))
+        write_zones(star(seed), zones)
         more = ["--zones", str(zones)]
     command = ["./explore", "--headless", "--force", "--world", world, "--seed", str(seed), "--out", str(folder), "--port", str(port)]
     run = subprocess.Popen(
@@ -84,7 +84,11 @@ def main() -> int:
     parser.add_argument("more", nargs="*", help="after --: arguments of ./explore")
     options = parser.parse_args()
     table = []
-    for made in runs_made(options.worlds, options.seeds, options.keep, lambda *run: explored(*run, options)):
+
+    def make(world: str, seed: int, folder: Path) -> None:
+        explored(world, seed, folder, options)
+
+    for made in runs_made(options.worlds, options.seeds, options.keep, make):
         table.append(row(*made))
         print(*table[-1], file=sys.stderr, flush=True)
     print(text_table(HEADER, table))

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -124,7 +124,7 @@ class Drive:
         rotations = a[:3, :3] + share[:, None, None] * (b[:3, :3] - a[:3, :3])
         positions = a[:3, 3] + share[:, None] * (b[:3, 3] - a[:3, 3])
         begin_s = k * POSE_S
-        tilts = nod(begin_s + np.arange(steps + 1) * STEP_S)
+        tilts = nod(begin_s + np.arange(steps + 1, dtype=np.float64) * STEP_S)
         motion = Motion(rotations, positions, self._mount.true_tilts(tilts), STEP_S)
         layout = self._laser.geometry
         geometry = ScanGeometry(layout.angle_min, layout.angle_increment, layout.time_increment, layout.beams)
@@ -149,7 +149,7 @@ class OwnMap:
         """The terrain with one more half-sweep, around the robot."""
         T_base_map = inverse(T_map_base)
 
-        def joined_in_base(parts: list[Array]) -> NDArray[np.float32]:
+        def joined_in_base(parts: Sequence[NDArray[np.floating]]) -> NDArray[np.float32]:
             return transform_points(T_base_map, np.concatenate(parts).astype(np.float64)).astype(np.float32)
 
         points, free = joined_in_base([one.hits for one in lines]), joined_in_base([one.free_ends for one in lines])

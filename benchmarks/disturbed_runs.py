@@ -102,7 +102,7 @@ def explored(world: str, seed: int, folder: Path, script: str, more: list[str]) 
     subprocess.run(command, cwd=ROOT, stdout=subprocess.DEVNULL, check=False)
 
 
-def runs_made(worlds: str, seeds: str, keep: Path | None, make: Callable[[str, int, Path], object]) -> Iterator[tuple[str, int, Path]]:
+def runs_made(worlds: str, seeds: str, keep: Path | None, make: Callable[[str, int, Path], None]) -> Iterator[tuple[str, int, Path]]:
     """World, seed and folder of every run; those that `keep` does not hold are made first, without it for as long as they are looked at."""
     with tempfile.TemporaryDirectory() as made:
         for world in worlds.split(","):
@@ -123,7 +123,11 @@ def main() -> int:
     parser.add_argument("more", nargs="*", help="after --: arguments of ./explore")
     options = parser.parse_args()
     table = []
-    for made in runs_made(options.worlds, options.seeds, options.keep, lambda *run: explored(*run, options.script, options.more)):
+
+    def make(world: str, seed: int, folder: Path) -> None:
+        explored(world, seed, folder, options.script, options.more)
+
+    for made in runs_made(options.worlds, options.seeds, options.keep, make):
         table += rows(*made)
         print(*table[-1], file=sys.stderr, flush=True)
     print(text_table(HEADER, table))

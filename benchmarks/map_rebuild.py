@@ -75,6 +75,13 @@ def seconds(call: Callable[[], object]) -> float:
     return time.process_time() - begin
 
 
+def timed_map(beams: list[Beams], poses: Array) -> tuple[float, OctreeMap]:
+    """Processor time of a map from scratch, and the map."""
+    begin = time.process_time()
+    tree = from_scratch(beams, poses).tree
+    return time.process_time() - begin, tree
+
+
 class Follower:
     """A builder whose vertices can be moved: every time with one more, empty sweep, as a pose graph tells of it."""
 
@@ -95,10 +102,9 @@ def rebuild_row(name: str, beams: list[Beams], poses: Array, moved: Array, round
     """One line of the table."""
     times, same = [], True
     for _ in range(rounds):
-        built: list[OctreeMap] = []
-        scratch = seconds(lambda kept=built: kept.append(from_scratch(beams, moved).tree))
+        scratch, built = timed_map(beams, moved)
         times.append((scratch, *follower.move(moved)))
-        same &= follower.builder.tree.to_full() == built[0].to_full()
+        same &= follower.builder.tree.to_full() == built.to_full()
         follower.move(poses)
     scratch, near, rest = (statistics.median(column) for column in zip(*times, strict=True))
     return (

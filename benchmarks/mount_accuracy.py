@@ -60,11 +60,11 @@ class BentMount:
         config = SimulationConfig(mount_roll_rad=self.truth.mount_roll_rad, tilt_backlash_rad=0.0, tilt_offset_sigma_rad=0.0)
         laser, profile = Laser(config, ROBOT, self.world, rng), sweep_profile(config)
         ticks = math.ceil((profile.duration_s + 2 * REST_S) / SCAN_S)
-        steps = np.arange(ticks * round(SCAN_S / STEP_S) + 1) * STEP_S
+        steps = np.arange(ticks * round(SCAN_S / STEP_S) + 1, dtype=np.float64) * STEP_S
         commanded = profile.tilt_at(steps - REST_S)
         bent = self.truth.true_tilt(commanded, tilt_directions(commanded, self.truth.backlash_rad))
         motion = Motion(np.tile(T_map_base[:3, :3], (len(steps), 1, 1)), np.tile(T_map_base[:3, 3], (len(steps), 1)), bent, STEP_S)
-        stamps = np.arange(ticks + 1) * SCAN_S
+        stamps = np.arange(ticks + 1, dtype=np.float64) * SCAN_S
         scans = np.stack(laser.scans(motion, stamps[:-1]))
         measured = profile.tilt_at(stamps - REST_S) + config.tilt_encoder_sigma_rad * rng.standard_normal(ticks + 1)
         times = stamps[:-1, None] + np.arange(laser.geometry.beams) * laser.geometry.time_increment

@@ -12,7 +12,7 @@ import statistics
 import sys
 import tempfile
 import time
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,16 @@ ROOMS = (("5 m room", 2.5, 10.0), ("20 m hall", 10.0, 10.0), ("40 m hall", 20.0,
 _HEADER = (
     "| room | range | pyoctomap ms | with discretize ms | this ms | times faster | occupied voxels; differing after one sweep, after all |"
 )
+
+
+class Theirs(Protocol):
+    """What is asked of a tree of pyoctomap."""
+
+    def insertPointCloud(
+        self, points: NDArray[np.float64], origin: NDArray[np.float64], *, max_range: float, discretize: bool = False
+    ) -> object: ...
+
+    def write(self, filename: str) -> object: ...
 
 
 def occupied_of(octree: OctreeMap) -> NDArray[np.int64]:
@@ -41,7 +51,7 @@ def differing(a: NDArray[np.int64], b: NDArray[np.int64]) -> int:
     return len(set(map(tuple, a.tolist())) ^ set(map(tuple, b.tolist())))
 
 
-def differing_from(tree: Any, ours: OctreeMap) -> int:
+def differing_from(tree: Theirs, ours: OctreeMap) -> int:
     """Occupied voxels that are in one of both only."""
     with tempfile.TemporaryDirectory() as folder:
         tree.write(f"{folder}/theirs.ot")
@@ -50,9 +60,10 @@ def differing_from(tree: Any, ours: OctreeMap) -> int:
 
 def compared(half_size: float, max_range_m: float, count: int) -> tuple[list[float], int, list[int]]:
     """Median milliseconds of pyoctomap, of it with discretize, and of ours; occupied voxels, and how many differ after every sweep."""
-    import pyoctomap  # type: ignore[import-not-found]  # it is no requirement of the project
+    import pyoctomap  # it is no requirement of the project
 
-    theirs, coarser = pyoctomap.OcTree(RESOLUTION_M), pyoctomap.OcTree(RESOLUTION_M)
+    theirs: Theirs = pyoctomap.OcTree(RESOLUTION_M)
+    coarser: Theirs = pyoctomap.OcTree(RESOLUTION_M)
     ours = OctreeMap(RESOLUTION_M, SensorModel(miss=0.4, min=0.12, grazing_m=0.0))
     times: tuple[list[float], ...] = ([], [], [])
     differ = []

@@ -5,6 +5,7 @@
 For asked_runs.py; ends with the last pause, or when the master is gone.
 """
 
+import argparse
 import json
 import sys
 import time
@@ -65,12 +66,15 @@ class Pauser:
 
 
 def main() -> int:
-    seed, pauses = map(int, sys.argv[1:])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("seed", type=int)
+    parser.add_argument("pauses", type=int)
+    options = parser.parse_args()
     rospy.init_node("pauser", disable_rostime=True)
-    rng, pauser, told = np.random.default_rng(seed), Pauser(), Told()
+    rng, pauser, told = np.random.default_rng(options.seed), Pauser(), Told()
     try:
         if pauser.wait_for("exploring", BEGIN_S):
-            for _ in range(pauses):
+            for _ in range(options.pauses):
                 time.sleep(rng.uniform(*BETWEEN_S))
                 pauser.pause(rng.uniform(*LONG_S), told)
     except (rospy.ServiceException, rospy.ROSException) as error:

@@ -11,29 +11,33 @@ squared Mahalanobis distances, of these edges only. --gnc times gtsam's own grad
 import argparse
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import gtsam
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from mapping_tools.graph_solving import numbered, solve_plain, solve_robust
+from mapping_tools.graph_solving import SolvedGraph, numbered, solve_plain, solve_robust
 from pose_graph_mapping.graph.graph_files import read_graph_file
 
 ROOT = Path(__file__).resolve().parents[1]
+Array = NDArray[np.float64]
+Words = list[str]
 ORDER = np.ix_([3, 4, 5, 0, 1, 2], [3, 4, 5, 0, 1, 2])
 
 
-def edge_lines(path):
+def edge_lines(path: Path) -> list[Words]:
     """The words of every EDGE3 line."""
     return [line.split() for line in path.read_text().splitlines() if line.startswith("EDGE3")]
 
 
-def is_loop(words):
+def is_loop(words: Words) -> bool:
     return int(words[2]) != int(words[1]) + 1
 
 
-def replaced(lines, kind, share, seed):
+def replaced(lines: Sequence[Words], kind: str, share: float, seed: int) -> tuple[list[Words], set[int]]:
     """The lines with a share of the loops replaced, and which those are: other measurements of the same vertices, or other vertices."""
     rng, lines = np.random.default_rng(seed), [list(words) for words in lines]
     vertices = 1 + max(int(words[2]) for words in lines)
@@ -49,7 +53,7 @@ def replaced(lines, kind, share, seed):
     return lines, set(chosen)
 
 
-def gtsam_factors(lines):
+def gtsam_factors(lines: Sequence[Words]) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values]:
     """The graph as gtsam builds it, first vertex held at the origin, and the values along its odometry."""
     factors, values, upper = gtsam.NonlinearFactorGraph(), gtsam.Values(), np.triu_indices(6)
     factors.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(), gtsam.noiseModel.Isotropic.Sigma(6, 1e-3)))
@@ -67,7 +71,7 @@ def gtsam_factors(lines):
     return factors, values
 
 
-def batch(lines):
+def batch(lines: Sequence[Words]) -> tuple[gtsam.NonlinearFactorGraph, gtsam.Values, float]:
     """gtsam's optimum of the lines, its factors, and its wall time."""
     factors, start = gtsam_factors(lines)
     began = time.perf_counter()
@@ -78,14 +82,14 @@ def batch(lines):
     return factors, best, time.perf_counter() - began
 
 
-def as_values(poses):
+def as_values(poses: Array) -> gtsam.Values:
     values = gtsam.Values()
     for k, T in enumerate(poses):
         values.insert(k, gtsam.Pose3(T))
     return values
 
 
-def ours(lines, plain):
+def ours(lines: Sequence[Words], plain: bool) -> tuple[SolvedGraph, float]:
     """Our solution of the lines, read from a file as ./optimize_graph reads them, and its wall time."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "graph.txt"
@@ -96,7 +100,7 @@ def ours(lines, plain):
     return solved, time.perf_counter() - began
 
 
-def gtsam_gnc(lines):
+def gtsam_gnc(lines: Sequence[Words]) -> tuple[set[int], gtsam.Values, float]:
     """gtsam's graduated solver with the odometry known to be right: which edges it leaves out, its values and wall time."""
     factors, start = gtsam_factors(lines)
     params = gtsam.GncLMParams()
@@ -109,7 +113,15 @@ def gtsam_gnc(lines):
     return set(np.flatnonzero(np.ravel(optimizer.getWeights())[1:] < 0.5).tolist()), values, time.perf_counter() - began
 
 
-def row(name, clean, reference, values, left_out, false, seconds):
+def row(
+    name: str,
+    clean: gtsam.NonlinearFactorGraph,
+    reference: gtsam.Values,
+    values: gtsam.Values,
+    left_out: set[int],
+    false: set[int],
+    seconds: float,
+) -> None:
     error, best = clean.error(values), clean.error(reference)
     print(
         f"| {name} | {error:.4f} | {best:.4f} | {100 * (error / best - 1):+.4f} % | {len(false - left_out)} | {len(left_out - false)} "
@@ -118,7 +130,7 @@ def row(name, clean, reference, values, left_out, false, seconds):
     )
 
 
-def clean_graph(lines):
+def clean_graph(lines: Sequence[Words]) -> Array:
     """Two rows: every edge believed, and edges judged where none is false."""
     factors, best, seconds = batch(lines)
     print(f"{len(lines)} edges, {sum(is_loop(words) for words in lines)} of them loops; gtsam's batch takes {seconds:.1f} s\n")
@@ -130,7 +142,7 @@ def clean_graph(lines):
     return solved.poses
 
 
-def truth_distance(path, poses):
+def truth_distance(path: Path, poses: Array) -> None:
     """RMS distance to the true positions along the ground truth's odometry, aligned at the first vertex."""
     if path.exists():
         _, truth = gtsam_factors([words for words in edge_lines(path) if not is_loop(words)])
@@ -139,7 +151,7 @@ def truth_distance(path, poses):
         print(f"\nRMS distance to the ground truth, aligned at the first vertex: {rms_m:.3f} m")
 
 
-def main():
+def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data")

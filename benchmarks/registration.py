@@ -46,9 +46,9 @@ HEADER = ("world", "yaw deg", "shift m", "method", "right %", "wrong %", "cm", "
 REAL_HEADER = ("real room", "no guess ms", "known ms", "cm apart", "deg apart", "verdict")
 
 
-def ours(**parameters: object) -> Method:
-    """This project's, as it comes."""
-    matcher = create_registration(RegistrationConfig(**parameters))  # type: ignore[arg-type]
+def ours(config: RegistrationConfig) -> Method:
+    """This project's."""
+    matcher = create_registration(config)
 
     def run(reference: PointCloud, reading: PointCloud, T_guess: Array, covariance: Array | None) -> tuple[Array, str]:
         result = matcher.match(reference, reading, T_guess, covariance)
@@ -102,11 +102,13 @@ def open3d_features(reference: PointCloud, reading: PointCloud, T_guess: Array, 
     registration = o3d.pipelines.registration
     coarse = [_open3d_cloud(c.points, COARSE_VOXEL_M) for c in (reference, reading)]
     around = o3d.geometry.KDTreeSearchParamHybrid(radius=5 * COARSE_VOXEL_M, max_nn=100)
-    features = [registration.compute_fpfh_feature(c, around) for c in coarse]
-    distance = 1.5 * COARSE_VOXEL_M
+    features = [registration.compute_fpfh_feature(c, around, range(len(c.points))) for c in coarse]
+    (target, source), (target_feature, source_feature), distance = coarse, features, 1.5 * COARSE_VOXEL_M
     found = registration.registration_ransac_based_on_feature_matching(
-        *coarse[::-1],
-        *features[::-1],
+        source,
+        target,
+        source_feature,
+        target_feature,
         True,
         distance,
         registration.TransformationEstimationPointToPoint(False),
@@ -119,8 +121,8 @@ def open3d_features(reference: PointCloud, reading: PointCloud, T_guess: Array, 
 
 
 METHODS: dict[str, Method] = {
-    "ours": ours(),
-    "thesis_chain": ours(method="thesis_chain"),
+    "ours": ours(RegistrationConfig()),
+    "thesis_chain": ours(RegistrationConfig(method="thesis_chain")),
     "small_gicp GICP": small_gicp_align("GICP"),
     "small_gicp VGICP": small_gicp_align("VGICP"),
     "open3d ICP": open3d_icp,
@@ -148,10 +150,10 @@ class Answer:
         return self.metres < RIGHT_M and self.degrees < RIGHT_DEG
 
 
-def timed(run: Method, *arguments: object) -> tuple[float, Array, str]:
+def timed(run: Method, reference: PointCloud, reading: PointCloud, T_guess: Array, covariance: Array | None) -> tuple[float, Array, str]:
     """Milliseconds of wall time, then what the method gave."""
     start = time.perf_counter()
-    T_found, verdict = run(*arguments)  # type: ignore[arg-type]
+    T_found, verdict = run(reference, reading, T_guess, covariance)
     return 1e3 * (time.perf_counter() - start), T_found, verdict
 
 
@@ -175,17 +177,20 @@ def scores(answers: Sequence[Answer]) -> list[object]:
     return [*shares, *off, float(np.median([a.milliseconds for a in answers]))]
 
 
+def real_cloud(path: Path) -> PointCloud:
+    """A real scan without the car that carried the scanner."""
+    points = np.asarray(o3d.io.read_point_cloud(path).points)
+    points = points[np.linalg.norm(points, axis=1) > VEHICLE_M]
+    return PointCloud(points, np.zeros_like(points))
+
+
 def real_pair(folder: Path) -> list[list[object]]:
     """Rows of the real room: each method from no guess, against itself from the known one."""
-    clouds = []
-    for path in (folder / "room_scan1.pcd", folder / "room_scan2.pcd"):
-        points = np.asarray(o3d.io.read_point_cloud(str(path)).points)
-        points = points[np.linalg.norm(points, axis=1) > VEHICLE_M]
-        clouds.append(PointCloud(points, np.zeros_like(points)))
+    reference, reading = (real_cloud(folder / f"room_scan{k}.pcd") for k in (1, 2))
     rows: list[list[object]] = []
-    for name, run in (METHODS | {"ours": ours(max_contradiction=MOVING_THINGS)}).items():
-        from_nothing = timed(run, *clouds, np.eye(4), None)
-        from_known = timed(run, *clouds, T_REAL_GUESS, None)
+    for name, run in (METHODS | {"ours": ours(RegistrationConfig(max_contradiction=MOVING_THINGS))}).items():
+        from_nothing = timed(run, reference, reading, np.eye(4), None)
+        from_known = timed(run, reference, reading, T_REAL_GUESS, None)
         metres, degrees = errors(from_known[1], from_nothing[1])
         rows.append([name, from_nothing[0], from_known[0], f"{100 * metres:.2f}", f"{degrees:.3f}", f"{from_nothing[2]}, {from_known[2]}"])
     return rows

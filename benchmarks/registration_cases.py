@@ -79,7 +79,7 @@ class SweepingLaser:
     def sweep(self, T_map_base: Array) -> PointCloud:
         """Points and beam origins in base_link, as the robot believes them to be."""
         ticks = math.ceil((self._profile.duration_s + 2 * START_S) / SCAN_S)
-        stamps = np.arange(ticks + 1) * SCAN_S + ARRIVED_S
+        stamps = np.arange(ticks + 1, dtype=np.float64) * SCAN_S + ARRIVED_S
         ranges = self._laser.scans(self._motion(T_map_base, ticks), stamps[:-1] - ARRIVED_S)
         measured = self._profile.tilt_at(stamps - ARRIVED_S - START_S) + self._config.tilt_encoder_sigma_rad * self._rng.standard_normal(
             ticks + 1
@@ -120,7 +120,7 @@ class SweepingLaser:
     def _motion(self, T_map_base: Array, ticks: int) -> Motion:
         """Standing still while the laser tilts."""
         steps = ticks * round(SCAN_S / STEP_S) + 1
-        tilts = self._profile.tilt_at(np.arange(steps) * STEP_S - START_S)
+        tilts = self._profile.tilt_at(np.arange(steps, dtype=np.float64) * STEP_S - START_S)
         true = tilts if self._mount is None else self._mount.true_tilts(tilts)
         return Motion(np.tile(T_map_base[:3, :3], (steps, 1, 1)), np.tile(T_map_base[:3, 3], (steps, 1)), true, STEP_S)
 

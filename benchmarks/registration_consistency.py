@@ -63,10 +63,9 @@ def consistency_of(matcher: Registration, case: Case, mount: str, repeat: int) -
     if not result.usable:
         return Consistency(case.name, case.world, mount)
     error, covariance = body_error(case.T_map_base, result.T_reference_reading), result.covariance
-    parts = (normalised(error[k], covariance[k, k]) for k in (slice(0, 6), slice(0, 3), slice(3, 6)))
-    return Consistency(
-        case.name, case.world, mount, *parts, float(np.linalg.norm(error[3:])), math.degrees(float(np.linalg.norm(error[:3])))
-    )
+    nees, rotation, translation = (normalised(error[k], covariance[k, k]) for k in (slice(0, 6), slice(0, 3), slice(3, 6)))
+    metres, degrees = float(np.linalg.norm(error[3:])), math.degrees(float(np.linalg.norm(error[:3])))
+    return Consistency(case.name, case.world, mount, nees, rotation, translation, metres, degrees)
 
 
 def row(mount: str, world: str, found: Sequence[Consistency]) -> list[object]:

@@ -9,7 +9,6 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import gtsam
 import numpy as np
@@ -133,7 +132,7 @@ def share(flags: Sequence[bool]) -> float:
     return 100.0 * sum(flags) / len(flags) if flags else math.nan
 
 
-def text_table(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+def text_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
     """Columns of plain text, the first to the left and the rest to the right; floats with one digit."""
     cells = [list(header), *([f"{c:.1f}" if isinstance(c, float) else str(c) for c in row] for row in rows)]
     widths = [max(len(row[k]) for row in cells) for k in range(len(header))]
@@ -164,7 +163,7 @@ def matcher_parser(description: str | None) -> argparse.ArgumentParser:
     return parser
 
 
-def write_json(path: Path | None, content: Any) -> None:
+def write_json(path: Path | None, content: object) -> None:
     """Writes what was measured, if a file was asked for; OSError when it cannot be written."""
     if path is not None:
         path.write_text(json.dumps(content, indent=1, default=str) + "\n", encoding="utf-8")

@@ -12,10 +12,11 @@ import math
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from registration_cases import Case, case_of
+from registration_cases import SWEEPS_A_DRIVE, Case, case_of
 from registration_scores import (
     Guess,
     Outcome,
@@ -53,7 +54,12 @@ class Trial:
     T_true: Array | None
 
 
-Source = Callable[..., Case]
+class Source(Protocol):
+    """Where cases come from: the k-th of a world, of drives of so many sweeps."""
+
+    def __call__(self, world: str, k: int, sweeps: int = SWEEPS_A_DRIVE) -> Case: ...
+
+
 Maker = Callable[[Source, np.random.Generator, int], Trial]
 
 
@@ -149,8 +155,8 @@ KINDS = RIGHT | WRONG
 def outcome_of(matcher: Registration, kind: str, k: int, options: argparse.Namespace) -> Outcome:
     """The k-th match of a kind; it depends on the seed, the kind and k alone."""
 
-    def source(world: str, index: int, **more: int) -> Case:
-        return case_of(world, index, options.mount, options.cache, **more)
+    def source(world: str, k: int, sweeps: int = SWEEPS_A_DRIVE) -> Case:
+        return case_of(world, k, options.mount, options.cache, sweeps)
 
     trial = KINDS[kind][1](source, np.random.default_rng([options.seed, k, *kind.encode()]), k)
     return judged(f"{kind}/{k} ({trial.case.name})", matcher, trial.case, trial.guess, trial.T_true)[0]

@@ -13,9 +13,11 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "src"), str(ROOT / "test" / "unit" / "pose_graph_mapping")]
@@ -34,11 +36,12 @@ from rigid_geometry import inverse, rotation_angle, transform_from_rpy, translat
 INTERVAL_S = 10.0
 
 
-def write_sweeps(path, count, seed):
+def write_sweeps(path: Path, count: int, seed: int) -> None:
     """Simulated sweeps once around a room, with odometry that drifts, in one file."""
     from synthetic_sweeps import furnished_room, pose, sweep, world_of
 
-    rng, scene, arrays = np.random.default_rng(seed), world_of(furnished_room()), {}
+    rng, scene = np.random.default_rng(seed), world_of(furnished_room())
+    arrays: dict[str, NDArray[np.floating]] = {}
     angles = np.linspace(0.0, 2.0 * np.pi, count)
     truth = [pose(2.4 * np.cos(a), 1.7 * np.sin(a), a + np.pi / 2) for a in angles]
     T_odom = truth[0]
@@ -47,14 +50,14 @@ def write_sweeps(path, count, seed):
             T_odom = T_odom @ inverse(truth[k - 1]) @ T @ transform_from_rpy((0.03, -0.02, 0.0), (0, 0, 0.03))
         points, origins = sweep(scene, T, rng)
         arrays |= {f"points{k}": points.astype(np.float32), f"origins{k}": origins.astype(np.float32), f"T{k}": T_odom, f"up{k}": T[2, :3]}
-    np.savez(path, **arrays)
+    np.savez(path, allow_pickle=False, **arrays)
 
 
-def say(*words):
+def say(*words: object) -> None:
     print(*words, flush=True)
 
 
-def map_sweeps(data, folder, odometry_continues):
+def map_sweeps(data: Path, folder: Path, odometry_continues: bool) -> None:
     """The child: maps what is not mapped yet, and says of every sweep when it begins to write it and when it is accepted."""
     match, config = create_registration(RegistrationConfig()).match, MappingConfig()
     sweeps, count = np.load(data), len(np.load(data).files) // 4
@@ -77,7 +80,7 @@ def map_sweeps(data, folder, odometry_continues):
     say("saved", time.process_time() - begun)
 
 
-def child(data, folder, odometry_continues):
+def child(data: Path, folder: Path, odometry_continues: bool) -> subprocess.Popen[str]:
     """A process that maps `data` into `folder`."""
     command = [sys.executable, __file__, "--child", str(folder), "--data", str(data)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT / "src"), os.environ.get("PYTHONPATH", "")])}
@@ -85,9 +88,10 @@ def child(data, folder, odometry_continues):
     return subprocess.Popen(command + more, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
 
 
-def wait_for(process, wanted):
+def wait_for(process: subprocess.Popen[str], wanted: str) -> list[str]:
     """Lines of a child up to the one that begins with `wanted`; all of them when it never comes."""
-    lines = []
+    lines: list[str] = []
+    assert process.stdout is not None
     for line in process.stdout:
         lines.append(line.strip())
         if line.startswith(wanted):
@@ -95,7 +99,7 @@ def wait_for(process, wanted):
     return lines
 
 
-def killed_run(data, folder, after, seconds, odometry_continues):
+def killed_run(data: Path, folder: Path, after: str, seconds: float, odometry_continues: bool) -> int:
     """Sweeps that a child said were accepted before it was killed, `seconds` after its line that begins with `after`."""
     process = child(data, folder, odometry_continues)
     lines = wait_for(process, after)
@@ -105,7 +109,7 @@ def killed_run(data, folder, after, seconds, odometry_continues):
     return sum(line.startswith("accepted") for line in lines + rest.splitlines())
 
 
-def whole_run(data, folder, odometry_continues=False):
+def whole_run(data: Path, folder: Path, odometry_continues: bool = False) -> tuple[int, PoseGraph | None, float, list[str]]:
     """Runs a child to its end: the sweeps it found there, its final graph or None, its seconds of work, and its last words."""
     process = child(data, folder, odometry_continues)
     lines = wait_for(process, "saved")
@@ -116,13 +120,15 @@ def whole_run(data, folder, odometry_continues=False):
     return found, PoseGraph.load_g2o(folder / "graph.g2o"), float(lines[-1].split()[1]), []
 
 
-def difference(graph, other):
+def difference(graph: PoseGraph, other: PoseGraph) -> tuple[float, float]:
     """Greatest distance (m) and angle (rad) between the poses of two graphs."""
     pairs = list(zip(graph.poses(), other.poses(), strict=True))
     return max(translation_distance(a, b) for a, b in pairs), max(rotation_angle(inverse(a) @ b) for a, b in pairs)
 
 
-def kill_and_resume(arguments, folder, data, undisturbed, seconds):
+def kill_and_resume(
+    arguments: argparse.Namespace, folder: Path, data: Path, undisturbed: PoseGraph, seconds: float
+) -> Iterator[tuple[int, float, float] | None]:
     """A line and (sweeps lost, metres, radians) or None a kill."""
     rng = np.random.default_rng(arguments.seed)
     for number in range(arguments.kills):
@@ -144,7 +150,7 @@ def kill_and_resume(arguments, folder, data, undisturbed, seconds):
         yield max(0, accepted - found), metres, radians
 
 
-def main():
+def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument("--seed", type=int, default=1)

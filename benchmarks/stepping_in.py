@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from collision_monitor import CollisionMonitor, CollisionMonitorConfig
 from local_terrain_costmap import CostmapConfig, LocalCostmap
-from pybullet_simulation import Simulation, SimulationConfig, TimingConfig
+from pybullet_simulation import Simulation, SimulationConfig, TickData, TimingConfig
 from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.solids import box, walls_around
 from pybullet_simulation.world import World, joined
-from rigid_geometry import transform_points, yaw_of
+from rigid_geometry import inverse, transform_points, yaw_of
 from robot_body import RobotBody
 from simulated_movers import MoverSpec
 from simulated_movers.shapes import RADIUS_M
@@ -91,17 +91,17 @@ class Robot:
         self._see(data)
         return self.simulation.T_world_base, v
 
-    def _see(self, data: object) -> None:
+    def _see(self, data: TickData) -> None:
         T = self.simulation.T_world_base
         self.costmap.recenter(T[0, 3], T[1, 3])
-        for joint in data.joints:  # type: ignore[attr-defined]
+        for joint in data.joints:
             self._lines.add_joint(joint.stamp_s, joint.positions[0])
             self._tilts.append((joint.stamp_s, joint.positions[0]))
-        self._lines.add_odometry(data.stamp_s, T)  # type: ignore[attr-defined]
+        self._lines.add_odometry(data.stamp_s, T)
         layout = self.simulation.scan_geometry
         geometry = ScanGeometry(layout.angle_min, layout.angle_increment, layout.time_increment, layout.beams)
         at, tilts = np.array(self._tilts[-40:]).T if self._tilts else (np.zeros(1), np.zeros(1))
-        for one in data.scans:  # type: ignore[attr-defined]
+        for one in data.scans:
             scan = Scan(geometry, one.ranges, layout.range_min, layout.range_max)
             beams = np.interp(one.stamp_s + geometry.beam_times, at, tilts)
             self._lines.add_reading(one.stamp_s, scan.with_ranges(self._filter.filter(scan, beams)))
@@ -121,7 +121,7 @@ def trial(seed: int, speed: float, *, nods: bool, guarded: bool) -> Trial:
         T, _ = robot.tick(speed)
         assert robot.simulation.crowd is not None
         place = robot.simulation.crowd.places()[0, :2]
-        local = transform_points(np.linalg.inv(T), np.array([[*place, T[2, 3]]]))[0]
+        local = transform_points(inverse(T), np.array([[*place, T[2, 3]]]))[0]
         found.touch_mps = max([found.touch_mps, *robot.touches])
         in_way = (
             abs(local[1]) < ROBOT.half_width_m + RADIUS_M["person"] and 0.0 < local[0] <= AHEAD_M + ROBOT.half_length_m + RADIUS_M["person"]

@@ -20,6 +20,7 @@ from unittest import mock
 import numpy as np
 import yaml
 from map_rebuild import Array, from_scratch, recorded
+from numpy.typing import NDArray
 
 from exploration_evaluation import EvaluationConfig, RobotShape, reachable_ground, read_mesh, read_trajectory, trajectory_errors
 from exploration_evaluation.classification import EDGE, classification
@@ -34,21 +35,27 @@ from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.surfaces import Surfaces
 from rigid_geometry import transform_from_rpy, transform_points
 from robot_body import RobotBody
+from stage_config import load_config
 
 NOISES = {"as it is": (0.0, 0.0, 0.0), "+1 cm": (0.01, 0.0, 0.0), "+2 cm": (0.02, 0.0, 0.0), "poses": (0.0, 0.01, np.deg2rad(0.1))}
 """Name -> sigma of ranges in m, of a pose's place in m along each axis, of its angles in rad about each."""
 
 
+def as_configured(limits: Limits) -> Limits:
+    """Nothing is changed."""
+    return limits
+
+
 @dataclass(frozen=True)
 class Off:
-    """What is to be changed to switch a part off: values of `TerrainConfig`, or names of `terrain.scene` and `terrain.classify`."""
+    """What is to be changed to switch a part off: values of `TerrainConfig`, functions that `terrain.scene` calls, or limits."""
 
     config: dict[str, object] = field(default_factory=dict)
     scene: dict[str, Callable[..., object]] = field(default_factory=dict)
-    limits: dict[str, float] = field(default_factory=dict)
+    limits: Callable[[Limits], Limits] = as_configured
 
 
-def raw_steps(near: Array, surfaces: Surfaces, limits: Limits) -> Array:
+def raw_steps(near: NDArray[np.int32], surfaces: Surfaces, limits: Limits) -> NDArray[np.int32]:
     """`near` without the edges between columns that differ by more than the highest step, as each was measured alone."""
     rise = np.abs(surfaces.height[near] - surfaces.height[:, None])
     return np.where(rise > limits.max_step, -1, near).astype(np.int32)
@@ -63,8 +70,8 @@ VARIANTS = {
     "look beyond edges": Off({"look_m": 0.1}),
     "centred heights": Off(scene={"centred_heights": lambda near, surfaces: surfaces.height}),
     "jumps of planes": Off(scene={"steppable_neighbours": raw_steps}),
-    "planes of the robot": Off(limits={"max_plane_slope": 0.0}),
-    "slopes": Off(limits={"max_slope": 10.0, "max_plane_slope": 10.0}),
+    "planes of the robot": Off(limits=lambda limits: limits._replace(max_plane_slope=0.0)),
+    "slopes": Off(limits=lambda limits: limits._replace(max_slope=10.0, max_plane_slope=10.0)),
 }
 HEAD = "| variant | noise | maps | beyond one voxel m2, most | maps with any | within it m2, mean | wrongly unsafe %, mean | spread |"
 
@@ -129,12 +136,15 @@ def cases(run: Path, noises: Sequence[str], cache: Path) -> dict[str, Case]:
 
 def judged(case: Case, off: Off) -> Judged:
     """The whole map classified, with parts switched off, and held against the truth."""
-    config, limits_of = replace(TerrainConfig(), **off.config), Limits.of
+    config, limits_of = load_config(TerrainConfig, off.config), Limits.of
+
+    def limits(config: TerrainConfig, robot: RobotBody, resolution: float) -> Limits:
+        return off.limits(limits_of(config, robot, resolution))
+
     with ExitStack() as stack:
         for name, instead in off.scene.items():
             stack.enter_context(mock.patch.object(scene, name, instead))
-        limits = mock.Mock(of=lambda *arguments: limits_of(*arguments)._replace(**off.limits))
-        stack.enter_context(mock.patch.object(classification_stage, "Limits", limits))
+        stack.enter_context(mock.patch.object(classification_stage, "Limits", mock.Mock(of=limits)))
         terrain = classify(case.runs, case.T_map_base, config, RobotBody(), None, case.heights)
     centres = transform_points(case.T_world_map, terrain.centers().astype(np.float64))
     found = classification(case.true, centres, terrain.label)

@@ -17,6 +17,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -35,6 +36,8 @@ LOCAL_RADIUS_M = 6.0
 TURNS = 3  # of the versions that are compared
 Array = NDArray[np.float64]
 Times = dict[str, float]
+Corner = tuple[float, float, float]
+Box = tuple[Corner, Corner] | tuple[None, None]
 
 
 def two_level_world(resolution: float = 0.08) -> ColumnRuns:
@@ -94,11 +97,15 @@ def runs_rows(name: str, runs: ColumnRuns, T_map_base: Array, count: int) -> Ite
     for scope, radius in (("local 6 m", LOCAL_RADIUS_M), ("whole map", None)):
         terrain = classify(runs, T_map_base, TerrainConfig(), RobotBody(), radius)
         what = f"{name}, {scope} ({terrain.label.size} voxels)"
-        yield f"{what}: classify", median_ms(lambda r=radius: classify(runs, T_map_base, TerrainConfig(), RobotBody(), r), count)
-        yield f"{what}: frontiers", median_ms(lambda t=terrain: find_frontiers(t, T_map_base, FrontierConfig(), planner), count)
+        yield f"{what}: classify", median_ms(partial(classify, runs, T_map_base, TerrainConfig(), RobotBody(), radius), count)
+        yield f"{what}: frontiers", median_ms(partial(find_frontiers, terrain, T_map_base, FrontierConfig(), planner), count)
         if terrain.departure is not None:
-            goal = farthest_node(terrain)
-            yield f"{what}: path", median_ms(lambda t=terrain, g=goal: plan_path(t, g, planner), count)
+            yield f"{what}: path", median_ms(partial(plan_path, terrain, farthest_node(terrain), planner), count)
+
+
+def classified(octree: OctreeMap, T_map_base: Array, radius_m: float | None, box: Box) -> Terrain:
+    """Columns out of a box of the tree, and the terrain in them."""
+    return classify(octree.column_runs(*box), T_map_base, TerrainConfig(), RobotBody(), radius_m)
 
 
 def octree_rows(name: str, octree: OctreeMap, T_map_base: Array, count: int) -> Iterator[tuple[str, float]]:
@@ -106,12 +113,10 @@ def octree_rows(name: str, octree: OctreeMap, T_map_base: Array, count: int) -> 
     x, y = T_map_base[:2, 3]
     reach = LOCAL_RADIUS_M + RUNS_MARGIN_M
     around = (x - reach, y - reach, -np.inf), (x + reach, y + reach, np.inf)
-    for scope, radius, box in (("local 6 m", LOCAL_RADIUS_M, around), ("whole map", None, (None, None))):
-        yield f"{name}, {scope}: column runs", median_ms(lambda b=box: octree.column_runs(*b), count)
-        yield (
-            f"{name}, {scope}: column runs and classify",
-            median_ms(lambda r=radius, b=box: classify(octree.column_runs(*b), T_map_base, TerrainConfig(), RobotBody(), r), count),
-        )
+    scopes: tuple[tuple[str, float | None, Box], ...] = (("local 6 m", LOCAL_RADIUS_M, around), ("whole map", None, (None, None)))
+    for scope, radius, box in scopes:
+        yield f"{name}, {scope}: column runs", median_ms(partial(octree.column_runs, *box), count)
+        yield f"{name}, {scope}: column runs and classify", median_ms(partial(classified, octree, T_map_base, radius, box), count)
 
 
 def measure(arguments: argparse.Namespace) -> Times:
@@ -124,7 +129,8 @@ def measure(arguments: argparse.Namespace) -> Times:
             Path(arguments.map).name, octree, pose_near_the_middle(octree.column_runs(), TerrainConfig(), RobotBody()), arguments.runs
         )
     if arguments.session:
-        beams, poses = (part[: arguments.sweeps] for part in recorded(arguments.session))
+        beams, poses = recorded(arguments.session)
+        beams, poses = beams[: arguments.sweeps], poses[: arguments.sweeps]
         rows += octree_rows(f"live map of {len(beams)} sweeps", from_scratch(beams, poses).tree, poses[-1], arguments.runs)
     return dict(rows)
 

@@ -94,7 +94,8 @@ def main() -> None:
     parser.add_argument("--way", action="store_true", help="after every sweep, around the robot")
     arguments = parser.parse_args()
     values = {name: yaml.safe_load(text) for name, _, text in (item.partition("=") for item in arguments.set)}
-    config, judge, row = load_config(TerrainConfig, values), *((on_the_way, way_row) if arguments.way else (at_the_end, end_row))
+    config = load_config(TerrainConfig, values)
+    judge, row = (on_the_way, way_row) if arguments.way else (at_the_end, end_row)
     print(WAY_HEAD if arguments.way else END_HEAD)
     rows = []
     for run in arguments.runs:

@@ -8,17 +8,17 @@ pillars, as nothing leads from tile to tile. 16 tiles of `ramp` take 4 GB.
 """
 
 import argparse
-import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
-from map_rebuild import Array, Beams, from_scratch, recorded, tiled
+from map_rebuild import Array, from_scratch, recorded, tiled
 from terrain_classification import LOCAL_RADIUS_M, farthest_node, median_ms, pose_near_the_middle
 
 from octomap_server_3dnav.navigation.planner import PlannerConfig, plan_path
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
-from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, MapBuilder
+from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, Beams, MapBuilder
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainConfig, classify
 from rigid_geometry.transforms import Transform
@@ -88,7 +88,7 @@ def path_rows(calls: int) -> Iterator[Row]:
         goal = farthest_node(terrain)
         path = plan_path(terrain, goal, PlannerConfig())
         assert path is not None
-        milliseconds = median_ms(lambda t=terrain, g=goal: plan_path(t, g, PlannerConfig()), calls)
+        milliseconds = median_ms(partial(plan_path, terrain, goal, PlannerConfig()), calls)
         yield f"path of {path.length_m:.0f} m among pillars, {name} ({terrain.label.size} nodes)", f"{milliseconds:.2f} ms"
 
 
@@ -124,4 +124,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

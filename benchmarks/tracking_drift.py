@@ -30,7 +30,7 @@ from rigid_geometry import interpolate_transforms, inverse
 from scan_tracking import ScanTracker, ScanTrackingConfig, TrackedPose
 from scan_tracking.pose_error import error_between
 from stage_config import load_config
-from sweep_assembly import LaserScans, SweepAssembler, SweepAssemblyConfig
+from sweep_assembly import LaserScans, Scan, SweepAssembler, SweepAssemblyConfig
 from sweep_assembly.assembler import along_nodes
 from sweep_assembly.beams import FreeBeams
 
@@ -96,7 +96,7 @@ class Drive:
         """Every half-period becomes a sweep, de-skewed by the tracked poses."""
         self.run_until_first_sweep()
         begin = self._poses[-1].stamp_s
-        scans: list = []
+        scans: list[tuple[float, Scan]] = []
         for tick in self._rest:
             self._take(tick)
             scans += tick.scans
@@ -138,7 +138,7 @@ class Drive:
         for stamp_s, scan in tick.scans:
             self._assembler.add_scan(stamp_s, scan)
 
-    def _mapped(self, stamp_s: float, points: Array, origins: Array) -> None:
+    def _mapped(self, stamp_s: float, points: NDArray[np.floating], origins: NDArray[np.floating]) -> None:
         """The sweep becomes a vertex, and the area around it the tracker's map."""
         T_odom_base = _at(self._poses, stamp_s)
         if len(self._mapper.graph):
@@ -154,6 +154,7 @@ class Drive:
         elif update.match_used:
             turn = np.kron(np.eye(2), T_map_base[:3, :3])
             covariance = turn @ update.result.covariance[np.ix_(ROTATION_LAST, ROTATION_LAST)] @ turn.T + np.diag(FLOOR**2)
+        assert area.normals is not None
         begin_s = time.process_time()
         self._tracker.set_map(area.points, area.normals, update.T_map_odom, covariance)
         self.legs.cpu_s += time.process_time() - begin_s
@@ -163,7 +164,8 @@ class Drive:
         """The drive since the last vertex, against the truth from there on."""
         poses = [pose for pose in self._poses if self._last_s < pose.stamp_s <= stamp_s]
         moving = [pose for pose in poses if not self._estimates[pose.stamp_s].standing]
-        truth = inverse(self._record.truth_at([self._last_s])[0]) @ self._record.truth_at([pose.stamp_s for pose in poses])
+        vertex, stamps = np.array([self._last_s]), np.array([pose.stamp_s for pose in poses])
+        truth = inverse(self._record.truth_at(vertex)[0]) @ self._record.truth_at(stamps)
         by_stamp = {pose.stamp_s: T for pose, T in zip(poses, truth, strict=True)}
         for pose in moving[::2]:
             T_map_base, T_true = self._T_map_odom @ pose.T_odom_base, self._T_map_vertex @ by_stamp[pose.stamp_s]
@@ -191,7 +193,7 @@ class Drive:
         if np.linalg.norm(truth[0, :3, 3] - truth[-1, :3, 3]) > 0.2:
             self.legs.bend.append((_bend(tracked, truth), _bend(odometry, truth)))
 
-    def _assembled(self, scans: list, begin_s: float, end_s: float) -> tuple[Array, Array]:
+    def _assembled(self, scans: list[tuple[float, Scan]], begin_s: float, end_s: float) -> tuple[Array, Array]:
         stamps = np.array([stamp for stamp, _ in scans])
         beams = LaserScans().beams(stamps, [scan for _, scan in scans], (begin_s, end_s), FreeBeams(1.0, 1 << 40))
         nodes = np.linspace(begin_s, end_s, round((end_s - begin_s) / NODE_S) + 1)
@@ -206,7 +208,8 @@ class Drive:
 def _at(poses: Sequence[TrackedPose], stamp_s: float) -> Array:
     near = [pose for pose in poses if abs(pose.stamp_s - stamp_s) < 0.3]
     stamps = np.array([pose.stamp_s for pose in near])
-    return interpolate_transforms(stamps, np.array([pose.T_odom_base for pose in near]), np.clip(stamp_s, stamps[0], stamps[-1]))[0]
+    found = interpolate_transforms(stamps, np.array([pose.T_odom_base for pose in near]), np.clip(stamp_s, stamps[0], stamps[-1]))
+    return np.asarray(found[0])
 
 
 def _bend(poses: Array, truth: Array) -> float:

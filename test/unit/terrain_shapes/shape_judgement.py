@@ -87,7 +87,7 @@ class View:
         x, y, z = transform_points(self.placement.T_map_shape, end[None])[0].astype(float)
         node = nearest_traversable(self.terrain, (x, y, z), END_M)
         found = None if node is None else plan_path(self.terrain, node, self.planner)
-        return None if found is None else transform_points(inverse(self.placement.T_map_shape), found.points)
+        return None if found is None else np.asarray(transform_points(inverse(self.placement.T_map_shape), found.points), np.float64)
 
 
 def view_of(shape: Shape, of: Profile, placement: Placement) -> View:
@@ -95,7 +95,7 @@ def view_of(shape: Shape, of: Profile, placement: Placement) -> View:
     builder, T_map_base = map_of(shape, placement, of.config(MapConfig), of.config(SensorModel, "sensor_model"))
     runs = builder.runs_around(T_map_base, None)
     terrain = navigable_terrain(runs, T_map_base, of.settings, None, builder.heights)
-    nodes = transform_points(inverse(placement.T_map_shape), terrain.centers().astype(np.float64))
+    nodes = np.asarray(transform_points(inverse(placement.T_map_shape), terrain.centers().astype(np.float64)), np.float64)
     ways = of.config(PlannerConfig, "planner")
     return View(terrain, placement, nodes, find_frontiers(terrain, T_map_base, of.config(FrontierConfig, "frontier"), ways), ways)
 

@@ -48,7 +48,7 @@ class StandingLaser:
     def sweep(self, T_map_base: Array) -> Beams:
         """One sweep in base_link."""
         ticks = math.ceil((self._profile.duration_s + 2 * START_S) / SCAN_S)
-        stamps = np.arange(ticks + 1) * SCAN_S
+        stamps = np.arange(ticks + 1, dtype=np.float64) * SCAN_S
         measured = self._profile.tilt_at(stamps - START_S) + self._sigma_rad * self._rng.standard_normal(ticks + 1)
         assembler = SweepAssembler(SweepAssemblyConfig(), LaserScans(), self._tilt_geometry)
         for stamp, tilt, scan in zip(stamps, measured, self._scans(T_map_base, stamps[:-1]), strict=False):
@@ -75,7 +75,7 @@ class StandingLaser:
 
     def _motion(self, T_map_base: Array, ticks: int) -> Motion:
         steps = (ticks + 1) * round(SCAN_S / STEP_S) + 1
-        tilts = self._profile.tilt_at(np.arange(steps) * STEP_S - START_S)
+        tilts = self._profile.tilt_at(np.arange(steps, dtype=np.float64) * STEP_S - START_S)
         return Motion(np.tile(T_map_base[:3, :3], (steps, 1, 1)), np.tile(T_map_base[:3, 3], (steps, 1)), tilts, STEP_S)
 
 
