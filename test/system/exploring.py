@@ -138,7 +138,10 @@ class ExploreRun:
 
 
 def explored_beside(client: str, launch: str, port: int) -> None:
-    """Launches explore.launch, and after the first sweep a client of this folder, which has to end with 0 while the launch lives on."""
+    """Launches explore.launch, and after the first sweep a client of this folder, which has to end with 0 while the launch lives on.
+
+    The client outlives exploration; what is judged then may take longer than the client.
+    """
     uri = f"http://localhost:{port}"
     command = f"source {PACKAGE}/.ws/devel/setup.bash && exec roslaunch -p {port} explore_3dnav explore.launch {launch}"
     with ExploreRun("-c", command, command="/bin/bash", environment={"ROS_MASTER_URI": uri}) as run:
@@ -147,6 +150,7 @@ def explored_beside(client: str, launch: str, port: int) -> None:
         done = subprocess.run(words, env={**os.environ, "ROS_MASTER_URI": uri}, capture_output=True, text=True, timeout=1500.0)
         print(done.stdout)
         assert done.returncode == 0, f"{done.stdout}{done.stderr[-3000:]}"
+        run.wait_for_line("the run has ended; the nodes live on", 120.0)
         assert run.process.poll() is None, "the launch ended with exploration"
 
 
