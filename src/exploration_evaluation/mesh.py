@@ -1,14 +1,23 @@
-"""The true world as a checked triangle mesh and as a scene for rays, the only home of open3d; both halves of the judge start from it."""
+"""The true world as a checked triangle mesh and as a scene for rays, the only home of open3d; both halves of the judge start from it.
+
+open3d takes a second and 170 MB to load, and is loaded where it is used: the monitor needs it only when a run is over.
+"""
 
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
-import open3d as o3d
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+def _open3d() -> ModuleType:
+    import open3d
+
+    return open3d
 
 
 def checked_mesh(vertices: ArrayLike, triangles: ArrayLike) -> tuple[Floats, Ints]:
@@ -27,7 +36,7 @@ class RayScene:
     """A mesh for ray and distance queries; all of them compute in float32."""
 
     def __init__(self, vertices: Floats, triangles: Ints) -> None:
-        self._scene = o3d.t.geometry.RaycastingScene()
+        self._scene = _open3d().t.geometry.RaycastingScene()
         self._scene.add_triangles(_tensor(vertices, np.float32), _tensor(triangles, np.uint32))
 
     def crossings(self, rays: Floats) -> tuple[Ints, Floats, Ints]:
@@ -51,13 +60,14 @@ class RayScene:
 
 
 def _tensor(values: NDArray[Any], dtype: type[np.generic]) -> Any:
-    return o3d.core.Tensor.from_numpy(np.ascontiguousarray(values, dtype=dtype))
+    return _open3d().core.Tensor.from_numpy(np.ascontiguousarray(values, dtype=dtype))
 
 
 def read_mesh(path: Path) -> tuple[Floats, Ints]:
     """Vertices and triangles of a mesh file (.ply, .obj, .stl); ValueError when it is missing, unreadable or empty."""
     if not path.is_file():
         raise ValueError(f"no mesh at {path}")
+    o3d = _open3d()
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         mesh = o3d.io.read_triangle_mesh(path)
     if not len(mesh.triangles):
@@ -69,6 +79,7 @@ def read_cloud(path: Path) -> Floats:
     """(N, 3) finite points of a .ply or .pcd file; ValueError when it is missing, unreadable or empty."""
     if not path.is_file():
         raise ValueError(f"no cloud at {path}")
+    o3d = _open3d()
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         points = np.asarray(o3d.io.read_point_cloud(path).points, dtype=np.float64)
     points = points[np.isfinite(points).all(axis=1)]

@@ -183,7 +183,7 @@ def _where_to_look_afterwards(out: Path) -> str:
 
 
 def _compare_with_clairvoyant(out: Path) -> None:
-    from exploration_evaluation import add_clairvoyant  # loads open3d: only when it is asked for
+    from exploration_evaluation import add_clairvoyant  # loads numba: only when it is asked for
 
     try:
         summary = add_clairvoyant(out)

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from exploration_evaluation import format_summary, write_json
 from exploration_evaluation.ending import judged_at_end, why_not
-from exploration_evaluation.pictures import draw_pictures
 from exploration_evaluation.run_files import mapped_sweeps
 from exploration_evaluation.verdict import Fault, succeeded_alone
 from mount_calibration import RECORDED_FILE, TiltCalibration, write_calibration
@@ -267,6 +266,8 @@ class RunLog:
         if self._judged:
             return judged_at_end(self._out) if judge else f"ended: {reason}"
         summary = self._own_summary(self._out, counters)
+        from exploration_evaluation.pictures import draw_pictures  # matplotlib takes a second to load
+
         try:
             draw_pictures(self._out, summary)
         except (ValueError, OSError) as error:
