@@ -6,17 +6,14 @@ from typing import TypeVar
 
 import numpy as np
 import rospy
-from explore_3dnav.msg import TerrainGrid as TerrainGridMessage
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
-from nav_msgs.msg import MapMetaData, OccupancyGrid, Odometry, Path
+from nav_msgs.msg import Odometry, Path
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState, LaserScan, PointCloud2, PointField
 from std_msgs.msg import Header
 
-from octomap_server_3dnav.navigation.local_grid import TerrainGrid
 from point_cloud2 import PointTable, read_points
 from rigid_geometry import quat_xyzw_from_transform, transform_from_quat, transform_from_rpy
-from ros_adapters.frames import frames
 from sweep_assembly import Scan, ScanGeometry
 
 M = TypeVar("M")
@@ -26,9 +23,9 @@ Singles = NDArray[np.float32]
 
 CLOUD_FIELDS = ("x", "y", "z", "vp_x", "vp_y", "vp_z")
 NORMAL_FIELDS = ("normal_x", "normal_y", "normal_z")
+FARTHEST_M = 1e8  # UTM's northings go to 1e7
 
 _END_OF_TIME_S = 2.0**32 - 1.0  # seconds are 32 bits
-_FARTHEST_M = 1e8  # UTM's northings go to 1e7
 _LAST_STAMP_S = _END_OF_TIME_S - 3600.0  # no driver means a later one, and what is reckoned from it can still be sent
 
 
@@ -167,8 +164,8 @@ def transform_from_pose(pose: Pose) -> Floats:
     values = (p.x, p.y, p.z, q.x, q.y, q.z, q.w)
     if not all(map(math.isfinite, values)):
         raise ValueError(f"pose with numbers that are not finite: {values}")
-    if max(abs(p.x), abs(p.y), abs(p.z)) > _FARTHEST_M:
-        raise ValueError(f"a pose at {p.x:g} {p.y:g} {p.z:g} m: farther than {_FARTHEST_M:g} m is no place on the Earth")
+    if max(abs(p.x), abs(p.y), abs(p.z)) > FARTHEST_M:
+        raise ValueError(f"a pose at {p.x:g} {p.y:g} {p.z:g} m: farther than {FARTHEST_M:g} m is no place on the Earth")
     return transform_from_quat((p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
 
 
@@ -204,61 +201,6 @@ def path_points(message: Path) -> Floats:
     if not np.isfinite(points).all():
         raise ValueError("path with positions that are not finite")
     return points
-
-
-def _grid_info(shape: tuple[int, ...], origin_xy: tuple[float, float], resolution: float) -> MapMetaData:
-    info = MapMetaData(resolution=resolution, height=shape[0], width=shape[1])
-    info.origin = pose_message(transform_from_rpy((*origin_xy, 0.0)))
-    return info
-
-
-def terrain_grid_message(
-    stamp_s: float,
-    frame: str,
-    cost: NDArray[np.int8],
-    height: Singles,
-    origin_xy: tuple[float, float],
-    resolution: float,
-    distance: Singles | None = None,
-) -> TerrainGridMessage:
-    """(ny, nx) costs, heights and distances to what is not traversable, where those are known; cell (0, 0) starts at `origin_xy`."""
-    distance = np.full(cost.shape, np.nan, np.float32) if distance is None else distance
-    layers = (values.ravel().tolist() for values in (cost, height, distance))
-    return TerrainGridMessage(header(stamp_s, frame), _grid_info(cost.shape, origin_xy, resolution), *layers)
-
-
-def message_of_grid(stamp_s: float, frame: str, grid: TerrainGrid) -> TerrainGridMessage:
-    """The same of a grid."""
-    return terrain_grid_message(stamp_s, frame, grid.cost, grid.height, grid.origin_xy, grid.resolution, grid.distance)
-
-
-def terrain_grid(message: TerrainGridMessage) -> TerrainGrid:
-    """The grid of a message in the frame map; ValueError for another, or when the sizes do not agree."""
-    if message.header.frame_id != frames().map:
-        raise ValueError(f"terrain grid in frame {message.header.frame_id!r}, expected 'map'")
-    shape = (message.info.height, message.info.width)
-    layers = message.cost, message.height, message.distance
-    if any(len(layer) != shape[0] * shape[1] for layer in layers) or not message.info.resolution > 0:
-        raise ValueError(
-            f"terrain grid of {shape} cells with {', '.join(str(len(layer)) for layer in layers)} costs, heights and distances, "
-            f"resolution {message.info.resolution}"
-        )
-    cost, height, distance = (np.asarray(layer).reshape(shape) for layer in layers)
-    origin = message.info.origin.position
-    if not (abs(origin.x) < _FARTHEST_M and abs(origin.y) < _FARTHEST_M and 1e-3 < message.info.resolution < 10.0):
-        raise ValueError(f"terrain grid at {origin.x:g} {origin.y:g} m with cells of {message.info.resolution:g} m")
-    return TerrainGrid(
-        cost.astype(np.int8), height.astype(np.float32), distance.astype(np.float32), (origin.x, origin.y), float(message.info.resolution)
-    )
-
-
-def occupancy_grid_message(
-    stamp_s: float, frame: str, cost: NDArray[np.int8], origin_xy: tuple[float, float], resolution: float
-) -> OccupancyGrid:
-    """(ny, nx) occupancies of -1 or 0..100; cell (0, 0) starts at `origin_xy`."""
-    grid = OccupancyGrid(header=header(stamp_s, frame), info=_grid_info(cost.shape, origin_xy, resolution))
-    grid.data = cost.ravel().tolist()
-    return grid
 
 
 def scan_points(message: LaserScan) -> tuple[Floats, Floats]:

@@ -9,8 +9,9 @@ from rigid_geometry import transform_points
 from rigid_geometry.transforms import Transform
 from robot_body import RobotBody
 from ros_adapters.built_types import message_class
-from ros_adapters.conversions import header, occupancy_grid_message
+from ros_adapters.conversions import header
 from ros_adapters.frames import frames
+from ros_adapters.grid_messages import occupancy_grid_message
 from ros_adapters.node import Node
 
 try:

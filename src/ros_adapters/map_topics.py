@@ -16,8 +16,9 @@ from octomap_server_3dnav.navigation.class_colours import CLASS_RGB
 from octomap_server_3dnav.navigation.local_grid import project
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
-from ros_adapters.conversions import cloud_message, header, occupancy_grid_message, path_message
+from ros_adapters.conversions import cloud_message, header, path_message
 from ros_adapters.frames import frames
+from ros_adapters.grid_messages import occupancy_grid_message
 from ros_adapters.node import Node
 from ros_adapters.octomap_messages import Octomap, whole_octomap
 

@@ -21,8 +21,8 @@ from octomap_server_3dnav.navigation.standing import with_standing
 from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, MapBuilder
 from octomap_server_3dnav.terrain.classify import Terrain
 from rigid_geometry.transforms import Transform
-from ros_adapters.conversions import message_of_grid
 from ros_adapters.frames import frames
+from ros_adapters.grid_messages import message_of_grid
 from ros_adapters.map_files import MapFiles
 from ros_adapters.map_topics import MapTopics
 from ros_adapters.memories import DecidingMemory

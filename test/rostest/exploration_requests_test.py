@@ -17,7 +17,8 @@ from visualization_msgs.msg import MarkerArray
 import rostest
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid as Grid
 from rigid_geometry import transform_from_rpy
-from ros_adapters.conversions import cloud_message, header, pose_message, terrain_grid
+from ros_adapters.conversions import cloud_message, header, pose_message
+from ros_adapters.grid_messages import terrain_grid
 
 NODE = "octomap_server_3dnav_node"
 HOME, AWAY = (0.0, 0.0, 0.4), (1.5, 1.0, 0.0)  # x, y, yaw

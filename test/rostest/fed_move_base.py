@@ -21,7 +21,8 @@ from std_srvs.srv import Empty, SetBool
 from tf2_msgs.msg import TFMessage
 
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid
-from ros_adapters.conversions import message_of_grid, path_message, transform_stamped
+from ros_adapters.conversions import path_message, transform_stamped
+from ros_adapters.grid_messages import message_of_grid
 
 NODE = "move_base_node"
 TICK_S = 0.05

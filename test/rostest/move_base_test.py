@@ -19,7 +19,8 @@ from tf2_msgs.msg import TFMessage
 
 import rostest
 from rigid_geometry import transform_from_rpy
-from ros_adapters.conversions import header, message_of_grid, path_message, pose_message, transform_stamped
+from ros_adapters.conversions import header, path_message, pose_message, transform_stamped
+from ros_adapters.grid_messages import message_of_grid
 
 STOREY_M = 2.4  # of the only ground that make_plan knows here
 

@@ -12,7 +12,7 @@ from node_testing import QUIET_S, DiagnosticsOf, Inbox, feed, one_line_of, run_m
 
 import rostest
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid
-from ros_adapters.conversions import message_of_grid, terrain_grid
+from ros_adapters.grid_messages import message_of_grid, terrain_grid
 
 NODE = "octomap_server_3dnav_local_node"
 RESOLUTION_M, SIZE_M, KEPT_M = 0.08, 12.0, 8.0

@@ -19,7 +19,8 @@ import rostest
 from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.octree import OctreeMap
 from rigid_geometry import transform_from_rpy
-from ros_adapters.conversions import cloud_message, header, pose_message, terrain_grid
+from ros_adapters.conversions import cloud_message, header, pose_message
+from ros_adapters.grid_messages import terrain_grid
 from ros_adapters.octomap_messages import BoundingBoxQuery, GetOctomap, Octomap, octomap_bytes
 
 NODE = "octomap_server_3dnav_node"

@@ -140,7 +140,8 @@ def makers() -> dict[str, Callable[[float], Any]]:
     from std_msgs.msg import Bool
 
     from rigid_geometry import transform_from_rpy
-    from ros_adapters.conversions import cloud_message, header, pose_message, ros_time, terrain_grid_message, transform_stamped
+    from ros_adapters.conversions import cloud_message, header, pose_message, ros_time, transform_stamped
+    from ros_adapters.grid_messages import terrain_grid_message
 
     points, origins = (a[::20] for a in right.floor_and_walls(3.0, 0.12))
     level = pose_message(transform_from_rpy((0.0, 0.0, 0.132)))

@@ -10,7 +10,6 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Transform
 from nav_msgs.msg import Odometry
 from sensor_msgs.msg import JointState, LaserScan, PointCloud2, PointField
 
-from octomap_server_3dnav.navigation.local_grid import TerrainGrid
 from rigid_geometry import transform_from_rpy, yaw_of
 from ros_adapters import conversions as c
 
@@ -150,32 +149,6 @@ def test_path_that_is_not_finite_is_refused() -> None:
         c.path_points(path)
 
 
-def grid_of(cost: list[list[int]]) -> TerrainGrid:
-    values = np.array(cost, dtype=np.int8)
-    height = np.where(values == 0, np.arange(values.size).reshape(values.shape) / 10, np.nan).astype(np.float32)
-    distance = np.where(values == 0, np.inf, 0.0).astype(np.float32)
-    return TerrainGrid(values, height, distance, (-1.0, 2.0), 0.5)
-
-
-def test_terrain_grid_comes_back_row_by_row() -> None:
-    grid = grid_of([[0, 100, -1], [0, 0, 100]])
-    got = c.terrain_grid(c.message_of_grid(1.0, "map", grid))
-    for name in ("cost", "height", "distance"):
-        np.testing.assert_array_equal(getattr(got, name), getattr(grid, name))
-    assert (got.origin_xy, got.resolution) == ((-1.0, 2.0), 0.5)
-
-
-@pytest.mark.parametrize("what", ["cost", "height", "distance", "resolution", "frame"])
-def test_terrain_grid_whose_sizes_do_not_agree_or_whose_frame_is_another_is_refused(what: str) -> None:
-    message = c.message_of_grid(1.0, "odom" if what == "frame" else "map", grid_of([[0, 100, -1]]))
-    if what == "resolution":
-        message.info.resolution = 0.0
-    elif what != "frame":
-        setattr(message, what, [1, 2])
-    with pytest.raises(ValueError, match="terrain grid"):
-        c.terrain_grid(message)
-
-
 def scan(ranges: list[float]) -> LaserScan:
     return LaserScan(
         angle_min=-math.pi / 2, angle_max=math.pi / 2, angle_increment=math.pi / 2, time_increment=1e-5, range_max=10.0, ranges=ranges
@@ -253,12 +226,3 @@ def test_pose_that_is_no_place_on_the_earth_is_refused(far_m, right):
     else:
         with pytest.raises(ValueError, match="no place on the Earth"):
             c.transform_from_pose(pose)
-
-
-@pytest.mark.parametrize("x, resolution", [(1e30, 0.1), (float("nan"), 0.1), (0.0, 1e30), (0.0, 1e-30)])
-def test_terrain_grid_that_is_nowhere_is_refused(x, resolution):
-    flat = np.zeros((2, 2), np.float32)
-    message = c.terrain_grid_message(1.0, "map", flat.astype(np.int8), flat, (0.0, 0.0), 0.1, flat)
-    message.info.origin.position.x, message.info.resolution = x, resolution
-    with pytest.raises(ValueError, match="terrain grid"):
-        c.terrain_grid(message)
