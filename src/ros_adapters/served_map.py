@@ -21,11 +21,11 @@ from octomap_server_3dnav.navigation.standing import with_standing
 from octomap_server_3dnav.octree.map_builder import RUNS_MARGIN_M, MapBuilder
 from octomap_server_3dnav.terrain.classify import Terrain
 from rigid_geometry.transforms import Transform
+from ros_adapters.deciding_memory import DecidingMemory
 from ros_adapters.frames import frames
 from ros_adapters.grid_messages import message_of_grid
 from ros_adapters.map_files import MapFiles
 from ros_adapters.map_topics import MapTopics
-from ros_adapters.memories import DecidingMemory
 from ros_adapters.node import Node
 from ros_adapters.octomap_messages import BoundingBoxQuery, GetOctomap, whole_octomap
 from ros_adapters.plan_services import PlanServices

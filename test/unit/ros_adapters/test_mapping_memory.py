@@ -7,7 +7,7 @@ import pytest
 
 from pose_graph_mapping.graph.mapping_update import MappingUpdate
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
-from ros_adapters.memories import MappingMemory
+from ros_adapters.mapping_memory import MappingMemory
 
 RESULT = RegistrationResult(np.eye(4), np.eye(6), 1.0, 1.0, 0.0, 3, np.zeros((0, 6)), Verdict.ACCEPTED, "")
 FIRST = MappingUpdate(0, np.eye(4)[None], np.eye(4), None, False, 0, 0)

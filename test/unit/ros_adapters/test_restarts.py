@@ -15,9 +15,9 @@ from node_life.life import BEAT, ENDING, PULSE, STILL_STARTING
 from ros_adapters import asking, restarts, served_map, session_keeper
 from ros_adapters.asking import AskedService, is_waiting
 from ros_adapters.diagnostics import Diagnostics
+from ros_adapters.driving_memory import DrivingMemory
 from ros_adapters.liveness import Liveness, why_it_stays_away
 from ros_adapters.mapping_mode import OpenSweeps, Results, ResultTimes
-from ros_adapters.memories import DrivingMemory
 from stop_scan_and_go import ScanWhileDriving, StopScanAndGoConfig
 
 

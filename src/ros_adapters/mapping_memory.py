@@ -1,23 +1,17 @@
-"""What a node that is started again goes on with, beside the run's folder and latched topics.
+"""What pose_graph_mapping_node goes on with when it is started again, beside the run's folder.
 
-Here and not in the nodes: what is kept has to have an importable name.
+Here and not in the node: what is kept has to have an importable name.
 """
 
 import math
 from dataclasses import dataclass, field
 
 import numpy as np
-import rospy
-from explore_3dnav.msg import ExplorationDecision, RunEvent
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.exploration.decide import Explorer
 from pose_graph_mapping.graph.finished_map import Visits
 from pose_graph_mapping.graph.mapping_update import MappingUpdate
 from rigid_geometry.transforms import Transform
-from ros_adapters.mapping_mode import OpenSweeps
-from ros_adapters.stage_times import StageTimes
-from stop_scan_and_go import DriveState, StopScanAndGo
 
 
 def _frames_are_one() -> NDArray[np.float64]:
@@ -26,7 +20,7 @@ def _frames_are_one() -> NDArray[np.float64]:
 
 @dataclass
 class MappingMemory:
-    """Of pose_graph_mapping_node."""
+    """Where the robot is in the map, as far as anybody knows, and how sweeps were matched."""
 
     lost: bool  # nobody knows where the robot is in the map
     T_map_odom: Transform = field(default_factory=_frames_are_one)
@@ -48,33 +42,3 @@ class MappingMemory:
         self.loop_closures += update.loop_closures
         self.refused += update.match_refused
         self.refused_in_a_row = self.refused_in_a_row + 1 if update.match_refused else 0
-
-
-@dataclass
-class DecidingMemory:
-    """Of octomap_server_3dnav_node."""
-
-    explorer: Explorer
-    timing: StageTimes
-    decided_s: float = -math.inf  # stamp of the last sweep about which was decided
-    T_map_base: Transform | None = None  # where the robot was then
-    decision: ExplorationDecision | None = None
-
-
-@dataclass
-class DrivingMemory:
-    """Of stop_scan_and_go_node."""
-
-    machine: StopScanAndGo
-    open_sweeps: OpenSweeps
-    heard_s: float = -math.inf  # stamp of the last decision
-    taken_s: float = -math.inf  # of the last that has taken effect
-    decided_stamp: rospy.Time = field(default_factory=rospy.Time)  # of the last that has a terrain
-    told: tuple[DriveState | None, int] = (None, 0)
-    nods: bool = False
-    event: RunEvent | None = None
-
-    def takes(self, stamp_s: float) -> bool:
-        """Whether the decision about a sweep takes effect now: each once, though nodes that are started again say and hear it again."""
-        is_new, self.taken_s = stamp_s != self.taken_s, stamp_s
-        return is_new
