@@ -172,10 +172,8 @@ class PoseGraphMapper:
         held = any(kind is not EdgeKind.ODOMETRY and vertex_id == j for _, j, kind in self.graph.edges())
         if not held or not self._config.gone_sweeps:
             return
-        near, T_vertex_map = (
-            self._near(vertex_id, self._config.graph_dist_m, self._config.loose_sigma_m),
-            inverse(self.graph.pose(vertex_id)),
-        )
+        near = self._near(vertex_id, self._config.graph_dist_m, self._config.loose_sigma_m)
+        T_vertex_map = inverse(self.graph.pose(vertex_id))
         self._clouds.look_through(vertex_id, {k: T_vertex_map @ self.graph.pose(k) for k in near if k < vertex_id})
 
     def finish_cloud(self) -> None:
