@@ -186,8 +186,6 @@ def _interrupt(_number: int, _frame: object) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, _interrupt)  # also where a shell's background ignores the first
     try:
         campaign, options = parse(arguments)
         open_campaign(campaign, about(options.jobs))
@@ -225,4 +223,6 @@ def _report(campaign: Campaign) -> int:
 
 
 if __name__ == "__main__":
+    for signal_number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(signal_number, _interrupt)  # also where a shell's background ignores the first
     sys.exit(main())

@@ -1,5 +1,6 @@
 """./evaluate's command line: what it asks for, and what it refuses in one line."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,14 @@ def test_profile_with_a_wrong_parameter_is_refused_with_the_nearest_name(tmp_pat
     profile.write_text("move_base_node:\n  follower:\n    max_sped_mps: 0.4\n")
     assert main(["--profile", str(profile), "--out", str(tmp_path / "c")]) == 2
     assert "max_speed_mps" in capsys.readouterr().err
+
+
+def test_caller_s_signals_stay_as_they_were(tmp_path):
+    """A process that calls it, as a test does, is not to be interrupted by what ends the process."""
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    before = [signal.getsignal(number) for number in numbers]
+    assert main(["--jobs", "0", "--out", str(tmp_path / "c")]) == 2
+    assert [signal.getsignal(number) for number in numbers] == before
 
 
 def test_scheduler_that_is_not_there_is_refused(tmp_path, capsys, monkeypatch):
