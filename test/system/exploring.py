@@ -13,6 +13,8 @@ import uuid
 from collections.abc import Callable
 from pathlib import Path
 
+from slow_machine import slowness
+
 PACKAGE = Path(__file__).resolve().parents[2]
 RUN_MARK = "EXPLORE_3DNAV_TEST_RUN"
 REVIVAL = " -m node_revival "  # what stands above a node and starts it again
@@ -111,10 +113,10 @@ class ExploreRun:
     def wait_until_gone(self, wanted: Callable[[int, str], bool] = lambda _pid, _command: True) -> None:
         """Until none of the processes that run now and are `wanted` runs any more; AssertionError when that takes longer than is promised.
 
-        Promised for a machine that does little else: one with more to do than processors takes as much longer.
+        Promised for a machine that does little else: a slower or busier one takes as much longer.
         """
         begun, pids = time.monotonic(), {pid for pid, command in self.running().items() if wanted(pid, command)}
-        limit_s = GONE_AFTER_KILL_S * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
+        limit_s = GONE_AFTER_KILL_S * slowness()
         while left := pids & set(self.running()):
             assert time.monotonic() - begun < limit_s, f"still running after {limit_s:.1f} s: {[self.running().get(pid) for pid in left]}"
             time.sleep(0.05)
