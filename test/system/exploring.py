@@ -13,7 +13,7 @@ import uuid
 from collections.abc import Callable
 from pathlib import Path
 
-from slow_machine import slowness
+from slow_machine import SLOWEST, slowness
 
 PACKAGE = Path(__file__).resolve().parents[2]
 RUN_MARK = "EXPLORE_3DNAV_TEST_RUN"
@@ -60,7 +60,11 @@ class ExploreRun:
         self._lines.put(None)
 
     def wait_for_line(self, pattern: re.Pattern[str] | str, timeout_s: float) -> str:
-        """The first line from now on that matches; AssertionError with all output when the run or the time ends before."""
+        """The first line from now on that matches; AssertionError with all output when the run or the time ends before.
+
+        `timeout_s` is what no quick machine needs: a slow one has SLOWEST times as long, here and in `wait`.
+        """
+        timeout_s *= SLOWEST
         deadline = time.monotonic() + timeout_s
         while (left := deadline - time.monotonic()) > 0:
             try:
@@ -80,6 +84,7 @@ class ExploreRun:
 
     def wait(self, timeout_s: float) -> int:
         """The exit code; the output up to there is in `output`. AssertionError, and an end of the run, when it takes longer."""
+        timeout_s *= SLOWEST
         deadline = time.monotonic() + timeout_s
         while (left := deadline - time.monotonic()) > 0:
             try:
@@ -87,7 +92,7 @@ class ExploreRun:
             except queue.Empty:
                 break
             if line is None:
-                return self.process.wait(timeout=5.0)
+                return self.process.wait(timeout=60.0)
             self.output.append(line)
         raise AssertionError(f"it still ran after {timeout_s:.0f} s, its output:\n{self.text}")
 
@@ -149,7 +154,7 @@ def explored_beside(client: str, launch: str, port: int) -> None:
     with ExploreRun("-c", command, command="/bin/bash", environment={"ROS_MASTER_URI": uri}) as run:
         run.wait_for_first_sweep(300.0)
         words = [sys.executable, str(Path(__file__).with_name(client))]
-        done = subprocess.run(words, env={**os.environ, "ROS_MASTER_URI": uri}, capture_output=True, text=True, timeout=1500.0)
+        done = subprocess.run(words, env={**os.environ, "ROS_MASTER_URI": uri}, capture_output=True, text=True, timeout=3000.0)
         print(done.stdout)
         assert done.returncode == 0, f"{done.stdout}{done.stderr[-3000:]}"
         run.wait_for_line("the run has ended; the nodes live on", 120.0)

@@ -51,7 +51,7 @@ class MapGoalClient(RequestClient):
 
     def is_slowed(self) -> None:
         """Between two ticks of lock-step, by dynamic_reconfigure's own client."""
-        answer = Reconfigure("move_base_node", timeout=20.0).update_configuration({"follower_max_speed_mps": SLOW_MPS})
+        answer = Reconfigure("move_base_node", timeout=60.0).update_configuration({"follower_max_speed_mps": SLOW_MPS})
         expect(answer["follower_max_speed_mps"] == SLOW_MPS, "it is told to drive slower")
 
     def comes_home(self) -> None:

@@ -17,7 +17,7 @@ def refused(*arguments: object) -> str:
     """The one line on stderr of a command line that is refused; what set-up says of its own work is not counted."""
     mark = uuid.uuid4().hex
     command = [str(PACKAGE / "explore"), *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, env={**os.environ, RUN_MARK: mark})
+    done = subprocess.run(command, capture_output=True, text=True, timeout=4 * LIMIT_S, env={**os.environ, RUN_MARK: mark})
     assert not running_with(mark)
     assert done.returncode == 2, f"exit code {done.returncode}\n{done.stdout}\n{done.stderr}"
     lines = [line for line in (done.stdout + done.stderr).splitlines() if "[setup]" not in line]
@@ -184,6 +184,6 @@ def test_help_reads_well_and_needs_nothing_set_up(tmp_path: Path) -> None:
     shutil.copy(PACKAGE / "explore", tmp_path)  # without scripts/setup.bash
     for package in ("explore_command", "whole_files"):
         shutil.copytree(PACKAGE / "src" / package, tmp_path / "src" / package)
-    shown = subprocess.run(["./explore", "--help"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    shown = subprocess.run(["./explore", "--help"], cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
     assert shown.returncode == 0 and shown.stderr == ""
     assert shown.stdout.startswith("usage: ./explore") and "Exit code:" in shown.stdout

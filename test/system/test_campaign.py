@@ -19,7 +19,7 @@ def evaluate(out: Path) -> ExploreRun:
 
 def wait_for_driving(folder: Path, run: ExploreRun) -> None:
     """Until the run in a folder drives."""
-    deadline = time.monotonic() + 120.0
+    deadline = time.monotonic() + 480.0
     while "driving" not in (folder / "events.csv").read_text() if (folder / "events.csv").exists() else True:
         assert time.monotonic() < deadline and run.process.poll() is None, f"{folder} does not drive: {run.text}"
         time.sleep(0.1)

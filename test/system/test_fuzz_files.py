@@ -8,7 +8,7 @@ from pathlib import Path
 
 FUZZER = Path(__file__).with_name("file_fuzzer.py")
 SEED, MUTATIONS = 38, 2000
-LIMIT_S = 180.0
+LIMIT_S = 720.0
 
 
 def fuzzed(folder: Path, seed: int, count: int) -> list[str]:

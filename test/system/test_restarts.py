@@ -30,7 +30,7 @@ def strike(run: ExploreRun, node: str, number: signal.Signals) -> None:
     os.kill(pid, number)
     run.wait_for_line(f"{node} died", 60.0)
     begun_s: float | None = None
-    deadline_s = time.monotonic() + 120.0
+    deadline_s = time.monotonic() + 480.0
     while time.monotonic() < deadline_s:
         time_s = float(GOES_ON.search(run.wait_for_line(GOES_ON, 60.0))[1])  # type: ignore[index]
         begun_s = time_s if begun_s is None else begun_s
@@ -41,7 +41,7 @@ def strike(run: ExploreRun, node: str, number: signal.Signals) -> None:
 
 def wait_until_judged(run: ExploreRun) -> None:
     """Until the maps are saved and all nodes but the witness have been ended."""
-    deadline_s = time.monotonic() + 300.0
+    deadline_s = time.monotonic() + 1200.0
     while any(f"__name:={node} " in f"{command} " for command in run.running().values() for node in ROBOT_NODES if node != WITNESS):
         assert run.process.poll() is None and time.monotonic() < deadline_s, run.text
         time.sleep(0.02)

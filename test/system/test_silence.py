@@ -60,7 +60,7 @@ def watched(port: int, *arguments: object) -> subprocess.CompletedProcess[str]:
     """What wheels_watcher.py says of a process."""
     command = [sys.executable, str(Path(__file__).with_name("wheels_watcher.py")), *map(str, arguments)]
     return subprocess.run(
-        command, env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}"}, capture_output=True, text=True, timeout=200.0
+        command, env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}"}, capture_output=True, text=True, timeout=1200.0
     )
 
 
