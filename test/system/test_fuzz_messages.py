@@ -221,6 +221,9 @@ def test_every_node_lives_through_wrong_messages_and_counts_them(nodes: Nodes) -
     assert not unknown, f"no right message to begin with: {unknown}"
     publishers = {topic: rospy.Publisher(topic, get_message_class(kind), queue_size=1000) for topic, kind in topics}
     time.sleep(2.0)
+    deadline = time.monotonic() + 60.0
+    while time.monotonic() < deadline and any(publishers[topic].get_num_connections() < len(own) for (topic, _), own in topics.items()):
+        time.sleep(0.1)
     stamp_s, sent = time.time(), 0
     for _ in range(MESSAGES):
         stamp_s += 0.01
