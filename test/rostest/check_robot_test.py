@@ -27,7 +27,7 @@ SECONDS = 1.5
 def check(*arguments: str, seconds: float = SECONDS) -> tuple[int, str]:
     """Exit code and all output."""
     command = ["rosrun", "explore_3dnav", "check_robot", f"--seconds={seconds}", "--wait=5", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60.0)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=180.0)
     return done.returncode, done.stdout + done.stderr
 
 

@@ -56,7 +56,7 @@ class Monitor:
     def say(self, state: str, reason: str) -> None:
         self.events.publish(RunEvent(header(110.0, "odom"), state, reason, 3, False, "", 0.0, False))
 
-    def end(self, timeout_s: float = 20.0) -> tuple[dict[str, object], str]:
+    def end(self, timeout_s: float = 90.0) -> tuple[dict[str, object], str]:
         """The summary and what was printed, once the node has ended."""
         output, _ = self.process.communicate(timeout=timeout_s)
         assert self.process.returncode == 0, f"exit code {self.process.returncode}: {output}"
@@ -98,7 +98,7 @@ class ExplorationMonitorTest(unittest.TestCase):
     @classmethod
     def save(cls, node: str, _request: object) -> TriggerResponse:
         cls.saved.append(node)
-        cls.may_save.wait(20.0)
+        cls.may_save.wait(120.0)
         return TriggerResponse(True, "")
 
     def test_explored_world_is_a_success_with_its_counters_and_a_saved_map(self) -> None:

@@ -34,7 +34,7 @@ class IcpMatcherTest(unittest.TestCase):
     def setUpClass(cls) -> None:
         wait_for_node(NODE)
         cls.diagnostics = DiagnosticsOf(NODE).wait_until_connected()
-        rospy.wait_for_service("match_clouds", 5.0)
+        rospy.wait_for_service("match_clouds", 60.0)
         cls.match = rospy.ServiceProxy("match_clouds", MatchClouds)
         cls.T_map_base = transform_from_rpy((0.3, -0.2, 0.0), (0.0, 0.0, 0.1))
         points, origins = room()
@@ -98,7 +98,7 @@ class IcpMatcherTest(unittest.TestCase):
         self.assertIn("unknown parameter voxel", one_line_of(stderr))
 
     def test_limits_are_changed_by_dynamic_reconfigure(self) -> None:
-        client = Client(NODE, timeout=10.0)
+        client = Client(NODE, timeout=60.0)
         client.update_configuration({"max_contradiction": 0.0, "min_overlap": 1.0})
         try:
             response = self.match(self.reference, self.reading(), transform_message(np.eye(4)), [])

@@ -37,7 +37,7 @@ class SlowMatcher:
     def _answer(self, request: MatchCloudsRequest) -> MatchCloudsResponse:
         if self.is_slow:
             self.waits.set()
-            self.goes_on.wait(20.0)
+            self.goes_on.wait(120.0)
             if self.fails:
                 raise rospy.ServiceException("ended")
         return matched_at_the_guess(request)
@@ -63,11 +63,11 @@ class InterruptedMatchTest(unittest.TestCase):
             clouds.publish(cloud_message(stamp_s, "base_link", points, origins))
             if not MATCHER.is_slow:
                 mapped.wait_for_stamp(stamp_s)
-        self.assertTrue(MATCHER.waits.wait(10.0), "the third sweep is not matched")
+        self.assertTrue(MATCHER.waits.wait(60.0), "the third sweep is not matched")
         node.send_signal(signal.SIGINT)
         time.sleep(1.0)
         MATCHER.goes_on.set()
-        node.wait(15.0)
+        node.wait(60.0)
         return folder
 
     def assert_whole(self, folder: Path, sweeps: int) -> None:

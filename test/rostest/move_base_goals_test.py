@@ -38,7 +38,7 @@ def wall_ahead(range_m: float, begin: int, end: int) -> np.ndarray:
 
 def client() -> actionlib.SimpleActionClient:
     found = actionlib.SimpleActionClient("move_base", MoveBaseAction)
-    assert found.wait_for_server(rospy.Duration(10))
+    assert found.wait_for_server(rospy.Duration(60))
     return found
 
 
@@ -56,7 +56,7 @@ class MoveBaseGoalsTest(FedMoveBase):
         wait_until(lambda: self.tick().state == "following", "the robot to follow")
 
     def wait_for_result(self, by: "actionlib.SimpleActionClient | None" = None) -> int:
-        self.assertTrue((by or self.client).wait_for_result(rospy.Duration(20)))
+        self.assertTrue((by or self.client).wait_for_result(rospy.Duration(60)))
         return (by or self.client).get_state()
 
     # -- the action

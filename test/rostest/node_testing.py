@@ -21,7 +21,7 @@ from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import header, pose_message, stamp_of
 from ros_adapters.node import READY_TOPIC
 
-TIMEOUT_S = 20.0
+TIMEOUT_S = 60.0  # what does not come within it does not come on a slow machine either
 QUIET_S = 0.3
 BEAMS = 1081
 TILT_JOINT = "tilt_joint"
@@ -90,7 +90,7 @@ def subscribers_of(topic: str) -> list[str]:
     return [node for name, nodes in subscribers if name == rospy.resolve_name(topic) for node in nodes]
 
 
-def wait_for_node(name: str, timeout_s: float = 30.0) -> None:
+def wait_for_node(name: str, timeout_s: float = 120.0) -> None:
     """Until the node says that it is ready."""
     Inbox(READY_TOPIC, String).wait_for(lambda m: m.data == name, timeout_s)
 
@@ -142,7 +142,7 @@ def run_misconfigured(node: str, *parameters: str) -> tuple[int, str]:
     with suppress(KeyError):  # those of the last time
         rospy.delete_param(f"/misconfigured_{node}")
     command = ["rosrun", "explore_3dnav", node, f"__name:=misconfigured_{node}", *(f"_{p}" for p in parameters)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=30.0)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120.0)
     return done.returncode, done.stderr
 
 

@@ -276,7 +276,7 @@ class OctomapServerAloneTest(unittest.TestCase):
                     if k % 5 == 0:
                         seen = transform_points(inverse(T @ T_BASE_CAMERA), room)
                         bag.write("/camera/points", plain_cloud(stamp_s, seen), rospy.Time.from_sec(stamp_s))
-            subprocess.run(["rosbag", "play", "--quiet", "--wait-for-subscribers", str(path)], check=True, timeout=60.0)
+            subprocess.run(["rosbag", "play", "--quiet", "--wait-for-subscribers", str(path)], check=True, timeout=240.0)
         tree = OctreeMap.from_full(octomap_bytes(self.full.wait_for_stamp(float(stamps[-1]))), RESOLUTION_M)
         hits = room[(room[:, 2] < 1.4) & (np.linalg.norm(room[:, :2] - poses[-1][:2, 3], axis=1) < 4.0)]
         self.assertGreater((tree.states_at(hits) == VoxelState.OCCUPIED).mean(), 0.95)
@@ -298,8 +298,8 @@ class OctomapServerAloneTest(unittest.TestCase):
             self.assertGreater(wrl.stat().st_size, 1000)
 
     def test_sensor_model_is_changed_by_octomap_server_s_names(self) -> None:
-        client = Client(NODE, timeout=10.0)
-        before = client.get_configuration(timeout=10.0)
+        client = Client(NODE, timeout=60.0)
+        before = client.get_configuration(timeout=60.0)
         self.assertTrue({"sensor_model_hit", "sensor_model_min", "sensor_model_max_range", "occupancy_max_z"} <= before.keys())
         first, _ = self.mapped().occupied_voxels()
         tuned = {"sensor_model_max_range": 2.0, "occupancy_min_z": -1.0, "occupancy_max_z": 0.5}

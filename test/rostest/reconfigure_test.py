@@ -30,8 +30,8 @@ class ReconfigureTest(FedMoveBase):
     def setUpClass(cls) -> None:
         super().setUpClass()
         wait_for_node("exploration_monitor_node")
-        cls.client = Client(NODE, timeout=10.0)
-        cls.client.get_configuration(timeout=10.0)
+        cls.client = Client(NODE, timeout=60.0)
+        cls.client.get_configuration(timeout=60.0)
 
     def setUp(self) -> None:
         super().setUp()
@@ -103,8 +103,8 @@ class ReconfigureTest(FedMoveBase):
         self.client.update_configuration({SPEED: 0.35, "costmap_inflation_radius_m": 0.8})
         pid = self.pid()
         os.kill(pid, signal.SIGKILL)
-        wait_until(lambda: self.pid() not in (0, pid), "the next process of the node", 30.0)
-        wait_until(lambda: self.told().get(SPEED) == 0.35, "its parameters", 30.0)
+        wait_until(lambda: self.pid() not in (0, pid), "the next process of the node", 120.0)
+        wait_until(lambda: self.told().get(SPEED) == 0.35, "its parameters", 120.0)
         self.assertEqual(self.told()["costmap_inflation_radius_m"], 0.8)
 
     def pid(self) -> int:

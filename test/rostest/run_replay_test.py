@@ -37,7 +37,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit" / "run_repla
 from recorded_runs import LAST_S, SWEEP_STAMPS_S, T_WORLD_MAP, true_poses, wall_world, write_run  # noqa: E402
 
 NODE = "run_replay_node"
-LIMIT_S = 40.0
+LIMIT_S = 160.0
 WALL_IN_MAP = transform_points(inverse(T_WORLD_MAP), wall_world())
 
 

@@ -22,7 +22,7 @@ class SpinningLidarTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls) -> None:
         for node in ("scan_filter_node", "sweep_assembler_node", "odometry_fusion_node"):
-            wait_for_node(node, 60.0)
+            wait_for_node(node)
         cls.points = Inbox("/points", PointCloud2).wait_until_connected()
         cls.filtered = Inbox("/points_filtered", PointCloud2).wait_until_connected()
         cls.level = Inbox("/scan_horizontal", LaserScan).wait_until_connected()
@@ -57,7 +57,7 @@ class SpinningLidarTest(unittest.TestCase):
     def test_sweep_gives_one_cloud_of_many_revolutions(self) -> None:
         before = len(self.clouds.messages)
         self.assertTrue(rospy.ServiceProxy("start_sweep", Trigger)().success)
-        wait_until(lambda: len(self.clouds.messages) > before, "the sweep's cloud", 30.0)
+        wait_until(lambda: len(self.clouds.messages) > before, "the sweep's cloud", 120.0)
         cloud = self.clouds.messages[-1]
         self.assertEqual([f.name for f in cloud.fields], list(CLOUD_FIELDS))
         points, origins = cloud_arrays(cloud, "base_link")

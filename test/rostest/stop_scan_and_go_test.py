@@ -145,7 +145,7 @@ class StopScanAndGoTest(unittest.TestCase):
         self.assertEqual(self.sweeps_asked_for, asked + 1)
 
     def test_4_distance_is_changed_on_the_way(self) -> None:
-        client = Client(NODE, timeout=10.0)
+        client = Client(NODE, timeout=60.0)
         self.drive()
         before = self.x
         client.update_configuration({"max_distance_m": 0.5})

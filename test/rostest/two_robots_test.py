@@ -19,7 +19,7 @@ from tf2_msgs.msg import TFMessage
 import rostest
 
 SIDES = ("left", "right")
-START_S, SWEEP_S = 90.0, 60.0  # both robots load their kernels, and share the machine
+START_S, SWEEP_S = 300.0, 180.0  # both robots load their kernels, and share the machine
 DRIVEN_M, STANDS_MPS = 0.3, 0.02
 EVERYBODY_S = {"/diagnostics", "/rosout", "/rosout_agg"}
 OF_THE_MASTER = {"/roslaunch", "/rosversion", "/rosdistro", "/run_id", "/use_sim_time", "/rosout"}
