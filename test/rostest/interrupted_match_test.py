@@ -65,7 +65,7 @@ class InterruptedMatchTest(unittest.TestCase):
                 mapped.wait_for_stamp(stamp_s)
         self.assertTrue(MATCHER.waits.wait(60.0), "the third sweep is not matched")
         node.send_signal(signal.SIGINT)
-        time.sleep(1.0)
+        time.sleep(3.0)  # until it knows
         MATCHER.goes_on.set()
         node.wait(60.0)
         return folder

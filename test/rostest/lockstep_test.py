@@ -75,10 +75,11 @@ class LockstepTest(unittest.TestCase):
 
     def test_2_tick_without_a_command_is_answered_with_none(self) -> None:
         self.tick()
-        velocities = len(self.velocities.messages)
+        velocities = self.done.messages[-1].counts[0]
         stamp_s = self.send(command=False)
         wait_until(lambda: self.answered(stamp_s), "the answer")
         self.assertEqual(self.done.messages[-1].counts[0], velocities)
+        wait_until(lambda: len(self.velocities.messages) == velocities, "as many velocities as are told")
 
     def test_3_clock_goes_on_until_the_cloud_is_out_and_stands_until_decision_and_terrain(self) -> None:
         for _ in range(80):
@@ -87,7 +88,7 @@ class LockstepTest(unittest.TestCase):
                 break
         for tilt_rad in (0.5,) * 4 + (0.0,) * 8:
             self.tick(tilt_rad)
-        self.assertEqual(self.state(), "mapping")
+        wait_until(lambda: self.state() == "mapping", "the sweep to be over")
         LockstepTest.clouds += 1
         stamp_s = self.send()
         time.sleep(QUIET_S)
@@ -97,7 +98,7 @@ class LockstepTest(unittest.TestCase):
         self.assertFalse(self.answered(stamp_s))
         self.terrains.publish(Header(stamp=ros_time(stamp_s)))
         wait_until(lambda: self.answered(stamp_s), "the answer")
-        self.assertEqual(self.state(), "driving")
+        wait_until(lambda: self.state() == "driving", "the decision to be taken")
 
     def test_4_decision_about_a_robot_that_was_not_found_waits_for_no_terrain(self) -> None:
         LockstepTest.clouds += 1

@@ -54,6 +54,7 @@ class MoveBaseGoalsTest(FedMoveBase):
         """Sends a goal, and waits until the robot drives."""
         (by or self.client).send_goal(goal)
         wait_until(lambda: self.tick().state == "following", "the robot to follow")
+        wait_until(lambda: (by or self.client).get_state() == GoalStatus.ACTIVE, "the client to hear of it")
 
     def wait_for_result(self, by: "actionlib.SimpleActionClient | None" = None) -> int:
         self.assertTrue((by or self.client).wait_for_result(rospy.Duration(60)))

@@ -2,10 +2,12 @@
 
 import math
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,9 @@ from std_msgs.msg import String
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import header, pose_message, stamp_of
 from ros_adapters.node import READY_TOPIC
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "system"))
+from slow_machine import slowness  # noqa: E402, F401  # for the tests
 
 TIMEOUT_S = 60.0  # what does not come within it does not come on a slow machine either
 QUIET_S = 0.3

@@ -136,7 +136,7 @@ class OctomapServerAloneTest(unittest.TestCase):
 
     def test_cloud_waits_for_its_transform(self) -> None:
         self.clouds.publish(plain_cloud(self.clock_s, self.room))
-        rospy.rostime.wallsleep(0.2)
+        rospy.rostime.wallsleep(0.1)  # it waits for half a second
         self.assertNotIn(self.clock_s, self.full.stamps())
         self.stand(self.clock_s)
         self.full.wait_for_stamp(self.clock_s)

@@ -89,6 +89,7 @@ class RunReplayTest(unittest.TestCase):
         code, text = replay(f"run:={write_run(self.folder)}", "speed:=4", "frame_rate_hz:=20")
         self.assertEqual(code, 0, text)
         self.assertIn("played to its end at 9.0 s: 5 sweeps, 4 m", text)
+        heard["/clock"].wait_for(lambda m: abs(m.clock.to_sec() - LAST_S) < 1e-6)
         clocks = [m.clock.to_sec() for m in heard["/clock"].messages]
         self.assertEqual(clocks, sorted(clocks))
         self.assertAlmostEqual(clocks[-1], LAST_S)

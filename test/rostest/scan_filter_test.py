@@ -7,7 +7,7 @@ import unittest
 
 import numpy as np
 import rospy
-from node_testing import BEAMS, QUIET_S, DiagnosticsOf, Inbox, feed, joints, one_line_of, run_misconfigured, scan, wait_for_node
+from node_testing import BEAMS, QUIET_S, DiagnosticsOf, Inbox, feed, joints, one_line_of, run_misconfigured, scan, slowness, wait_for_node
 from sensor_msgs.msg import JointState, LaserScan
 
 import rostest
@@ -100,7 +100,7 @@ class ScanFilterTest(unittest.TestCase):
         self.through(scan(self.now()))
         base = joints(self.now())
         base.name = ["left_wheel"]
-        deadline = time.monotonic() + 2.0
+        deadline = time.monotonic() + 2.0 * slowness()
         while "no /joint_states" not in self.diagnostics.message():
             self.assertLess(time.monotonic(), deadline, self.diagnostics.message())
             self.joints.publish(base)
