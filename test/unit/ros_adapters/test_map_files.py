@@ -42,7 +42,7 @@ def test_map_that_begins_anew_while_files_rest_is_written_again(tmp_path: Path, 
     assert not files.wait()[0]
     time.sleep(0.5)  # the rest is over, and nothing is to be written
     files.save(tree(0.5), None, None)
-    assert files.wait(5.0)[0]
+    assert files.wait(60.0)[0]
     assert len(np.load(tmp_path / "occupied.npz")["sizes"]) == len(tree(0.5).occupied_voxels()[1])
 
 

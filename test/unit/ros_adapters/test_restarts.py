@@ -190,16 +190,17 @@ def test_node_that_is_asked_to_end_says_so_and_one_that_an_error_ended_does_not(
 
 
 def test_node_whose_callback_never_ends_does_not_beat(quick: None) -> None:
-    lock, held = threading.RLock(), threading.Event()
+    lock, held, over = threading.RLock(), threading.Event(), threading.Event()
 
     def hang() -> None:
         with lock:
             held.set()
-            time.sleep(1.0)
+            over.wait(60.0)
 
     threading.Thread(target=hang, daemon=True).start()
     held.wait()
     assert beats_in(0.5, lock) == 0
+    over.set()
 
 
 def test_node_that_starts_beats_only_while_it_waits_for_another(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -209,14 +210,15 @@ def test_node_that_starts_beats_only_while_it_waits_for_another(quick: None, mon
 
 
 def test_node_that_waits_for_another_beats(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    lock, held = threading.RLock(), threading.Event()
+    lock, held, over = threading.RLock(), threading.Event(), threading.Event()
     monkeypatch.setattr(restarts, "is_waiting", lambda: True)
 
     def wait() -> None:
         with lock:
             held.set()
-            time.sleep(1.0)
+            over.wait(60.0)
 
     threading.Thread(target=wait, daemon=True).start()
     held.wait()
     assert beats_in(0.5, lock) > 0
+    over.set()

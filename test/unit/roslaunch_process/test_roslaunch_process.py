@@ -64,9 +64,10 @@ def test_only_what_is_marked_and_not_hidden_is_shown(roslaunch, tmp_path, capsys
     assert capsys.readouterr().out.splitlines() == ["SUCCESS", "t=3 s"]
 
 
-NODE_AND_LAUNCH = "setsid env --default-signal=INT bash -c '{node}' &\necho $!; echo $$\n"
-DEAF = 'trap "" INT; while :; do sleep 0.05; done'
-LISTENING = 'trap "touch {mark}; exit" INT; while :; do sleep 0.05; done'
+LISTENS = '"$ROS_LOG_DIR/listens"'  # a file of a node that has set its trap
+NODE_AND_LAUNCH = f"setsid env --default-signal=INT bash -c '{{node}}' &\nuntil [ -e {LISTENS} ]; do sleep 0.02; done\necho $!; echo $$\n"
+DEAF = f'trap "" INT; touch {LISTENS}; while :; do sleep 0.05; done'
+LISTENING = 'trap "touch {mark}; exit" INT; touch ' + LISTENS + "; while :; do sleep 0.05; done"
 
 
 def pids_of(launch) -> tuple[int, int]:
@@ -79,7 +80,7 @@ def is_running(pid: int) -> bool:
     return stat.exists() and "Z" not in stat.read_text().rpartition(")")[2].split()[0]
 
 
-def wait_for(condition, timeout_s: float = 20.0) -> bool:
+def wait_for(condition, timeout_s: float = 60.0) -> bool:
     deadline = time.monotonic() + timeout_s
     while not condition() and time.monotonic() < deadline:
         time.sleep(0.05)
@@ -88,7 +89,7 @@ def wait_for(condition, timeout_s: float = 20.0) -> bool:
 
 def test_exit_code_is_that_of_roslaunch(roslaunch, tmp_path):
     roslaunch("exit 7")
-    assert start_launch("explore.launch", {}, 11399, tmp_path, 60).wait(20.0) == 7
+    assert start_launch("explore.launch", {}, 11399, tmp_path, 60).wait(60.0) == 7
 
 
 def test_interrupt_is_handed_on_and_the_end_is_waited_for(roslaunch, tmp_path):
@@ -96,7 +97,7 @@ def test_interrupt_is_handed_on_and_the_end_is_waited_for(roslaunch, tmp_path):
     launch = start_launch("explore.launch", {}, 11399, tmp_path, 60)
     assert "ready" in launch.stdout.readline()
     launch.send_signal(signal.SIGINT)
-    assert launch.wait(20.0) == 5
+    assert launch.wait(60.0) == 5
 
 
 def test_nodes_of_a_killed_roslaunch_are_interrupted(roslaunch, tmp_path):
@@ -104,9 +105,8 @@ def test_nodes_of_a_killed_roslaunch_are_interrupted(roslaunch, tmp_path):
     roslaunch(NODE_AND_LAUNCH.format(node=LISTENING.format(mark=mark)) + "wait")
     launch = start_launch("explore.launch", {}, 11399, tmp_path, 60)
     node, parent = pids_of(launch)
-    time.sleep(0.3)  # until the node listens
     os.kill(parent, signal.SIGKILL)
-    assert launch.wait(20.0) == 128 + signal.SIGKILL
+    assert launch.wait(60.0) == 128 + signal.SIGKILL
     assert mark.exists() and not is_running(node)
 
 
@@ -114,7 +114,7 @@ def test_node_that_does_not_listen_is_killed_with_its_output_closed(roslaunch, t
     roslaunch(NODE_AND_LAUNCH.format(node=DEAF) + "exit 3")
     launch = start_launch("explore.launch", {}, 11399, tmp_path, 60)
     node, _ = pids_of(launch)
-    assert launch.wait(20.0) == 3 and not is_running(node)
+    assert launch.wait(60.0) == 3 and not is_running(node)
     assert list(shown_lines(launch, "[explore]")) == []
 
 
@@ -143,14 +143,14 @@ def test_launch_is_interrupted_when_its_parent_is_killed(roslaunch, tmp_path):
 
 
 def test_launch_that_does_not_listen_is_killed_with_its_nodes_after_its_parent(roslaunch, tmp_path):
-    roslaunch(NODE_AND_LAUNCH.format(node=DEAF) + DEAF)
+    roslaunch('trap "" INT\n' + NODE_AND_LAUNCH.format(node=DEAF) + DEAF)
     node, launch = (int(line) for line in started_and_killed(tmp_path, 2))
     assert is_running(node) and is_running(launch)
     assert wait_for(lambda: not is_running(node) and not is_running(launch))
 
 
 def test_lock_is_held_until_the_last_node_has_ended(roslaunch, tmp_path):
-    roslaunch(NODE_AND_LAUNCH.format(node=DEAF) + DEAF)
+    roslaunch('trap "" INT\n' + NODE_AND_LAUNCH.format(node=DEAF) + DEAF)
     node, _ = (int(line) for line in started_and_killed(tmp_path, 2))
 
     def is_free() -> bool:
