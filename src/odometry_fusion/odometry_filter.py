@@ -70,7 +70,7 @@ class OdometryFilter:
         self._dropped: Counter[str] = Counter()
         self._imu: StampedBuffer[list[float]] = StampedBuffer("imu", config.jump_back_s, config.buffer_s, self._dropped)
         self._wheels: StampedBuffer[list[float]] = StampedBuffer("wheels", config.jump_back_s, config.buffer_s, self._dropped)
-        self._set_back = SetBackWatch()
+        self._set_back = SetBackWatch(self._dropped)
         self._track: Track | None = None
         self._displacement = DisplacementWatch(config, robot)
 
@@ -135,8 +135,7 @@ class OdometryFilter:
             if self._set_back.hold(buffer.source, stamp_s, row):
                 self._begin_again()
         elif buffer.judge(stamp_s) is Arrival.IN_ORDER:
-            if late := self._set_back.late(buffer.source):
-                self._dropped[f"{buffer.source}_late"] += late
+            self._set_back.forget(buffer.source)
             buffer.append(stamp_s, row)
 
     def _begin_again(self) -> None:

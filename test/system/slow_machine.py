@@ -6,7 +6,7 @@ import time
 SLOWEST = 4.0
 """A wait that only has to end some time may take so many times as long as on that machine."""
 
-_REFERENCE_S = 0.05  # that `_work_s` took there
+_REFERENCE_S = 0.004  # that `_work_s` took there
 _LOOKS = 3
 
 

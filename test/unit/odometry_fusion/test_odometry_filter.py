@@ -316,6 +316,13 @@ def test_imu_alone_that_stamps_too_early_for_a_moment_is_late_and_the_filter_goe
         np.testing.assert_allclose(last.T_odom_base, estimates(data)[-1].T_odom_base, atol=0.05)
 
 
+def test_samples_that_are_held_and_jump_back_once_more_are_counted():
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
+    for stamp_s in (9.0, 5.0, 2.0, 2.0, 9.1):
+        odometry.add_imu(stamp_s, np.zeros(3), [0, 0, 9.81])
+    assert odometry.dropped == {"imu_late": 3}
+
+
 def test_both_inputs_that_jump_back_start_afresh_at_once():
     odometry = OdometryFilter(OdometryConfig(), RobotBody())
     for stamp_s in (5.0, 5.01, 2.0):
