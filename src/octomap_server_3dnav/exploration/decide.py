@@ -16,7 +16,7 @@ from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind, TerrainWithin
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig
 from octomap_server_3dnav.exploration.goals import GoalSearch, View
-from octomap_server_3dnav.exploration.homing import Homing
+from octomap_server_3dnav.exploration.homing import HomeDrive, Homing
 from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
 from octomap_server_3dnav.exploration.retreat import Retreat, way_back
 from octomap_server_3dnav.navigation.passages import TerrainSettings
@@ -223,8 +223,8 @@ class Explorer:
 
     def _go_home(self, observation: Observation) -> Decision:
         o = observation
-        within = lambda radius_m: self.with_way_out(o.terrain_within(radius_m))  # noqa: E731
-        decision, is_last = self._homing.step(o.vertex_poses, within, o.stands, o.at_goal, o.drive_failure)
+        drive = HomeDrive(o.stands, o.at_goal, o.on_the_way, o.drive_failure)
+        decision, is_last = self._homing.step(o.vertex_poses, lambda r: self.with_way_out(o.terrain_within(r)), drive)
         self._state = State.HOME if is_last else State.GOING_HOME
         return decision
 

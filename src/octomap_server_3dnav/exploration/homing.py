@@ -1,10 +1,12 @@
 """Home: back to where the robot stood at its first sweep, over the paths of every goal, and what is told when it is there.
 
-Beside exploration, for `decide`: somebody asks for it, exploration is at its end, or the budget is spent. After every sweep on the way a
-path is planned anew. A home that cannot be reached is come as near to as the ground allows, and that is told.
+Beside exploration, for `decide`: somebody asks for it, exploration is at its end, or the budget is spent. A path is kept while it is
+free and home stays where it was: in a passage that is driven backward, a new one would lead out again. A home that cannot be reached is
+come as near to as the ground allows, and that is told.
 """
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,10 +14,22 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.exploration.approach import Approach
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind, TerrainWithin
+from octomap_server_3dnav.exploration.plan_validity import path_is_free
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, nearest_traversable, plan_path
 from octomap_server_3dnav.terrain.classified_terrain import Terrain
 from rigid_geometry import angle_difference, yaw_of
 from rigid_geometry.transforms import Transform
+
+
+@dataclass(frozen=True)
+class HomeDrive:
+    """What became of the last drive when a sweep ended: whether the robot `stands`, because it is `at_goal`, or drives `on_the_way` there
+    still; `failure`: why it could not come there, else empty."""
+
+    stands: bool
+    at_goal: bool
+    on_the_way: bool
+    failure: str
 
 
 class Homing:
@@ -31,6 +45,8 @@ class Homing:
         self._why, self._then = "", DecisionKind.EXPLORED
         self._sent_whole: bool | None = None  # whether its goal is home itself; None: it was not sent yet
         self._failures = 0
+        self._least_m = math.inf  # of the way left where it had reached a goal
+        self._plan: Decision | None = None  # to home, or to a part of the way there
 
     def configure(self, config: ExplorationConfig, planner: PlannerConfig) -> None:
         """From the next step on."""
@@ -44,6 +60,7 @@ class Homing:
     def begin(self, why: str, then: DecisionKind) -> None:
         """From now on `step` leads home, and says `then` when it is there."""
         self._why, self._then, self._sent_whole, self._failures = why, then, None, 0
+        self._least_m, self._plan = math.inf, None
 
     def way_m(self, vertex_poses: NDArray[np.float64], terrain: Terrain, driven_m: float) -> float:
         """Metres of the path home; where none is known, of the last one that was and those driven since."""
@@ -53,27 +70,42 @@ class Homing:
         self._way_m = self._way_m + driven_m if path is None else path.length_m
         return self._way_m
 
-    def step(
-        self, vertex_poses: NDArray[np.float64], terrain_within: TerrainWithin, stands: bool, at_goal: bool, drive_failure: str
-    ) -> tuple[Decision, bool]:
-        """The next decision on the way home after a sweep, and whether it is the last. (V, 4, 4) poses, the last where the robot is now.
-
-        `stands`: it stood there when the sweep ended; `at_goal`: it had reached its goal; `drive_failure`: why it could not, else empty.
-        """
+    def step(self, vertex_poses: NDArray[np.float64], terrain_within: TerrainWithin, drive: HomeDrive) -> tuple[Decision, bool]:
+        """The next decision on the way home after a sweep, and whether it is the last. (V, 4, 4) poses, the last where the robot is now."""
         if self._vertex is None:
             return Decision(self._then, f"{self._why}; where home is nobody knows"), True
         here, home = vertex_poses[-1], vertex_poses[self._vertex]
         gap_m, turn_rad = math.dist(here[:3, 3], home[:3, 3]), abs(angle_difference(yaw_of(here), yaw_of(home)))
         off = f"{gap_m:.2f} m and {turn_rad:.2f} rad from the start"
-        if stands and gap_m <= self._config.home_tolerance_m and turn_rad <= self._config.home_tolerance_rad:
+        if drive.stands and gap_m <= self._config.home_tolerance_m and turn_rad <= self._config.home_tolerance_rad:
             return Decision(self._then, f"{self._why}; home, {off}"), True
-        if self._sent_whole is not None:
-            self._failures += bool(drive_failure) or (self._sent_whole and at_goal)
-        decision = None if self._failures >= self._config.max_failures else self._towards(vertex_poses, terrain_within)
+        kept = self._kept(terrain_within, home) if drive.on_the_way and not drive.failure else None
+        if kept is not None:
+            return kept, False
+        decision = self._after(self._towards(vertex_poses, terrain_within), drive)
         if decision is None:
-            reason = drive_failure or ("no nearer after another drive" if self._failures else "no way leads there")
+            reason = drive.failure or ("no nearer after another drive" if self._failures else "no way leads there")
             return Decision(self._then, f"{self._why}; not home, {off}: {reason}"), True
         return decision, False
+
+    def _kept(self, terrain_within: TerrainWithin, home: Transform) -> Decision | None:
+        """The plan under way, while nothing speaks against it."""
+        local, plan = terrain_within(self._config.local_radius_m), self._plan
+        if plan is None or plan.frontier is None or math.dist(plan.frontier, home[:3, 3]) > local.resolution:
+            return None
+        return replace(plan, kind=DecisionKind.KEEP, terrain=local, scope="local") if path_is_free(local, plan, self._config) else None
+
+    def _after(self, sent: tuple[Decision, bool, float] | None, drive: HomeDrive) -> Decision | None:
+        """The next drive, by (decision, whether its goal is home itself, metres of the way); None after too many that brought nothing."""
+        way_m = sent[2] if sent else math.inf
+        if self._sent_whole is not None:
+            is_no_nearer = self._sent_whole or way_m > self._least_m - self._config.home_tolerance_m
+            self._failures += bool(drive.failure) or (drive.at_goal and is_no_nearer)
+            self._least_m = min(self._least_m, way_m) if drive.at_goal else self._least_m
+        if sent is None or self._failures >= self._config.max_failures:
+            return None
+        self._plan, self._sent_whole, _ = sent
+        return self._plan
 
     def _ground_at_home(self, vertex_poses: NDArray[np.float64]) -> tuple[float, float, float] | None:
         if self._vertex is None:
@@ -82,8 +114,8 @@ class Homing:
         x, y, z = (float(v) for v in T_map_home[:3, 3] - self._base_height_m * T_map_home[:3, 2])
         return x, y, z
 
-    def _towards(self, vertex_poses: NDArray[np.float64], terrain_within: TerrainWithin) -> Decision | None:
-        """A goal at home, or on the ground that is nearest to it; None where no way leads."""
+    def _towards(self, vertex_poses: NDArray[np.float64], terrain_within: TerrainWithin) -> tuple[Decision, bool, float] | None:
+        """A goal at home, or on the ground that is nearest to it, as for `_after`; None where no way leads."""
         xyz, here, radius_m = self._ground_at_home(vertex_poses), vertex_poses[-1], self._config.local_radius_m
         assert xyz is not None and self._vertex is not None
         for scope_m, scope, tolerance_m in ((radius_m, "local", self._config.home_tolerance_m), (None, "global", math.inf)):
@@ -94,11 +126,12 @@ class Homing:
                 return self._along(_to_the_point(path, xyz, terrain.resolution), terrain, scope, here, vertex_poses[self._vertex])
         return None
 
-    def _along(self, path: Path, terrain: Terrain, scope: str, here: Transform, home: Transform) -> Decision:
-        part, yaw, self._sent_whole = self._approach.towards(path, here, yaw_of(home))
+    def _along(self, path: Path, terrain: Terrain, scope: str, here: Transform, home: Transform) -> tuple[Decision, bool, float]:
+        part, yaw, is_whole = self._approach.towards(path, here, yaw_of(home))
         x, y, z = (float(v) for v in home[:3, 3])
         reason = f"going home, {path.length_m:.1f} m: {self._why}"
-        return Decision(DecisionKind.GOAL, reason, terrain, scope, exact=self._sent_whole).along(part, yaw, (x, y, z))
+        decision = Decision(DecisionKind.GOAL, reason, terrain, scope, exact=is_whole).along(part, yaw, (x, y, z))
+        return decision, is_whole, path.length_m
 
 
 def _to_the_point(path: Path, xyz: tuple[float, float, float], within_m: float) -> Path:

@@ -3,7 +3,6 @@
 from enum import Enum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision
@@ -26,7 +25,7 @@ def validity_in(terrain: Terrain, plan: Decision, config: ExplorationConfig, min
     """
     if plan.path is None or plan.frontier is None:
         raise ValueError(f"a decision of kind {plan.kind.value!r} has no path that could be valid")
-    if not _path_is_free(terrain, plan.path, plan.straight, config.place_radius_m):
+    if not path_is_free(terrain, plan, config):
         return Validity.PATH_BLOCKED
     target = np.asarray(plan.frontier)
     if terrain.radius_m is not None:
@@ -37,12 +36,15 @@ def validity_in(terrain: Terrain, plan: Decision, config: ExplorationConfig, min
     return Validity.VALID if np.count_nonzero(near) >= min_voxels else Validity.FRONTIER_GONE
 
 
-def _path_is_free(terrain: Terrain, path: NDArray[np.float64], straight: NDArray[np.bool_] | None, beside_m: float) -> bool:
-    from_robot = np.linalg.norm(path[:, :2] - np.asarray(terrain.robot_xyz[:2]), axis=1)
-    for i in range(int(np.argmin(from_robot)), len(path)):
-        node = terrain.surface_near(path[i]) if from_robot[i] > beside_m else None
+def path_is_free(terrain: Terrain, plan: Decision, config: ExplorationConfig) -> bool:
+    """Whether the rest of a plan's path is still free in a terrain, as in `validity_in`; of a plan without a path it is not."""
+    if plan.path is None:
+        return False
+    from_robot = np.linalg.norm(plan.path[:, :2] - np.asarray(terrain.robot_xyz[:2]), axis=1)
+    for i in range(int(np.argmin(from_robot)), len(plan.path)):
+        node = terrain.surface_near(plan.path[i]) if from_robot[i] > config.place_radius_m else None
         if node is None or terrain.label[node] == TerrainClass.TRAVERSABLE:
             continue
-        if straight is None or not straight[i] or not terrain.narrow[node]:
+        if plan.straight is None or not plan.straight[i] or not terrain.narrow[node]:
             return False
     return True

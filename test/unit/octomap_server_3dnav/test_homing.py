@@ -12,7 +12,8 @@ from octomap_server_3dnav.exploration.decide import Errand, Explorer, Observatio
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
 from octomap_server_3dnav.navigation.passages import navigable_terrain
 
-GOAL, EXPLORED, ENDED, WAIT = DecisionKind.GOAL, DecisionKind.EXPLORED, DecisionKind.ENDED, DecisionKind.WAIT
+GOAL, KEEP, EXPLORED = DecisionKind.GOAL, DecisionKind.KEEP, DecisionKind.EXPLORED
+ENDED, WAIT = DecisionKind.ENDED, DecisionKind.WAIT
 HOME, AWAY = (2.0, 2.0, 0.7), (5.0, 4.5, 0.0)  # x, y, yaw
 
 
@@ -67,21 +68,35 @@ def test_home_of_a_session_that_goes_on_is_where_it_was_begun_this_time() -> Non
     np.testing.assert_allclose(decision.goal[:2], HOME[:2], atol=1e-6)
 
 
-def test_path_is_planned_anew_at_each_sweep_on_the_way_and_at_home_the_robot_waits() -> None:
+def test_path_is_kept_at_each_sweep_on_the_way_and_at_home_the_robot_waits() -> None:
     run = sent_home()
-    run.sweep(AWAY)
-    assert run.sweep((3.0, 3.0, 1.0), on_the_way=True, at_goal=False).kind is GOAL
+    first = run.sweep(AWAY)
+    kept = run.sweep((3.0, 3.0, 1.0), on_the_way=True, at_goal=False)
+    assert kept.kind is KEEP and kept.path is first.path and kept.exact
     there = run.sweep((2.1, 2.05, 0.75))
     assert (there.kind, run.explorer.state, there.path) == (WAIT, State.HOME, None)
     assert "home, 0.11 m and 0.05 rad from the start" in there.reason
+
+
+def test_path_on_the_way_home_that_is_blocked_or_whose_end_has_moved_is_planned_anew() -> None:
+    run = sent_home()
+    run.sweep(AWAY)
+    world = opening(room())
+    world[38:42, 35:45, BELOW + 1 :] = OCCUPIED
+    run.runs = runs_of(world)
+    assert run.sweep((4.2, 4.0, -2.4), on_the_way=True, at_goal=False).kind is GOAL
+    run.poses[0] = pose(2.3, 2.1, yaw=0.7)  # a loop was closed
+    again = run.sweep((4.2, 4.0, -2.4), on_the_way=True, at_goal=False)
+    assert again.kind is GOAL and again.goal is not None
+    np.testing.assert_allclose(again.goal[:2], (2.3, 2.1), atol=1e-6)
 
 
 def test_robot_that_drives_by_is_not_home_yet_and_what_it_saw_before_it_stood_is_no_failure() -> None:
     run = sent_home()
     run.sweep(AWAY)
     for _ in range(5):
-        assert run.sweep((2.3, 2.0, 0.7), on_the_way=True, stands=False, at_goal=False).kind is GOAL
-        assert run.sweep((2.1, 2.0, 0.7), on_the_way=True, stands=False, at_goal=False).kind is GOAL
+        assert run.sweep((2.3, 2.0, 0.7), on_the_way=True, stands=False, at_goal=False).kind is KEEP
+        assert run.sweep((2.1, 2.0, 0.7), on_the_way=True, stands=False, at_goal=False).kind is KEEP
         assert run.sweep((2.3, 2.0, 0.7), stands=False, at_goal=False).kind is GOAL
     assert run.sweep((2.1, 2.0, 0.7)).kind is WAIT
 
@@ -115,6 +130,42 @@ def test_drives_that_fail_on_the_way_home_end_it_with_the_reason_but_not_those_b
     assert run.sweep(AWAY, drive_failure="a box").kind is GOAL
     last = run.sweep(AWAY, drive_failure="a box still")
     assert last.kind is WAIT and "not home" in last.reason and "a box still" in last.reason
+
+
+def with_a_door() -> np.ndarray:
+    """Home on one side, and where it is told to go home from on the other, or before the door."""
+    states = room(120, 90)
+    states[55:57, :30, BELOW + 1 :] = states[55:57, 41:, BELOW + 1 :] = OCCUPIED
+    return states
+
+
+BEYOND = (8.0, 2.8, 3.14)
+
+
+def test_way_home_through_a_door_is_driven_up_to_it_and_on_from_there_also_backward() -> None:
+    """Where it could not turn before the door, it drives backward; a path from beside the door would lead it out again."""
+    run = Run(with_a_door())
+    run.sweep(HOME)
+    run.explorer.ask(Errand.HOME, "asked for")
+    before = run.sweep(BEYOND)
+    assert before.goal is not None and not before.exact and before.goal[0] > 57 * 0.08
+    x, y = before.goal[:2]
+    on = run.sweep((x, y, 0.0))
+    assert (on.kind, on.exact) == (GOAL, True)
+    for _ in range(4):
+        x -= 0.3
+        assert run.sweep((x, y, 0.0), on_the_way=True, at_goal=False).kind is KEEP
+
+
+def test_part_of_the_way_that_is_reached_and_brings_the_robot_no_nearer_is_a_drive_that_failed() -> None:
+    run = Run(with_a_door(), max_failures=2)
+    run.sweep(HOME)
+    run.explorer.ask(Errand.HOME, "asked for")
+    for _ in range(3):  # what it hears is that it is there; the sweep says that it is not
+        decision = run.sweep(BEYOND)
+        assert decision.kind is GOAL and not decision.exact
+    last = run.sweep(BEYOND)
+    assert last.kind is WAIT and "no nearer after another drive" in last.reason
 
 
 def test_home_that_is_walled_in_is_come_as_near_to_as_the_ground_allows() -> None:
@@ -212,7 +263,7 @@ def test_spent_budget_ends_at_home_whatever_it_costs_and_says_what_was_spent() -
     run.sweep(HOME)
     back = run.sweep(AWAY, s=60.0, m=4.0)
     assert back.kind is GOAL and "60 of 100 s are spent" in back.reason
-    assert run.sweep((3.5, 3.5, 0.0), s=60.0, m=2.0, on_the_way=True, at_goal=False).kind is GOAL  # it is late: home all the same
+    assert run.sweep((3.5, 3.5, 0.0), s=60.0, m=2.0, on_the_way=True, at_goal=False).kind is KEEP  # it is late: home all the same
     last = run.sweep(HOME, s=20.0, m=2.0)
     assert last.kind is ENDED and "60 of 100 s" in last.reason and "; home" in last.reason
 
