@@ -43,6 +43,15 @@ class SessionKeeper:
         self._diagnostics = diagnostics
         self._saved_vertices = 0
 
+    def why_not(self, *, resumes: bool) -> str:
+        """Why a run may not begin in its folder: a session is there that it is not to go on with, or none; empty when it may."""
+        count = len(self._store.sweeps) if self._store else 0
+        if self._store is None or resumes == bool(count):
+            return ""
+        if count:
+            return f"out {self._store.folder} holds a session, sweeps {count}: resume:=true goes on with it, out:=FOLDER names another"
+        return f"out {self._store.folder} holds no session to go on with: out:=FOLDER names one"
+
     def resumed(
         self, config: MappingConfig, match: Match, looked_through: Sequence[Counts] = (), *, terrain_has_it: bool = False
     ) -> PoseGraphMapper | None:

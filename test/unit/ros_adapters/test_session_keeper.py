@@ -66,3 +66,14 @@ def test_full_disk_is_told_until_it_takes_the_sweeps(tmp_path: Path, monkeypatch
         assert "is full: make room there" in told.said["the session is not on disk"] and told.values["sweeps not on disk"] == 2
     keep_one(keeper, graph)
     assert told.said["the session is not on disk"] == "" and told.values["sweeps not on disk"] == 0
+
+
+def test_run_begins_only_in_a_folder_without_a_session_and_goes_on_only_with_one(tmp_path: Path) -> None:
+    keeper = SessionKeeper(tmp_path, Told())  # type: ignore[arg-type]
+    assert keeper.why_not(resumes=False) == "" and "no session to go on with" in keeper.why_not(resumes=True)
+    keep_one(keeper, PoseGraph())
+    again = SessionKeeper(tmp_path, Told())  # type: ignore[arg-type]
+    assert again.why_not(resumes=True) == ""
+    assert f"{tmp_path} holds a session, sweeps 1: resume:=true goes on with it" in again.why_not(resumes=False)
+    nowhere = SessionKeeper(None, Told())  # type: ignore[arg-type]
+    assert nowhere.why_not(resumes=False) == nowhere.why_not(resumes=True) == ""
