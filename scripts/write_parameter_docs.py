@@ -40,6 +40,7 @@ WAYS_TO_SET = """## How to set them
 A parameter is private to its node. To change it, in the order in which one overrides the other:
 
 - in the node's file in `config/`, which its launch file loads; the values there are the defaults of those that are touched first;
+- in `config/modes/driving.yaml`, which is loaded after them unless it maps by stop and go: it drives at up to 0.7 m/s, for one;
 - in a YAML file of your own, by node: `roslaunch explore_3dnav explore.launch overrides:=FILE`;
 - for one run: `./explore --set octomap_server_3dnav_node/resolution=0.05`.
 

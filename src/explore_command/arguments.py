@@ -131,7 +131,8 @@ def parser() -> argparse.ArgumentParser:
         "--out",
         type=Path,
         metavar="DIR",
-        help="folder for the results; default runs/WORLD-SEED, and where a run writes into that WORLD-SEED-2",
+        help="folder for the results; default runs/WORLD-SEED, with --map WORLD-SEED-more, with --goals WORLD-SEED-goals; "
+        "an earlier run there is overwritten; where one is under way, it is WORLD-SEED-2",
     )
     go_on = p.add_mutually_exclusive_group()
     go_on.add_argument(
@@ -139,7 +140,7 @@ def parser() -> argparse.ArgumentParser:
     )
     go_on.add_argument("--map", type=Path, metavar="DIR", help="start somewhere in the finished map of DIR, and explore what it lacks")
     p.add_argument("--goals", action="store_true", help="with --map: only drive to goals in it, until Ctrl-C; the map stays as it is")
-    p.add_argument("--force", action="store_true", help="overwrite an earlier run in --out")
+    p.add_argument("--force", action="store_true", help="overwrite an earlier run in a folder that --out names")
     view = p.add_mutually_exclusive_group()
     view.add_argument("--headless", action="store_true", help="no rviz, also where there is a display")
     view.add_argument("--rviz", action="store_true", help="rviz, also where DISPLAY is not set")
@@ -207,7 +208,8 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
     check_movers(a.movers, a.seed)
     if a.zones:
         check_zones(a.zones)
-    out = (a.resume or a.out or Path("runs") / f"{Path(a.world).stem}-{a.seed}").absolute()
+    of_map = "-goals" if a.goals else "-more" if a.map else ""
+    out = (a.resume or a.out or Path("runs") / f"{Path(a.world).stem}-{a.seed}{of_map}").absolute()
     if a.map and a.map.resolve() == out.resolve():
         raise ArgumentProblem(
             f"--map {a.map}: the new run would overwrite it; --out DIR names another folder, --resume goes on in this one"

@@ -66,6 +66,7 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
         "costmap": "local_terrain_costmap.CostmapConfig",
         "follower": "path_following.FollowerConfig",
         "monitor": "collision_monitor.CollisionMonitorConfig",
+        "lidar": "sweep_assembly.LidarConfig",
     },
     "stop_scan_and_go_node": {"": "stop_scan_and_go.StopScanAndGoConfig"},
     "exploration_monitor_node": {"": "ros_adapters.monitor_config.MonitorConfig"},

@@ -18,10 +18,10 @@ from sweep_assembly import LaserScans, LidarConfig, LidarRevolutions, Line, Line
 class LineInput:
     """Subscribes what lines are made of, but for the odometry, which the node has."""
 
-    def __init__(self, node: Node, name: str, tilt_joint: str | None, mount: TiltGeometry, laser_frame: str) -> None:
-        """`name` is the node's, whose parameters below ~lidar say which lidar it is; `tilt_joint` and `mount` are `mount_of_laser`'s."""
-        spinning, self._laser_frame = sensor_is_spinning(name), laser_frame
-        sensor = LidarRevolutions(node.parameters(LidarConfig, section="lidar")) if spinning else LaserScans()
+    def __init__(self, node: Node, lidar: LidarConfig, tilt_joint: str | None, mount: TiltGeometry, laser_frame: str) -> None:
+        """`lidar`: where one spins in the laser's place; `tilt_joint` and `mount` are `mount_of_laser`'s."""
+        spinning, self._laser_frame = sensor_is_spinning(node.name), laser_frame
+        sensor = LidarRevolutions(lidar) if spinning else LaserScans()
         self._lines: LineSource[Any] = LineSource(SweepAssemblyConfig(), mount, sensor)
         self._tilt = TiltInput(node, tilt_joint, self._lines.add_joint)
         self.topics = (*self._tilt.topics, "points_filtered" if spinning else "scan_filtered")

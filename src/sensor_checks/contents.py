@@ -150,8 +150,13 @@ def tilt_rows(topic: str, tilts: FloatArray, joint: str, limits: CheckLimits) ->
             "tilt",
             f"{joint} at {middle:.3f} rad, moves by {moved:.3f} rad",
             (abs(middle) > 2.0 * math.pi, Level.ERROR, "the joint is in degrees: let its driver publish radians (REP 103)"),
-            (abs(middle) > limits.level_rad, Level.WARN, "the laser must rest horizontally between sweeps: it sees obstacles only so"),
-            (moved > limits.level_rad, Level.WARN, "the mount moves: look at a robot that stands, with no sweep under way"),
+            (moved > limits.resting_rad, Level.WARN, "the mount moves: look at a robot that stands, with no sweep under way"),
+            (
+                abs(middle) > limits.level_rad,
+                Level.ERROR,
+                f"no sweep ends unless the laser rests within {limits.level_rad:g} rad of 0: zero the joint, "
+                "or raise horizontal_tolerance_rad of config/sweep_assembly.yaml",
+            ),
         )
     ]
 

@@ -17,11 +17,14 @@ class Needs:
 NEEDS = {
     "scan": Needs(5.0, 0.2, 0.3),
     "points": Needs(5.0, 0.3, 0.3),
-    "joint_states": Needs(10.0, 0.2, 0.3),
+    "joint_states": Needs(15.0, 0.2, 0.11),
     "imu/data": Needs(25.0, 0.1, 0.1),
-    "wheel_odom": Needs(8.0, 0.2, 0.3),
+    "wheel_odom": Needs(8.0, 0.2, 0.21),
 }
-"""By topic. Motion stops 0.3 s after the last of an input; an IMU's pause over 0.1 s is bridged by a guess (`max_imu_gap_s`)."""
+"""By topic. Motion stops 0.3 s after the last of an input; an IMU's pause over 0.1 s is bridged by a guess (`max_imu_gap_s`).
+
+Scans beside a pause of tilt or wheels are lost to the sweep from `max_joint_gap_s` and `max_odometry_gap_s` of sweep_assembler_node on.
+"""
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,10 @@ class CheckLimits:
     blind_share: float = parameter(
         0.98, "-", "a laser of which more beams hit nothing is covered, or its limits are wrong", low=0.0, high=1.0
     )
-    level_rad: float = parameter(0.05, "rad", "the laser rests as near to the horizontal, and moves no more", low=0.0)
+    level_rad: float = parameter(
+        0.01, "rad", "the laser rests as near to the horizontal: horizontal_tolerance_rad of sweep_assembler_node", low=0.0
+    )
+    resting_rad: float = parameter(0.05, "rad", "a mount that rests moves no more", low=0.0)
     standing_rate: float = parameter(
         0.05, "rad/s", "a gyroscope that stands turns no faster: ten times the bias of a cheap one, a tenth of one in degrees", low=0.0
     )

@@ -28,12 +28,14 @@ def _reference() -> ModuleType:
 
 
 REFERENCE = _reference()
+LIDAR = ROOT / "config/lidar.yaml"
 CONFIG_FILE = {node.name: ROOT / "config" / node.config for node in REFERENCE.launched_nodes(ROOT / "launch")}
 
 
 def _values(node: str) -> dict[str, dict[str, Any]]:
     """The file's parameters by section."""
     values = yaml.safe_load(CONFIG_FILE[node].read_text()) or {}
+    values |= {LIDAR.stem: yaml.safe_load(LIDAR.read_text())} if LIDAR.stem in NODE_CONFIGS[node] else {}
     sections = {section: values.pop(section, {}) for section in NODE_CONFIGS[node] if section}
     return {"": values, **sections}
 
@@ -74,14 +76,9 @@ def test_reference_begins_with_the_twelve_parameters_that_people_change() -> Non
     assert first.count("\n| `") == len(REFERENCE.COMMON) == 12
 
 
-@pytest.mark.parametrize("node", ["sweep_assembler_node", "scan_tracking_node"])
-def test_nodes_behind_a_spinning_lidar_know_the_same_one(node: str) -> None:
-    assert _values("scan_filter_node")["lidar"] == _values(node)["lidar"]
-
-
-def test_every_file_belongs_to_a_node_or_is_the_robot() -> None:
+def test_every_file_belongs_to_a_node_or_is_the_robot_or_the_lidar() -> None:
     files = {path.name for path in (ROOT / "config").glob("*.yaml")}
-    assert files == {path.name for path in CONFIG_FILE.values()} | {DEFAULT_ROBOT_FILE.name}
+    assert files == {path.name for path in CONFIG_FILE.values()} | {DEFAULT_ROBOT_FILE.name, LIDAR.name}
 
 
 def test_reference_names_every_parameter_once_a_node() -> None:

@@ -44,17 +44,17 @@ def test_run_goes_on_among_the_movers_that_it_had(session: Path) -> None:
 def test_map_is_explored_in_another_folder(session: Path) -> None:
     a = parse(["--map", str(session), "--seed", "3"])
     assert (a.resume, a.map, a.world, a.seed) == (False, session, "rooms", 3)
-    assert a.out.name == "rooms-3"
+    assert a.out.name == "rooms-3-more"
+    assert parse(["--map", str(session), "--goals"]).out.name == "rooms-7-goals"
 
 
 def test_map_is_never_the_folder_of_the_run_that_starts_in_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, session: Path) -> None:
-    """Also where nobody named a folder: the default is that of the world and seed, which a map has from the same world and seed."""
     monkeypatch.chdir(tmp_path)
     session.rename(tmp_path / "rooms-7")
     (tmp_path / "runs").symlink_to(tmp_path)
-    for more in ([], ["--out", "rooms-7", "--force"]):
-        with pytest.raises(ArgumentProblem, match="would overwrite it"):
-            parse(["--map", "runs/rooms-7", *more])
+    assert all(parse(["--map", "runs/rooms-7", *more]).out.name != "rooms-7" for more in ([], ["--goals"]))
+    with pytest.raises(ArgumentProblem, match="would overwrite it"):
+        parse(["--map", "runs/rooms-7", "--out", "rooms-7", "--force"])
 
 
 def test_seed_zero_is_a_seed(session: Path) -> None:

@@ -6,11 +6,18 @@ import numpy as np
 import pytest
 
 from robot_body import RobotBody
-from sensor_checks import CheckLimits, ImuLimits, Level, Row, judged, table, worst
+from sensor_checks import NEEDS, CheckLimits, ImuLimits, Level, Row, judged, table, worst
 from sensor_checks.contents import ScanLayout, frame_row, imu_rows, points_rows, scan_rows, stands, tilt_rows, wheel_rows
+from sweep_assembly.assembly_config import SweepAssemblyConfig
 
 LIMITS = CheckLimits()
 UTM = ScanLayout(math.radians(-135), math.radians(0.25), 0.025 / 1440, 1081, 0.1, 30.0)
+
+
+def test_what_passes_the_check_is_no_less_than_what_a_sweep_needs():
+    assembly = SweepAssemblyConfig()
+    assert LIMITS.level_rad <= assembly.horizontal_tolerance_rad
+    assert NEEDS["joint_states"].max_gap_s <= assembly.max_joint_gap_s and NEEDS["wheel_odom"].max_gap_s <= assembly.max_odometry_gap_s
 
 
 def by_question(found):
@@ -102,7 +109,8 @@ def test_imu():
     [
         ([0.002, 0.003], Level.OK, ""),
         ([40.0], Level.ERROR, "degrees"),
-        ([0.2, 0.2], Level.WARN, "rest horizontally"),
+        ([0.2, 0.2], Level.ERROR, "no sweep ends"),
+        ([0.03, 0.03], Level.ERROR, "horizontal_tolerance_rad"),
         ([0.0, 0.0, 0.4], Level.WARN, "mount moves"),
         ([math.nan], Level.ERROR, "driver"),
         ([], Level.ERROR, "must publish tilt_joint"),

@@ -1,8 +1,10 @@
-"""Where launch files write: no launch into the folder of an earlier one, and nothing that was simulated over what is the robot's."""
+"""What launch files write and load: a folder for each launch, nothing simulated over what is the robot's, one lidar for all nodes."""
 
 from pathlib import Path
 
 from roslaunch.config import load_config_default
+
+from explore_command.parameters import NODE_CONFIGS
 
 LAUNCH = Path(__file__).resolve().parents[3] / "launch"
 
@@ -27,3 +29,9 @@ def test_all_nodes_of_a_launch_write_to_the_same_folder() -> None:
 def test_simulated_calibration_is_not_taken_for_the_robots() -> None:
     files = [parameter("calibrate_mount.launch", "/calibrate_mount_node/out", f"sim:={sim}") for sim in ("true", "false")]
     assert files[1] == str(Path.home() / ".ros/explore_3dnav/mount_calibration.yaml") and files[0] != files[1]
+
+
+def test_every_node_that_reads_a_lidar_loads_the_one_file() -> None:
+    config = load_config_default([(str(LAUNCH / "explore.launch"), ["sensor:=spinning"])], None)
+    loaded = {name.split("/")[1] for name in config.params if name.endswith("/lidar/rings")}
+    assert loaded == {node for node, sections in NODE_CONFIGS.items() if "lidar" in sections}
