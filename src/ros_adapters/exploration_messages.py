@@ -5,8 +5,8 @@ from explore_3dnav.srv import StorePlanRequest
 from geometry_msgs.msg import Point
 from nav_msgs.msg import Path
 
-from octomap_server_3dnav.exploration.decide import SweepOutcome
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
+from octomap_server_3dnav.exploration.observation import SweepOutcome
 from ros_adapters.conversions import header, path_message
 from ros_adapters.frames import frames
 from ros_adapters.stage_times import StageTimes

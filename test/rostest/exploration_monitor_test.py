@@ -132,6 +132,9 @@ class ExplorationMonitorTest(unittest.TestCase):
                 self.assertFalse(resume.wait_for().data)
                 run.say("driving", "to a goal after exploration")
                 time.sleep(2.0)
+                run.say("finished", "told to stop")  # somebody had it go on exploring
+                wait_until(lambda: len(resume.messages) == 2, "that exploration is paused again")
+                self.assertFalse(resume.messages[-1].data)
                 self.assertEqual((run.process.poll(), victim.poll()), (None, None))
                 run.process.send_signal(signal.SIGINT)
                 summary, output = run.end()

@@ -4,26 +4,23 @@ The last step of the octomap stage. Algorithm 3 as printed begins anew whenever 
 a plan that is under way, of drives that failed, and of sweeps that found no place in the map; and what people ask for: home, or the end.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
-
-import numpy as np
-from numpy.typing import NDArray
 
 from map_zones import Zones
 from octomap_server_3dnav.exploration.budget import Budget
 from octomap_server_3dnav.exploration.config import ExplorationConfig
-from octomap_server_3dnav.exploration.decision import Decision, DecisionKind, TerrainWithin
+from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig
 from octomap_server_3dnav.exploration.goals import GoalSearch, View
-from octomap_server_3dnav.exploration.homing import HomeDrive, Homing
+from octomap_server_3dnav.exploration.homing import Homing
+from octomap_server_3dnav.exploration.observation import Observation, SweepOutcome
 from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
 from octomap_server_3dnav.exploration.retreat import Retreat, way_back
 from octomap_server_3dnav.navigation.passages import TerrainSettings
 from octomap_server_3dnav.navigation.planner import PlannerConfig
 from octomap_server_3dnav.terrain.classified_terrain import Terrain
 from rigid_geometry import as_transforms
-from rigid_geometry.transforms import Transform
 
 
 class State(Enum):
@@ -48,43 +45,6 @@ class Errand(Enum):
     EXPLORE = "explore"
     HOME = "home"  # and wait there
     END = "end"  # as when nothing is left to explore
-
-
-class SweepOutcome(Enum):
-    """What became of a sweep."""
-
-    MATCHED = "matched"
-    REFUSED = "refused"  # it is in the map where odometry says
-    UNPLACED = "unplaced"  # it is not in the map
-    LOST = "lost"  # and where the robot is in the map nobody knows
-
-
-@dataclass(frozen=True, eq=False)
-class Observation:
-    """What is known after a sweep.
-
-    `vertex_poses` (V, 4, 4): T_map_base of every sweep of the map, the last where the robot is now; `terrain_within` gives the terrain
-    around it; `trouble`: why the sweep is UNPLACED or LOST. `on_the_way`: it was not made at the goal; `drive_failure`: what the follower
-    said when it could not reach that, else empty. `elapsed_s` since the start, `paused_s` of them, `driven_m` by odometry, for a budget.
-    `stands`: the robot stood when the sweep ended; `at_goal`: because it had reached its goal, not because somebody had stopped it.
-    """
-
-    sweep: SweepOutcome
-    vertex_poses: NDArray[np.float64]
-    terrain_within: TerrainWithin
-    trouble: str = ""
-    on_the_way: bool = False
-    drive_failure: str = ""
-    elapsed_s: float = 0.0
-    driven_m: float = 0.0
-    stands: bool = True
-    at_goal: bool = True
-    paused_s: float = 0.0
-
-    @property
-    def T_map_base(self) -> Transform:
-        """(4, 4) where the robot is."""
-        return np.asarray(self.vertex_poses[-1])
 
 
 class Explorer:
@@ -161,7 +121,7 @@ class Explorer:
 
     def forget_sweeps(self) -> None:
         """The map begins anew."""
-        self._retreat = Retreat(self.config.max_refused_sweeps)
+        self._retreat = Retreat(self.config.max_refused_sweeps, self.config.max_failures)
         self._unplaced = 0
 
     def step(self, observation: Observation) -> Decision:
@@ -222,9 +182,8 @@ class Explorer:
         self._homing.begin(why, then)
 
     def _go_home(self, observation: Observation) -> Decision:
-        o = observation
-        drive = HomeDrive(o.stands, o.at_goal, o.on_the_way, o.drive_failure)
-        decision, is_last = self._homing.step(o.vertex_poses, lambda r: self.with_way_out(o.terrain_within(r)), drive)
+        within = lambda radius_m: self.with_way_out(observation.terrain_within(radius_m))  # noqa: E731
+        decision, is_last = self._homing.step(replace(observation, terrain_within=within))
         self._state = State.HOME if is_last else State.GOING_HOME
         return decision
 
@@ -245,6 +204,8 @@ class Explorer:
 
     def _back(self, observation: Observation) -> Decision | None:
         """To known ground, when sweep after sweep was refused and a way leads there."""
+        if self._state is State.RETREATING and observation.drive_failure:
+            self._retreat.report_failure()
         target = self._retreat.target(observation.vertex_poses)
         if target is None:
             return None

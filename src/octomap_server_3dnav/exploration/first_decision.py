@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.exploration.decide import Explorer, Observation, SweepOutcome
+from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
 from octomap_server_3dnav.exploration.lookouts import find_lookouts
+from octomap_server_3dnav.exploration.observation import Observation, SweepOutcome
 from octomap_server_3dnav.navigation.headroom import with_seen_headroom
 from octomap_server_3dnav.navigation.local_grid import project
 from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain

@@ -6,7 +6,7 @@ come as near to as the ground allows, and that is told.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,22 +14,12 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.exploration.approach import Approach
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind, TerrainWithin
+from octomap_server_3dnav.exploration.observation import Observation
 from octomap_server_3dnav.exploration.plan_validity import path_is_free
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, nearest_traversable, plan_path
 from octomap_server_3dnav.terrain.classified_terrain import Terrain
 from rigid_geometry import angle_difference, yaw_of
 from rigid_geometry.transforms import Transform
-
-
-@dataclass(frozen=True)
-class HomeDrive:
-    """What became of the last drive when a sweep ended: whether the robot `stands`, because it is `at_goal`, or drives `on_the_way` there
-    still; `failure`: why it could not come there, else empty."""
-
-    stands: bool
-    at_goal: bool
-    on_the_way: bool
-    failure: str
 
 
 class Homing:
@@ -45,7 +35,7 @@ class Homing:
         self._why, self._then = "", DecisionKind.EXPLORED
         self._sent_whole: bool | None = None  # whether its goal is home itself; None: it was not sent yet
         self._failures = 0
-        self._least_m = math.inf  # of the way left where it had reached a goal
+        self._least_m = math.inf  # of the way left where a drive had ended
         self._plan: Decision | None = None  # to home, or to a part of the way there
 
     def configure(self, config: ExplorationConfig, planner: PlannerConfig) -> None:
@@ -70,21 +60,21 @@ class Homing:
         self._way_m = self._way_m + driven_m if path is None else path.length_m
         return self._way_m
 
-    def step(self, vertex_poses: NDArray[np.float64], terrain_within: TerrainWithin, drive: HomeDrive) -> tuple[Decision, bool]:
-        """The next decision on the way home after a sweep, and whether it is the last. (V, 4, 4) poses, the last where the robot is now."""
+    def step(self, observation: Observation) -> tuple[Decision, bool]:
+        """The next decision on the way home after a sweep, and whether it is the last."""
         if self._vertex is None:
             return Decision(self._then, f"{self._why}; where home is nobody knows"), True
-        here, home = vertex_poses[-1], vertex_poses[self._vertex]
+        here, home = observation.T_map_base, observation.vertex_poses[self._vertex]
         gap_m, turn_rad = math.dist(here[:3, 3], home[:3, 3]), abs(angle_difference(yaw_of(here), yaw_of(home)))
         off = f"{gap_m:.2f} m and {turn_rad:.2f} rad from the start"
-        if drive.stands and gap_m <= self._config.home_tolerance_m and turn_rad <= self._config.home_tolerance_rad:
+        if observation.stands and gap_m <= self._config.home_tolerance_m and turn_rad <= self._config.home_tolerance_rad:
             return Decision(self._then, f"{self._why}; home, {off}"), True
-        kept = self._kept(terrain_within, home) if drive.on_the_way and not drive.failure else None
+        kept = self._kept(observation.terrain_within, home) if observation.on_the_way and not observation.drive_failure else None
         if kept is not None:
             return kept, False
-        decision = self._after(self._towards(vertex_poses, terrain_within), drive)
+        decision = self._after(self._towards(observation.vertex_poses, observation.terrain_within), observation)
         if decision is None:
-            reason = drive.failure or ("no nearer after another drive" if self._failures else "no way leads there")
+            reason = observation.drive_failure or ("no nearer after another drive" if self._failures else "no way leads there")
             return Decision(self._then, f"{self._why}; not home, {off}: {reason}"), True
         return decision, False
 
@@ -95,13 +85,14 @@ class Homing:
             return None
         return replace(plan, kind=DecisionKind.KEEP, terrain=local, scope="local") if path_is_free(local, plan, self._config) else None
 
-    def _after(self, sent: tuple[Decision, bool, float] | None, drive: HomeDrive) -> Decision | None:
+    def _after(self, sent: tuple[Decision, bool, float] | None, observation: Observation) -> Decision | None:
         """The next drive, by (decision, whether its goal is home itself, metres of the way); None after too many that brought nothing."""
         way_m = sent[2] if sent else math.inf
-        if self._sent_whole is not None:
-            is_no_nearer = self._sent_whole or way_m > self._least_m - self._config.home_tolerance_m
-            self._failures += bool(drive.failure) or (drive.at_goal and is_no_nearer)
-            self._least_m = min(self._least_m, way_m) if drive.at_goal else self._least_m
+        failure = bool(observation.drive_failure)
+        if self._sent_whole is not None and (failure or observation.at_goal):
+            is_nearer = way_m < self._least_m - self._config.home_tolerance_m
+            self._failures = (0 if is_nearer else self._failures) + (failure or self._sent_whole or not is_nearer)
+            self._least_m = min(self._least_m, way_m)
         if sent is None or self._failures >= self._config.max_failures:
             return None
         self._plan, self._sent_whole, _ = sent

@@ -17,24 +17,32 @@ _TOLERANCE_M = 1.5
 
 
 class Retreat:
-    """Counts sweeps that were refused in a row; every further one sends the robot back by one more sweep that matched."""
+    """Counts sweeps that were refused in a row; every further one sends the robot back by one more sweep that matched.
 
-    def __init__(self, after: int) -> None:
-        """`after` refused sweeps in a row the robot turns back; 0: never."""
-        self._after = after
+    After drives back that failed there is no target any more, until a sweep matches.
+    """
+
+    def __init__(self, after: int, max_failures: int) -> None:
+        """`after` refused sweeps in a row the robot turns back, 0: never; and no more after `max_failures` drives that failed."""
+        self._after, self._max_failures, self._failures = after, max_failures, 0
         self._matched: list[int] = []
         self._refused_in_a_row = 0
 
     def add_sweep(self, vertex_id: int, matched: bool) -> None:
         """What became of a sweep; the first of a map counts as matched, and one that is told again as one."""
         self._refused_in_a_row = 0 if matched else self._refused_in_a_row + 1
+        self._failures = 0 if matched else self._failures
         if matched and self._matched[-1:] != [vertex_id]:
             self._matched.append(vertex_id)
 
+    def report_failure(self) -> None:
+        """A drive back did not come there."""
+        self._failures += 1
+
     def target(self, vertex_poses: ArrayLike) -> NDArray[np.float64] | None:
-        """(3,) place of the sweep to go back to, of all (V, 4, 4) poses in map; None while there is no need, or none that matched."""
+        """(3,) place of the sweep to go back to, of all (V, 4, 4) poses in map; None while there is no need, or no way."""
         further = self._refused_in_a_row - self._after
-        if self._after == 0 or further < 0 or not self._matched:
+        if self._after == 0 or further < 0 or not self._matched or self._failures >= self._max_failures:
             return None
         vertex_id = self._matched[max(0, len(self._matched) - 1 - further)]
         return np.asarray(np.asarray(vertex_poses, dtype=np.float64)[vertex_id, :3, 3])

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.exploration.decide import Explorer, Observation, SweepOutcome
+from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import Decision, TerrainWithin
+from octomap_server_3dnav.exploration.observation import Observation, SweepOutcome
 from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass

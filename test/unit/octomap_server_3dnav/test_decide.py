@@ -8,8 +8,9 @@ import pytest
 from terrain_worlds import BELOW, OCCUPIED, UNKNOWN, opening, pose, room, runs_of
 
 from octomap_server_3dnav.exploration.config import ExplorationConfig
-from octomap_server_3dnav.exploration.decide import Explorer, Observation, State, SweepOutcome
+from octomap_server_3dnav.exploration.decide import Explorer, State
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
+from octomap_server_3dnav.exploration.observation import Observation, SweepOutcome
 from octomap_server_3dnav.navigation.passages import navigable_terrain
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.terrain.classified_terrain import Terrain
@@ -197,9 +198,19 @@ def test_retreat_is_decided_anew_at_every_sweep_and_is_over_with_one_that_matche
 
 def test_drive_that_fails_in_retreat_sets_no_frontier_aside():
     run, _ = retreating()
-    for _ in range(3):
-        run.sweep((4.0, 2.0), REFUSED, drive_failure="blocked")
+    run.sweep((4.0, 2.0), REFUSED, drive_failure="blocked")
     assert run.explorer.set_aside() == [] and run.state is State.RETREATING
+
+
+def test_retreat_whose_drives_fail_is_given_up_until_a_sweep_matches():
+    run, _ = retreating()
+    for _ in range(2):
+        decision = run.sweep((4.0, 2.0), REFUSED, drive_failure="blocked")
+    assert run.state is State.UNDER_WAY and "frontier" in decision.reason and run.explorer.set_aside() == []
+    run.sweep((4.0, 2.0), MATCHED)
+    run.sweep((4.5, 2.0), REFUSED)
+    run.sweep((5.0, 2.0), REFUSED)
+    assert run.state is State.RETREATING
 
 
 def test_robot_that_no_way_leads_back_explores_on():

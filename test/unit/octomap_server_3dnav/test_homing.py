@@ -8,8 +8,9 @@ from terrain_worlds import BELOW, OCCUPIED, opening, pose, room, runs_of
 
 from octomap_server_3dnav.exploration.budget import Budget
 from octomap_server_3dnav.exploration.config import ExplorationConfig
-from octomap_server_3dnav.exploration.decide import Errand, Explorer, Observation, State, SweepOutcome
+from octomap_server_3dnav.exploration.decide import Errand, Explorer, State
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
+from octomap_server_3dnav.exploration.observation import Observation, SweepOutcome
 from octomap_server_3dnav.navigation.passages import navigable_terrain
 
 GOAL, KEEP, EXPLORED = DecisionKind.GOAL, DecisionKind.KEEP, DecisionKind.EXPLORED
@@ -130,6 +131,16 @@ def test_drives_that_fail_on_the_way_home_end_it_with_the_reason_but_not_those_b
     assert run.sweep(AWAY, drive_failure="a box").kind is GOAL
     last = run.sweep(AWAY, drive_failure="a box still")
     assert last.kind is WAIT and "not home" in last.reason and "a box still" in last.reason
+
+
+def test_drives_that_failed_far_apart_on_the_way_home_do_not_end_it() -> None:
+    run = Run(opening(room(300, 60)), max_failures=2)
+    run.sweep(HOME)
+    run.explorer.ask(Errand.HOME, "asked for")
+    run.sweep((22.0, 2.0, 3.1))
+    for x in (18.0, 12.0, 6.0, 4.0):
+        assert run.sweep((x, 2.0, 3.1), drive_failure="a person").kind is GOAL
+    assert run.sweep((4.0, 2.0, 3.1), drive_failure="a person still").kind is WAIT
 
 
 def with_a_door() -> np.ndarray:

@@ -15,7 +15,7 @@ POSES = np.array([transform_from_rpy((float(k), 0.0, 0.0)) for k in range(9)])
 
 def retreat_after(pattern, after=2):
     """`pattern` of sweeps: m matched, r refused."""
-    retreat = Retreat(after)
+    retreat = Retreat(after, 2)
     for k, outcome in enumerate(pattern):
         retreat.add_sweep(k, outcome == "m")
     target = retreat.target(POSES[: len(pattern)])
