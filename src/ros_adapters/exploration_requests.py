@@ -59,6 +59,8 @@ class ExplorationRequests:
         event = plain(heard, RunEvent)
         self._paused_s += stamp_of(event) - stamp_of(self._event) if self._event.state == "paused" else 0.0
         self._event = event
+        if event.state in ("paused", "taken_over"):
+            self._explorer.overrule()
         self._began_s = stamp_of(event) if math.isnan(self._began_s) else self._began_s
         if event.state in ("sweeping", "looking"):
             self._drive = event

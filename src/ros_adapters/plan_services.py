@@ -60,6 +60,7 @@ class PlanServices:
 
     def plan_path(self, request: PlanPathRequest) -> PlanPathResponse:
         """The same up to the next passage that the robot has to be swept before, as in exploration, and where it leads through one."""
+        self._explorer.overrule()  # somebody's goal comes first
         stamp_s, terrain = self._known()
         _check_in_map(request.start)
         T_map_base = transform_from_pose(request.start.pose)

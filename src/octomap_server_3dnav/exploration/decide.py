@@ -74,6 +74,7 @@ class Explorer:
         self._state = State.STARTING
         self._asked: tuple[Errand, str] | None = None
         self._plan: Decision | None = None
+        self._is_overruled = False
         self.forget_sweeps()
 
     @property
@@ -91,6 +92,10 @@ class Explorer:
         self._asked = None if errand is Errand.EXPLORE else (errand, reason)
         if errand is Errand.EXPLORE and self._state not in EXPLORING:
             self._state, self._budget = State.STARTING, Budget(self.config, since_start=False)
+
+    def overrule(self) -> None:
+        """Somebody's goal or joystick, or a pause, comes before what was decided last."""
+        self._is_overruled = True
 
     def configure(self, config: ExplorationConfig, frontier: FrontierConfig, planner: PlannerConfig) -> None:
         """From the next sweep on. ValueError lists every violation; nothing is changed then."""
@@ -128,6 +133,9 @@ class Explorer:
         """What to do after a sweep. ValueError for poses that are none; nothing is changed then."""
         as_transforms(observation.vertex_poses)
         self._count(observation)
+        if self._is_overruled:
+            self._goals.take_back()
+            self._is_overruled, observation = False, replace(observation, at_goal=False, drive_failure="")
         decision = self._why_not_on(observation) or self._homeward(observation) or self._goes_on(observation)
         self._plan = replace(decision, kind=DecisionKind.GOAL) if decision.path is not None else None
         return replace(decision, set_aside=len(self.set_aside()))

@@ -46,6 +46,7 @@ class GoalSearch:
         self._way_out = WayOut(terrain)
         self._begun: tuple[float, float, float] | None = None  # the frontier on the way to which it was sent to where a passage begins
         self._sent_to: Lookout | None = None  # before whose way it was sent
+        self._chosen: Place | None = None  # the goal that was counted last
 
     def configure(self, config: ExplorationConfig, frontier: FrontierConfig, planner: PlannerConfig) -> None:
         """From the next search on."""
@@ -60,6 +61,12 @@ class GoalSearch:
     def report_failure(self, frontier_xyz: tuple[float, float, float], reason: str) -> None:
         """Driving to the goal of this frontier failed; after `max_failures` it is set aside."""
         self._tried.at(frontier_xyz).failures.append(reason)
+
+    def take_back(self) -> None:
+        """The goal that was chosen last was not driven to, for somebody else had the robot: it does not count as tried."""
+        if self._chosen is not None:
+            self._chosen.idle_goals -= 1
+        self._chosen = None
 
     def with_way_out(self, terrain: Terrain) -> Terrain:
         """The terrain around the robot with the way by which it went to a lookout, while it stands there and nothing else leads out."""
@@ -109,11 +116,15 @@ class GoalSearch:
     def _goal(self, view: View, frontier: Frontier, path: Path, trimmed: Path, left: int) -> Decision:
         place = self._tried.at(frontier.xyz)
         place.goals += 1
-        self._tried.count_progress(place, frontier.distance_m)
+        self._count_goal(place, frontier.distance_m)
         reason = f"frontier of {len(frontier.voxels)} voxels, {frontier.distance_m:.1f} m away"
         goal = self._approach.goal_of(trimmed, path, view.terrain, view.T_map_base, frontier)
         self._begun = frontier.xyz if path.leads_on_straight(trimmed) else None
         return self.decision(DecisionKind.GOAL, reason, view, left).along(trimmed, goal[3], frontier.xyz)
+
+    def _count_goal(self, place: Place, distance_m: float) -> None:
+        self._tried.count_progress(place, distance_m)
+        self._chosen = place
 
     def _lookout_in(self, view: View) -> Decision | None:
         """To where something is to be seen from a place without room to turn, and nearer if that did not show it.
@@ -139,7 +150,7 @@ class GoalSearch:
             if path is None or (is_inside and 0 not in path.entries()):
                 place.failures.append("no path to a place from where to look")
                 continue
-            self._tried.count_progress(place, path.length_m)
+            self._count_goal(place, path.length_m)
             part, yaw, is_whole = self._approach.towards(path, view.T_map_base, facing_yaw(*way.line[[0, -1]]))
             self._sent_to = None if is_whole else lookout
             if is_whole:
@@ -183,6 +194,6 @@ class GoalSearch:
             return None
         self._way_out.is_leaving = True
         path = straight_path(line, self._planner_config)
-        self._tried.count_progress(place, path.length_m)
+        self._count_goal(place, path.length_m)
         decision = self.decision(DecisionKind.GOAL, "out of a place without room to turn", view)
         return decision.along(path, yaw_of(view.T_map_base), place.xyz)

@@ -202,6 +202,18 @@ def test_drive_that_fails_in_retreat_sets_no_frontier_aside():
     assert run.explorer.set_aside() == [] and run.state is State.RETREATING
 
 
+@pytest.mark.parametrize("is_overruled", [False, True])
+def test_goals_that_somebody_else_came_before_are_not_tried(is_overruled):
+    """A person's goals, each with a sweep at its end, while exploration is paused: its frontiers are there still."""
+    run = Run(opening(room()))
+    run.sweep(AT)
+    for k in range(8):
+        if is_overruled:
+            run.explorer.overrule()
+        run.sweep((AT[0] + 0.1 * (k % 3), AT[1]))
+    assert bool(run.explorer.set_aside()) != is_overruled and (run.state is State.UNDER_WAY) == is_overruled
+
+
 def test_retreat_whose_drives_fail_is_given_up_until_a_sweep_matches():
     run, _ = retreating()
     for _ in range(2):

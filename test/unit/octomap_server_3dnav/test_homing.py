@@ -143,6 +143,15 @@ def test_drives_that_failed_far_apart_on_the_way_home_do_not_end_it() -> None:
     assert run.sweep((4.0, 2.0, 3.1), drive_failure="a person still").kind is WAIT
 
 
+def test_goals_that_somebody_gave_on_the_way_home_are_no_failures_to_come_there() -> None:
+    run = sent_home()
+    run.sweep(AWAY)
+    for _ in range(5):
+        run.explorer.overrule()
+        assert run.sweep(AWAY).kind is GOAL
+    assert run.sweep(HOME).kind is WAIT
+
+
 def with_a_door() -> np.ndarray:
     """Home on one side, and where it is told to go home from on the other, or before the door."""
     states = room(120, 90)
