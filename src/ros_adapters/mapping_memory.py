@@ -27,9 +27,16 @@ class MappingMemory:
     handled_s: float = -math.inf  # stamp of the last sweep that was mapped and told of, or given up
     unknown_s: list[float] = field(default_factory=list)  # since the last vertex: when odometry knew nothing of the way
     loop_closures: int = 0
+    mapped: int = 0  # sweeps in the map that others heard of
     refused: int = 0
     refused_in_a_row: int = 0
     visits: Visits = field(default_factory=Visits)  # in a finished map
+
+    def why_not(self, found: int) -> str:
+        """Why nobody can go on with so many sweeps that were found in the run's folder; empty where that is all."""
+        if found >= self.mapped:
+            return ""
+        return f"of {self.mapped} sweeps that were mapped {found} are on disk: the others were in the memory of the process that died"
 
     def is_lost_at(self, stamp_s: float) -> bool:
         """Whether nobody knows where the robot was at the end of a sweep."""

@@ -30,3 +30,11 @@ def test_loops_and_refused_matches_are_counted(updates: list[MappingUpdate], cou
     for k, update in enumerate(updates):
         memory.place(float(k), update)
     assert (memory.loop_closures, memory.refused, memory.refused_in_a_row) == counts
+
+
+def test_map_of_which_sweeps_are_lost_is_not_gone_on_with() -> None:
+    memory = MappingMemory(lost=False)
+    assert memory.why_not(0) == ""  # it died before the first
+    memory.mapped = 12
+    assert memory.why_not(12) == memory.why_not(13) == ""  # one more: it died between disk and topics
+    assert "of 12 sweeps that were mapped 5 are on disk" in memory.why_not(5)
