@@ -5,6 +5,6 @@
 
 from node_life.journal import Journal
 from node_life.life import Life
-from node_life.watch import Deaths, RevivalConfig, Watch, processor_s
+from node_life.watch import REFUSED, Deaths, RevivalConfig, Watch, processor_s
 
-__all__ = ["Deaths", "Journal", "Life", "RevivalConfig", "Watch", "processor_s"]
+__all__ = ["REFUSED", "Deaths", "Journal", "Life", "RevivalConfig", "Watch", "processor_s"]

@@ -4,6 +4,8 @@ from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 
+REFUSED = "exit code 2: a parameter is wrong, as it has said"
+
 
 @dataclass(frozen=True)
 class RevivalConfig:

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from node_life.life import BEAT, ENDING, MEMORY, PULSE, SHOW_STACKS, stacks_of
-from node_life.watch import Deaths, RevivalConfig, Watch, processor_s
+from node_life.watch import REFUSED, Deaths, RevivalConfig, Watch, processor_s
 from roslaunch_process.children import end_with_parent
 from whole_files import refusal
 
@@ -29,7 +29,8 @@ _LOOK_S = 0.25
 _ANSWERS_WITHIN_S = 0.5
 _ROOTS = ("/dev/shm", tempfile.gettempdir())  # a node keeps its state at every step: on a disk that takes a millisecond
 _ROOM_BYTES = 1_000_000
-_WANTED = (0, 2)  # exit codes of a node that ends as it should
+WRONG_PARAMETER = 2
+_WANTED = (0, WRONG_PARAMETER)  # exit codes of a node that ends as it should
 
 
 class _Master:
@@ -65,9 +66,12 @@ class Revival:
             signal.signal(number, self._end)
         deaths, count = Deaths(self._config), 0
         self._master.tell("pid", os.getpid())
+        self._master.tell("gave_up", "")  # an earlier launch on the same master may have left something
         while True:
             code, why, is_ending = self._live()
             if self._asked_to_end or is_ending or code in _WANTED:
+                if code == WRONG_PARAMETER:
+                    self._master.tell("gave_up", REFUSED)
                 return code if code >= 0 else 128 - code
             if self._memory is None:  # the next one would take itself for the first
                 self._master.tell("gave_up", "it died, and nothing was kept of it")

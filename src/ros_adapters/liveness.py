@@ -40,16 +40,16 @@ class Liveness:
         self._addresses: dict[str, tuple[str, int]] = {}
         self._away_since_s: dict[str, float] = {}
         self._restarts: dict[str, int] = {}
+        self._asking: threading.Thread | None = None
         self._deadline = time.monotonic() + start_limit_s
         self._master = rosgraph.Master(rospy.get_name())
 
     def gone(self) -> dict[str, str]:
         """Nodes that are gone for good or never came, each with why, as words; empty when the master itself cannot be asked."""
         try:
-            away = [name for name in self._names if self._is_gone(name)]
-            now_s = time.monotonic()
+            revived, now_s = self.revived(), time.monotonic()
+            away = [name for name in self._names if revived.get(name, {}).get("gave_up") or self._is_gone(name)]
             self._away_since_s = {name: self._away_since_s.get(name, now_s) for name in away}
-            revived = self.revived() if away else {}
             why = {name: why_it_stays_away(name, revived, now_s - since_s) for name, since_s in self._away_since_s.items()}
             return {name: words for name, words in why.items() if words}
         except (OSError, xmlrpc.client.Error):
@@ -97,7 +97,13 @@ class Liveness:
 
     def end_all(self) -> None:
         """Asks every watched node to end, as rosnode kill does, without waiting for it."""
-        threading.Thread(target=self._ask_to_end, daemon=True).start()
+        self._asking = threading.Thread(target=self._ask_to_end, daemon=True)
+        self._asking.start()
+
+    def wait_until_asked(self) -> None:
+        """Until `end_all` has asked everybody."""
+        if self._asking is not None:
+            self._asking.join(_AWAY_S)
 
     def _ask_to_end(self) -> None:
         for name in self._names:

@@ -1,11 +1,20 @@
 """The folder that a node writes its results into."""
 
 import sys
+import time
 from pathlib import Path
 
 import rospy
 
 from whole_files import refusal
+
+_BEGUN_S = time.time()
+
+
+def holds_earlier_session(folder: Path) -> bool:
+    """Whether sweeps are there that were on disk before this process began."""
+    index = folder / "sweeps/index.json"
+    return index.is_file() and index.stat().st_mtime < _BEGUN_S
 
 
 def results_folder(node: str) -> Path | None:

@@ -291,4 +291,4 @@ def test_what_is_told_of_a_node_stands_in_its_namespace(
     monkeypatch.setattr("xmlrpc.client.ServerProxy", Server)
     monkeypatch.setattr("signal.signal", lambda *_: None)
     assert Revival(["true", *words], None, RevivalConfig()).run() == 0
-    assert told == [key]
+    assert told == [key, key.replace("/pid", "/gave_up")]

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 import rospy
 
-from node_life import Life
+from node_life import REFUSED, Life
 from node_life.life import BEAT, ENDING, PULSE, STILL_STARTING
 from ros_adapters import asking, restarts, served_map, session_keeper
 from ros_adapters.asking import AskedService, is_waiting
@@ -222,3 +222,12 @@ def test_node_that_waits_for_another_beats(quick: None, monkeypatch: pytest.Monk
     held.wait()
     assert beats_in(0.5, lock) > 0
     over.set()
+
+
+def test_node_that_ended_for_a_wrong_parameter_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    liveness = Liveness(["a", "b"])
+    monkeypatch.setattr(liveness, "_is_gone", lambda _: False)  # neither has registered yet, nor is it late
+    monkeypatch.setattr(
+        liveness, "revived", lambda: {"a": {"pid": os.getpid(), "gave_up": REFUSED}, "b": {"pid": os.getpid(), "gave_up": ""}}
+    )
+    assert liveness.gone() == {"a": f"a ({REFUSED})"}
