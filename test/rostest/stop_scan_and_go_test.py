@@ -115,6 +115,13 @@ class StopScanAndGoTest(unittest.TestCase):
         self.tick()
         self.assertEqual(self.state(), "driving")
 
+    def test_0_joystick_that_falls_silent_before_the_first_command_leaves_the_robot_standing(self) -> None:
+        twist = Twist()
+        twist.linear.x = 0.15
+        wait_until(lambda: (self.joystick.publish(twist), self.velocities.messages)[1], "the joystick to drive")
+        self.assertEqual(self.velocities.messages[0].linear.x, 0.15)
+        wait_until(lambda: self.velocities.messages[-1].linear.x == 0.0, "the robot to stand when the joystick lets go")
+
     def test_1_first_sweep_is_asked_for_once_the_robot_stands(self) -> None:
         self.tick_until("sweeping")
         self.assertEqual(self.sweeps_asked_for, 1)
