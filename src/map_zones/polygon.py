@@ -20,6 +20,13 @@ def polygon_problem(corners: Floats) -> str:
     return f"it is empty: {area_m2:.3f} m2" if area_m2 < _LEAST_AREA_M2 else ""
 
 
+def without_repeats(corners: Floats) -> Floats:
+    """Without corners that the next one repeats, as the last of a ring that is closed."""
+    if corners.ndim != 2:
+        return corners
+    return np.asarray(corners[(corners != np.roll(corners, -1, axis=0)).any(axis=1)])
+
+
 def is_inside(corners: Floats, xy: Floats) -> NDArray[np.bool_]:
     """(N,) whether points (N, 2) lie inside, by the number of sides that a ray from each crosses."""
     inside = np.zeros(len(xy), dtype=bool)
@@ -51,7 +58,10 @@ def _crosses_itself(corners: Floats) -> bool:
 
 
 def _meet(a: Floats, b: Floats, c: Floats, d: Floats) -> bool:
-    return bool(_side(a, b, c) * _side(a, b, d) <= 0.0 and _side(c, d, a) * _side(c, d, b) <= 0.0)
+    """Each reaches the other's line, and their boxes overlap: on one line only the boxes tell whether they are apart."""
+    if (np.maximum(a, b) < np.minimum(c, d)).any() or (np.maximum(c, d) < np.minimum(a, b)).any():
+        return False
+    return _side(a, b, c) * _side(a, b, d) <= 0.0 and _side(c, d, a) * _side(c, d, b) <= 0.0
 
 
 def _side(a: Floats, b: Floats, p: Floats) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 from numpy.typing import ArrayLike, NDArray
 
-from map_zones.polygon import Floats, distance_m, is_inside, polygon_problem
+from map_zones.polygon import Floats, distance_m, is_inside, polygon_problem, without_repeats
 from whole_files import write_whole
 
 _KINDS = ("bounds", "no_go")
@@ -22,11 +22,17 @@ _KEYS = {"polygon", "low", "high"}
 
 @dataclass(frozen=True, eq=False)
 class Zone:
-    """Ground whose height is between `low_m` and `high_m` above or below a polygon (K, 2), x and y in map."""
+    """Ground whose height is between `low_m` and `high_m` above or below a polygon (K, 2), x and y in map.
+
+    The ring may be closed: its last corner is dropped then.
+    """
 
     polygon: Floats
     low_m: float = -math.inf
     high_m: float = math.inf
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "polygon", without_repeats(self.polygon))
 
     def problem(self) -> str:
         """What is wrong with it, as words; empty where nothing is."""

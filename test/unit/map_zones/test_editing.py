@@ -49,6 +49,14 @@ def test_corner_is_moved_added_and_taken_away_and_all_else_stays() -> None:
     np.testing.assert_allclose(DRAWN.no_go[0].polygon, TRIANGLE.polygon)
 
 
+@pytest.mark.parametrize("end", [(1.3, -1.1), (1.7, -0.7)], ids=["level", "oblique"])
+def test_corners_are_added_to_one_side_again_and_again(end: tuple[float, float]) -> None:
+    zones = moved(with_square(NO_ZONES, NO_GO, (0.3, -0.1), 2.0), Corner(NO_GO, 0, 1), end)
+    for _ in range(6):
+        zones = with_corner_after(zones, Corner(NO_GO, 0, 0))
+        assert not zones.problems()
+
+
 def test_zone_is_taken_away_and_the_others_stay() -> None:
     assert without_zone(DRAWN, Corner(NO_GO, 0, 1)).no_go == () and without_zone(DRAWN, Corner(BOUNDS, 0, 0)).no_go == DRAWN.no_go
 
