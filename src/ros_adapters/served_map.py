@@ -81,6 +81,11 @@ class ServedMap:
             self.show_and_save(stamp_s, T_map_base, None, None)
         self._node.diagnostics.report(stamp_s)
 
+    def draw_again(self) -> None:
+        """What was drawn last, by what holds now; nothing while no map is drawn around a robot."""
+        if self.around is not None:
+            self.draw(self.stamp_s, self.around)
+
     def publish_local(self, stamp_s: float, terrain: Terrain) -> None:
         """The robot's storey around it, for the costmap (6.2.1)."""
         grid = project(terrain, terrain.robot_xyz[:2], 2 * self._explorer.config.local_radius_m)
@@ -120,7 +125,7 @@ class ServedMap:
         self.builder = MapBuilder(was.config, was.tree.sensor_model, was.robot, was.shelf.another())
         self._plans.forget("no sweep is in the map yet")
         self._files.forget()
-        self.stamp_s, self.is_loaded = math.nan, False
+        self.around, self.stamp_s, self.is_loaded = None, math.nan, False
 
     def _show(self, stamp_s: float, terrain: Terrain | None, path: NDArray[np.float64] | None) -> None:
         self.stamp_s, tree = stamp_s, self.builder.tree

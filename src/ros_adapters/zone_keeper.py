@@ -33,9 +33,10 @@ class ZoneKeeper:
     Wrong ones end the node with exit code 2.
     """
 
-    def __init__(self, node: Node, use: Callable[[Zones], None], robot: Callable[[], Transform | None]) -> None:
-        """`use` takes new zones; `robot` tells where it was last, T_map_base, None while that is not known."""
-        self._node, self._use, self._robot, self._folder = node, use, robot, node.run_folder()
+    def __init__(self, node: Node, use: Callable[[Zones], None], draw: Callable[[], None], robot: Callable[[], Transform | None]) -> None:
+        """`use` takes new zones, and `draw` shows the map with them; `robot` tells where it was last, T_map_base, None while that is not
+        known."""
+        self._node, self._use, self._draw, self._robot, self._folder = node, use, draw, robot, node.run_folder()
         self._replan = rospy.ServiceProxy(REPLAN, Trigger)
         self._markers = node.publisher("explore/zones", MarkerArray, latch=True)
         self._list = node.publisher("explore/zone_list", ZoneList, latch=True)
@@ -61,6 +62,13 @@ class ZoneKeeper:
         self._markers.publish(zone_markers(zones))
         self._list.publish(zone_list(zones))
 
+    def _draw_map(self) -> None:
+        """The zones hold, and are kept, also where the map cannot be drawn with them."""
+        try:
+            self._draw()
+        except ValueError as error:
+            self._node.diagnostics.dropped("map not drawn with new zones", str(error))
+
     def _tell_follower(self) -> None:
         """A robot that drives stands now, and a sweep decides anew."""
         try:
@@ -80,6 +88,7 @@ class ZoneKeeper:
             if problems:
                 return SetZonesResponse(False, "; ".join(problems))
             self._keep(zones)
+            self._draw_map()
             self._tell_follower()
         return SetZonesResponse(True, f"{len(zones.bounds)} bounds, {len(zones.no_go)} no-go zones")
 

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import rospy
-from explore_3dnav.msg import ExplorationDecision, ExploreStatus, MappedSweep, RunEvent, TerrainGrid, Zone
+from explore_3dnav.msg import ExplorationDecision, ExploreStatus, MappedSweep, RunEvent, TerrainGrid, Zone, ZoneList
 from explore_3dnav.srv import PlanPath, SetZones, StorePlan, StorePlanRequest, StorePlanResponse
 from geometry_msgs.msg import Point32, Polygon, PoseStamped
 from node_testing import Inbox, feed, floor_and_walls, wait_for_node, wait_until
-from std_srvs.srv import Trigger, TriggerRequest, TriggerResponse
+from std_srvs.srv import Empty, Trigger, TriggerRequest, TriggerResponse
 from visualization_msgs.msg import MarkerArray
 
 import rostest
@@ -204,7 +204,19 @@ class ExplorationRequestsTest(unittest.TestCase):
         self.assertEqual(self.set_zones([]), (True, "0 bounds, 0 no-go zones"))
         self.assertEqual(self.sweep(*HOME).kind, "goal")
 
-    def test_7_robot_that_has_failed_is_asked_for_nothing(self) -> None:
+    def test_7_zones_that_are_set_after_a_reset_hold_and_are_told(self) -> None:
+        lists = Inbox("/explore/zone_list", ZoneList).wait_until_connected()
+        rospy.ServiceProxy(f"/{NODE}/reset", Empty)()
+        self.places.clear()
+        replans = self.replans
+        self.assertEqual(self.set_zones([square(-2.5, 2.0)]), (True, "1 bounds, 0 no-go zones"))
+        lists.wait_for(lambda m: len(m.bounds) == 1)
+        self.assertEqual(self.replans, replans + 1)
+        grids = Inbox("/local_terrain", TerrainGrid).wait_until_connected()
+        self.sweep(*HOME)
+        grids.wait_for(lambda m: m.header.stamp.to_sec() == self.clock_s and closes(m, 2.5, 0.0))
+
+    def test_8_robot_that_has_failed_is_asked_for_nothing(self) -> None:
         self.event("failed", "the sweep did not begin")
         self.wait_for_status("failed", "the sweep did not begin")
         for name in ("start", "stop", "return_home"):
