@@ -5,6 +5,7 @@ A transform `T_a_b` is a (4, 4) float64 array that takes coordinates in frame b 
 fixed-axis x, y, z, and quaternions are x, y, z, w (REP 103).
 """
 
+from rigid_geometry.clock_leap import LONGEST_SILENCE_S, clock_leap_s
 from rigid_geometry.far_origin import FAR_M, lost_digits_m, origin_bytes, origin_near, origin_text, read_origin
 from rigid_geometry.leap_watch import LeapWatch
 from rigid_geometry.polyline import legs_of
@@ -35,6 +36,7 @@ from rigid_geometry.transforms import (
 __all__ = [
     "FAR_M",
     "JUMP_BACK_S",
+    "LONGEST_SILENCE_S",
     "STAMP_TOLERANCE_S",
     "Arrival",
     "LeapWatch",
@@ -44,6 +46,7 @@ __all__ = [
     "as_covariance",
     "as_transform",
     "as_transforms",
+    "clock_leap_s",
     "interpolate_transforms",
     "inverse",
     "legs_of",

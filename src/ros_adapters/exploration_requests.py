@@ -13,6 +13,7 @@ from visualization_msgs.msg import MarkerArray
 
 from octomap_server_3dnav.exploration.decide import Errand, Explorer, State
 from octomap_server_3dnav.exploration.decision import Decision
+from rigid_geometry import LONGEST_SILENCE_S
 from ros_adapters.conversions import header, plain, stamp_of
 from ros_adapters.frames import frames
 from ros_adapters.frontier_markers import frontier_markers
@@ -36,16 +37,20 @@ def status_of(event: str, state: State, is_going_home: bool) -> str:
     return str(_GOING_HOME if is_going_home else _EXPLORING)
 
 
+def _since_start_s(event: RunEvent) -> float:
+    return stamp_of(event) - float(event.began_s)
+
+
 class ExplorationRequests:
     """Serves /explore/start, /explore/stop and /explore/return_home, publishes /explore/status and /explore/frontiers, latched, and hears
     /exploration/event."""
 
     def __init__(self, node: Node, explorer: Explorer) -> None:
         self._node, self._explorer = node, explorer
-        starting = RunEvent(state="starting", reason="waiting for the first sweep")
-        # The last event, that to which the next sweep belongs, the stamp of the first, what was decided, and seconds of all pauses.
-        memory = node.life.kept(_MEMORY, (starting, RunEvent(), math.nan, "", 0.0))
-        self._event, self._drive, self._began_s, self._decided, self._paused_s = memory
+        starting = RunEvent(state="starting", reason="waiting for the first sweep", began_s=math.nan)
+        # The last event, that to which the next sweep belongs, what was decided, and seconds of all pauses.
+        memory = node.life.kept(_MEMORY, (starting, RunEvent(), "", 0.0))
+        self._event, self._drive, self._decided, self._paused_s = memory
         self._told = ExploreStatus()
         self._status = node.publisher(STATUS, ExploreStatus, latch=True)
         self._frontiers = node.publisher("explore/frontiers", MarkerArray, latch=True)
@@ -57,11 +62,10 @@ class ExplorationRequests:
 
     def _on_event(self, heard: RunEvent) -> None:
         event = plain(heard, RunEvent)
-        self._paused_s += stamp_of(event) - stamp_of(self._event) if self._event.state == "paused" else 0.0
+        self._paused_s += _since_start_s(event) - _since_start_s(self._event) if self._event.state == "paused" else 0.0
         self._event = event
         if event.state in ("paused", "taken_over"):
             self._explorer.overrule()
-        self._began_s = stamp_of(event) if math.isnan(self._began_s) else self._began_s
         if event.state in ("sweeping", "looking"):
             self._drive = event
         elif event.state == "driving":
@@ -72,9 +76,14 @@ class ExplorationRequests:
     def drive(self, stamp_s: float) -> tuple[bool, str, float, float, bool, bool, float]:
         """Of a sweep at `stamp_s`, for `Observation`: on the way, why the drive failed, time and way, whether it stood, and at its goal,
         and seconds of all pauses."""
-        drive = self._drive
-        stands, elapsed_s = drive.state != "driving" and stamp_s > stamp_of(drive), stamp_s - self._began_s
+        drive, elapsed_s = self._drive, self._elapsed_s(stamp_s)
+        stands = drive.state != "driving" and stamp_s > stamp_of(drive)
         return drive.intermediate, drive.failure, elapsed_s, drive.distance_m, stands, stands and drive.reached, self._paused_s
+
+    def _elapsed_s(self, stamp_s: float) -> float:
+        """Of a sweep, since the start. One whose clock is not that of the last event is as late as that."""
+        apart_s = abs(stamp_s - stamp_of(self._event))
+        return _since_start_s(self._event) if apart_s > LONGEST_SILENCE_S else stamp_s - self._event.began_s
 
     def on_decision(self, stamp_s: float, decision: Decision) -> None:
         """What was decided after a sweep."""
@@ -84,7 +93,7 @@ class ExplorationRequests:
         self._tell()
 
     def _remember(self) -> None:
-        self._node.life.keep(_MEMORY, (self._event, self._drive, self._began_s, self._decided, self._paused_s))
+        self._node.life.keep(_MEMORY, (self._event, self._drive, self._decided, self._paused_s))
 
     def _tell(self) -> None:
         event, explorer = self._event, self._explorer

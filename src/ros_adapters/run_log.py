@@ -20,7 +20,7 @@ from exploration_evaluation.ending import judged_at_end, why_not
 from exploration_evaluation.run_files import mapped_sweeps
 from exploration_evaluation.verdict import Fault, succeeded_alone
 from mount_calibration import RECORDED_FILE, TiltCalibration, write_calibration
-from rigid_geometry import quat_xyzw_from_transform
+from rigid_geometry import clock_leap_s, quat_xyzw_from_transform
 from robot_body import DESCRIPTION, RobotBody, robot_mapping
 from ros_adapters.conversions import plain, stamp_of, transform_from_pose
 from ros_adapters.diagnostics import status_name
@@ -35,7 +35,6 @@ _KEPT = tuple(
     f"_{name}"
     for name in "started begun last_stamp_s elapsed_s first_wall_s event decision counts distance_m last_xy runtime changes".split()
 )
-_CLOCK_JUMP_S = 60.0  # no odometry is silent for so long: somebody set the clock
 
 
 class RunLog:
@@ -193,8 +192,8 @@ class RunLog:
             return
         if self._last_stamp_s is None:
             self._first_wall_s = time.time()
-        elif 0.0 < stamp_s - self._last_stamp_s < _CLOCK_JUMP_S:
-            self._elapsed_s += stamp_s - self._last_stamp_s
+        else:
+            self._elapsed_s += stamp_s - self._last_stamp_s - clock_leap_s(self._last_stamp_s, stamp_s)
         self._last_stamp_s = stamp_s
         if self._last_xy is not None:
             self._distance_m += float(np.linalg.norm(xy - self._last_xy))

@@ -2,6 +2,7 @@
 
 import math
 
+from rigid_geometry import clock_leap_s
 from stop_scan_and_go.config import StopScanAndGoConfig
 from stop_scan_and_go.interface import Decision, DriveState, SweepKind, TickAction, TickObservation
 from stop_scan_and_go.travel import TravelMeter, too_far
@@ -23,7 +24,7 @@ class StopScanAndGo:
         self._state, self._reason = DriveState.STARTING, "waiting for odometry and laser"
         self._kind: SweepKind | None = SweepKind.INITIAL
         self._stamp: float | None = None
-        self._entered_s = 0.0
+        self._entered_s, self._began_s = 0.0, math.nan
         self._travel = TravelMeter(config.slope_rad)
         self._ready = HeldFor(config.start_delay_s)
         self._still = HeldFor(config.still_time_s)
@@ -61,6 +62,11 @@ class StopScanAndGo:
     def sweep_kind(self) -> SweepKind | None:
         """Why the sweep that is prepared, made or mapped is made; None otherwise."""
         return self._kind
+
+    @property
+    def began_s(self) -> float:
+        """When the run began, by the clock as it is set now."""
+        return self._began_s
 
     @property
     def sweeps(self) -> int:
@@ -150,6 +156,7 @@ class StopScanAndGo:
         # What was waited for is still waited for; a leap of the clock is no waiting.
         leapt = leap_s(self._stamp, stamp)
         self._entered_s += leapt
+        self._began_s = stamp if self._stamp is None else self._began_s + clock_leap_s(self._stamp, stamp)
         if self._watch:
             self._watch.begun_s += leapt
         self._stamp = stamp

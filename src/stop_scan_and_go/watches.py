@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from rigid_geometry import clock_leap_s
 from stop_scan_and_go.config import StopScanAndGoConfig
 
 _UNBROKEN_S = 1.0  # ticks come at 10 Hz or more; a longer step is a clock that was set or a robot that was not looked at
@@ -12,8 +13,7 @@ _UNBROKEN_S = 1.0  # ticks come at 10 Hz or more; a longer step is a clock that 
 
 def leap_s(before: float | None, stamp: float) -> float:
     """The step from one tick's stamp to the next where it is no time that was looked at: backward, or too long; else 0."""
-    step = 0.0 if before is None else stamp - before
-    return 0.0 if 0.0 <= step <= _UNBROKEN_S else step
+    return clock_leap_s(before, stamp, _UNBROKEN_S)
 
 
 class HeldFor:

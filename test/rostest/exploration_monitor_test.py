@@ -55,7 +55,7 @@ class Monitor:
         self.process = self._started()
 
     def say(self, state: str, reason: str) -> None:
-        self.events.publish(RunEvent(header(110.0, "odom"), state, reason, 3, False, "", 0.0, False))
+        self.events.publish(RunEvent(header(110.0, "odom"), state, reason, 3, False, "", 0.0, False, 0.0))
 
     def end(self, timeout_s: float = 90.0) -> tuple[dict[str, object], str]:
         """The summary and what was printed, once the node has ended."""

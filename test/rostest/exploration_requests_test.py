@@ -88,7 +88,7 @@ class ExplorationRequestsTest(unittest.TestCase):
         return self.decisions.wait_for_stamp(self.clock_s)
 
     def event(self, state: str, reason: str = "") -> None:
-        self.events.publish(RunEvent(header(self.clock_s, "odom"), state, reason, len(self.places), False, "", 0.0, False))
+        self.events.publish(RunEvent(header(self.clock_s, "odom"), state, reason, len(self.places), False, "", 0.0, False, 0.0))
 
     def ask(self, name: str) -> tuple[bool, str]:
         answer = rospy.ServiceProxy(f"/explore/{name}", Trigger)()

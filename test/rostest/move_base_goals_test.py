@@ -171,11 +171,11 @@ class MoveBaseGoalsTest(FedMoveBase):
     def test_robot_that_has_failed_keeps_no_goal_waiting(self) -> None:
         self.begin(goal_at(3.0))
         events = feed("/exploration/event", RunEvent)
-        events.publish(RunEvent(header(self.clock_s, "odom"), "failed", "the sweep did not begin", 1, False, "", 0.0, False))
+        events.publish(RunEvent(header(self.clock_s, "odom"), "failed", "the sweep did not begin", 1, False, "", 0.0, False, 0.0))
         self.assertEqual(self.wait_for_result(), GoalStatus.ABORTED)
         self.client.send_goal(goal_at(2.0))
         self.assertEqual((self.wait_for_result(), self.client.get_goal_status_text()), (GoalStatus.ABORTED, FAILED))
-        events.publish(RunEvent(header(self.clock_s, "odom"), "driving", "", 1, False, "", 0.0, False))
+        events.publish(RunEvent(header(self.clock_s, "odom"), "driving", "", 1, False, "", 0.0, False, 0.0))
         wait_until(lambda: self.is_taken(goal_at(2.0)), "goals to be taken again")
 
     def is_taken(self, goal: MoveBaseGoal) -> bool:

@@ -35,9 +35,9 @@ def finished_at_2(out: Path, *, judged: bool) -> str:
     for tick in range(20, 61):
         stamp_s = 0.05 * tick
         if tick == 40:
-            log.event(RunEvent(header(stamp_s, "odom"), "finished", "explored: all", 3, False, "", 0.0, False))
+            log.event(RunEvent(header(stamp_s, "odom"), "finished", "explored: all", 3, False, "", 0.0, False, 0.0))
         if tick == 50:
-            log.event(RunEvent(header(stamp_s, "odom"), "driving", "to a goal after exploration", 4, False, "", 0.0, False))
+            log.event(RunEvent(header(stamp_s, "odom"), "driving", "to a goal after exploration", 4, False, "", 0.0, False, 0.0))
         log.truth(stamp_s, transform_from_rpy((stamp_s, 0.0, 0.0)))
         log.contact(Contact(header(stamp_s, "world"), "deck", 0.1, 5.0, ""))
         log.odometry(odometry(stamp_s, stamp_s))
@@ -73,7 +73,7 @@ def test_sweeps_are_those_that_were_mapped_since_the_run_began(tmp_path: Path) -
 
 def test_sweeps_of_a_robot_that_only_localises_are_those_that_were_told_of(tmp_path: Path) -> None:
     log = RunLog(tmp_path, {"mapping": "off"}, RobotBody(), judged=False)
-    log.event(RunEvent(header(2.0, "odom"), "finished", "stopped", 3, False, "", 0.0, False))
+    log.event(RunEvent(header(2.0, "odom"), "finished", "stopped", 3, False, "", 0.0, False, 0.0))
     log.finish("stopped")
     assert read_summary(tmp_path)["sweeps"] == 3
 
@@ -173,7 +173,7 @@ def test_parameters_that_change_are_in_the_run_s_description_with_the_time(tmp_p
 
 def test_log_that_goes_on_after_its_process_died_is_one_log(tmp_path: Path) -> None:
     def event(stamp_s: float, state: str) -> RunEvent:
-        return RunEvent(header(stamp_s, "odom"), state, "", 3, False, "", 0.0, False)
+        return RunEvent(header(stamp_s, "odom"), state, "", 3, False, "", 0.0, False, 0.0)
 
     def hear(log: RunLog, *ticks: int) -> None:
         for tick in ticks:

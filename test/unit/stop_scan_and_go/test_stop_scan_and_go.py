@@ -380,3 +380,22 @@ def test_machine_that_was_kept_goes_on_and_does_not_begin_anew(state):
             if s.machine.state is DriveState.MAPPING:
                 s.decide("goal")
     assert other.actions == script.actions and other.machine.sweeps == script.machine.sweeps
+
+
+@pytest.mark.parametrize("step_s", [3600.0, -3600.0, -0.7])
+def test_time_since_the_beginning_goes_on_where_the_clock_is_set(step_s: float) -> None:
+    """A budget of 30 minutes was spent when chrony set the clock an hour on, and never ended when it was set back."""
+    script = Script()
+    script.driving()
+    before_s = script.t - script.machine.began_s
+    script.t += step_s
+    script.tick(FORWARD, "following")
+    assert script.t - script.machine.began_s == pytest.approx(before_s, abs=2 * TICK)
+
+
+def test_pause_of_the_follower_is_time_of_the_run() -> None:
+    script = Script()
+    script.tick()
+    script.t += 30.0
+    script.tick()
+    assert script.t - script.machine.began_s == pytest.approx(30.0 + TICK)
