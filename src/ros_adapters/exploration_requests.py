@@ -75,10 +75,11 @@ class ExplorationRequests:
 
     def drive(self, stamp_s: float) -> tuple[bool, str, float, float, bool, bool, float]:
         """Of a sweep at `stamp_s`, for `Observation`: on the way, why the drive failed, time and way, whether it stood, and at its goal,
-        and seconds of all pauses."""
+        and seconds of all pauses. A failure is told once."""
         drive, elapsed_s = self._drive, self._elapsed_s(stamp_s)
+        failure, drive.failure = drive.failure, ""
         stands = drive.state != "driving" and stamp_s > stamp_of(drive)
-        return drive.intermediate, drive.failure, elapsed_s, drive.distance_m, stands, stands and drive.reached, self._paused_s
+        return drive.intermediate, failure, elapsed_s, drive.distance_m, stands, stands and drive.reached, self._paused_s
 
     def _elapsed_s(self, stamp_s: float) -> float:
         """Of a sweep, since the start. One whose clock is not that of the last event is as late as that."""
