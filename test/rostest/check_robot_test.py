@@ -166,7 +166,7 @@ class CheckRobotTest(unittest.TestCase):
     def test_slow_sensor_and_one_that_jumps_back(self) -> None:
         self.robot.rates = {"joints": 3.0}
         turn = iter(range(10**6))
-        self.expect(1, ["at least 10 Hz", "time jumps back"], wheels=lambda m: shifted(-1.0 * (next(turn) % 2))(m))
+        self.expect(1, ["at least 15 Hz", "time jumps back"], wheels=lambda m: shifted(-1.0 * (next(turn) % 2))(m))
 
     def test_messages_that_come_twice_are_warned_of(self) -> None:
         self.expect(0, ["come twice", "1 warnings"], wheels=lambda m: [m, m])
