@@ -87,9 +87,9 @@ def parse(arguments: list[str] | None = None) -> tuple[Campaign, argparse.Namesp
         _check_world(world)
     for profile in profiles:
         _check_profile(profile, a.robot)
-    if len({Path(profile).stem for profile in profiles}) < len(profiles):
-        raise CampaignProblem(f"--profile {a.profile}: two of these have the same name, after which the folders of their runs are called")
-    worlds = tuple(w if w in NAMED_WORLDS else str(Path(w).absolute()) for w in worlds)
+    worlds = tuple(dict.fromkeys(w if w in NAMED_WORLDS else str(Path(w).absolute()) for w in worlds))
+    _check_names("--profile", profiles)
+    _check_names("--worlds", worlds)
     try:
         check_movers(a.movers)
     except ArgumentProblem as error:
@@ -116,6 +116,14 @@ def _check_world(world: str) -> None:
 
     if Path(world).suffix.lower() == ".png":
         raise CampaignProblem(f"--worlds {world}: a height map has no size of its own; name it in a .yaml with its size")
+
+
+def _check_names(option: str, values: tuple[str, ...]) -> None:
+    """Whether the runs of each have folders of their own."""
+    first: dict[str, str] = {}
+    for value in values:
+        if (other := first.setdefault(Path(value).stem, value)) != value:
+            raise CampaignProblem(f"{option} {other} and {value} have the same name, after which the folders of their runs are called")
 
 
 def _check_profile(profile: str, robot: Path | None) -> None:

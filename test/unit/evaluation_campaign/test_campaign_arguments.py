@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from evaluation_campaign.__main__ import main, parse
-from evaluation_campaign.plan import BY_PROFILE, Limits
+from evaluation_campaign.plan import BY_PROFILE, CampaignProblem, Limits
 from robot_body import RobotBody, robot_mapping
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -32,7 +32,7 @@ def test_soak_takes_as_many_seeds_as_it_needs_and_movers_go_about_in_every_third
     ("arguments", "text"),
     [
         (["--worlds", "romms"], "romms"),
-        (["--profile", "ours,config/profiles/ours.yaml"], "two of these have the same name"),
+        (["--profile", "ours,config/profiles/ours.yaml"], "--profile ours and config/profiles/ours.yaml have the same name"),
         (["--profile", "thessis"], "profiles are mount_off, nearest, ours, thesis"),
         (["--seeds", "5-1"], "runs backwards"),
         (["--worlds", "docs/ramp.png"], "a height map has no size of its own"),
@@ -48,6 +48,24 @@ def test_what_cannot_be_run_is_one_line_and_exit_code_2(tmp_path, capsys, monkey
     lines = capsys.readouterr().err.strip().splitlines()
     assert len(lines) == 1 and lines[0].startswith("./evaluate: ") and text in lines[0]
     assert not (tmp_path / "c").exists()
+
+
+def test_worlds_whose_runs_would_share_a_folder_are_refused_and_both_are_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for path in (Path("a/house.obj"), Path("b/house.obj"), Path("b/ramp.obj"), Path("b/house.ply")):
+        path.parent.mkdir(exist_ok=True)
+        path.touch()
+    here = f"{tmp_path}/"
+    for first, second in ((f"{here}a/house.obj", "b/house.obj"), ("ramp", "b/ramp.obj"), (f"{here}b/house.obj", "b/house.ply")):
+        with pytest.raises(CampaignProblem, match=f"^--worlds {first} and {here}{second} have the same name"):
+            parse(["--worlds", f"moon,{first},{second}", "--out", "c"])
+
+
+def test_world_that_is_named_twice_is_one(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("house.obj").touch()
+    campaign, _ = parse(["--worlds", f"house.obj,./house.obj,{tmp_path}/house.obj,rooms", "--seeds", "1", "--out", "c"])
+    assert campaign.worlds == (str(tmp_path / "house.obj"), "rooms")
 
 
 def test_profile_with_a_wrong_parameter_is_refused_with_the_nearest_name(tmp_path, capsys):
