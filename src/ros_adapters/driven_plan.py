@@ -71,6 +71,7 @@ class DrivenPlan:
     def _take(self, request: StorePlanRequest) -> None:
         """Exploration's plan, or that it has none any more. A goal of the user's comes first, and is planned to anew from here."""
         self._node.life.forget(_PLAN)  # the follower has it, or nobody
+        self.pause.plan_came()  # also where it is not driven: else sweep after sweep is asked for
         if self.goals.goes_on():
             return
         if request.plan.poses and self._follower.state in (FollowerState.BLOCKED, FollowerState.STUCK):
