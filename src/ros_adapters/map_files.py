@@ -77,8 +77,8 @@ class MapFiles:
             error, self._written = "", []
             try:
                 self._write(tree, terrain, path)
-            except OSError as problem:
-                error = refusal(problem, self._folder or Path())
+            except Exception as problem:  # this thread is the only one that writes: the next map may go well
+                error = _why_not(problem, self._folder or Path())
             self._tell(error)
             with self._changed:
                 self._busy, self._error, written_s = False, error, time.monotonic()
@@ -102,3 +102,11 @@ class MapFiles:
         with written_whole(self._folder / name) as unfinished, unfinished.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)  # type: ignore[arg-type]
         self._written.append(name)
+
+
+def _why_not(problem: Exception, folder: Path) -> str:
+    """Why no files are in a folder, in one line."""
+    if isinstance(problem, OSError):
+        return refusal(problem, folder)
+    kind = "no memory is left" if isinstance(problem, MemoryError) else type(problem).__name__
+    return ": ".join(filter(None, (str(folder), kind, " ".join(str(problem).split()))))

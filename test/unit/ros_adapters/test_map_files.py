@@ -52,3 +52,29 @@ def test_folder_that_cannot_be_written_is_told(tmp_path: Path) -> None:
     files.save(tree(1.0), None, None)
     done, said = files.wait()
     assert not done and "map not saved" in said and "\n" not in said
+
+
+class _Unwritable(OctreeMap):
+    """An octree whose file cannot be made."""
+
+    def __init__(self, problem: Exception) -> None:
+        super().__init__(0.1)
+        self._problem = problem
+
+    def write_bt(self, _path: Path) -> None:
+        raise self._problem
+
+
+@pytest.mark.parametrize(
+    ("problem", "told"),
+    [(MemoryError(), "no memory is left"), (RuntimeError("the tree is torn"), "RuntimeError: the tree is torn")],
+    ids=["memory", "anything else"],
+)
+def test_map_that_cannot_be_made_is_told_and_the_next_one_is_written(tmp_path: Path, problem: Exception, told: str) -> None:
+    heard: list[str] = []
+    files = MapFiles(tmp_path, heard.append)
+    files.save(_Unwritable(problem), None, None)
+    done, said = files.wait(10.0)
+    assert not done and said == f"map not saved: {tmp_path}: {told}" and heard == [f"{tmp_path}: {told}"]
+    files.save(tree(1.0), None, None)
+    assert files.wait(10.0) == (True, f"map.bt, map.ot, occupied.npz saved in {tmp_path}") and heard[1:] == [""]
