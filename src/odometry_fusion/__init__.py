@@ -5,12 +5,14 @@ covariance and the robot's twist; while the robot stands also the direction of g
 """
 
 from odometry_fusion.config import OdometryConfig
+from odometry_fusion.displacement import SET_BACK
 from odometry_fusion.fused_odometry import FusedOdometry
 from odometry_fusion.imu_input import ImuInput, ImuSample
 from odometry_fusion.increments import PoseIncrement, pose_increment
 from odometry_fusion.odometry_filter import OdometryEstimate, OdometryFilter
 
 __all__ = [
+    "SET_BACK",
     "FusedOdometry",
     "ImuInput",
     "ImuSample",

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from odometry_fusion.config import OdometryConfig
 from odometry_fusion.error_state import POSITION, State, exp_rotation
 from odometry_fusion.interval import ImuInterval
-from odometry_fusion.track import Wheels
+from odometry_fusion.track import Track, Wheels, track_covariance
 from robot_body import RobotBody
 
 FloatArray = NDArray[np.float64]
+SET_BACK = "the clock was set back"
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,11 +120,20 @@ class DisplacementWatch:
             self._window.clear()
 
 
-def displaced(state: State, config: OdometryConfig) -> State:
+def displaced(state: State, config: OdometryConfig, before_m2: float = 0.0) -> State:
     """The state after a way of which nothing is known, as the covariance of its position says.
 
-    That of the heading stays: else every metre driven on would make the position as unsure again.
+    That of the heading stays: else every metre driven on would make the position as unsure again. `before_m2`: the variance that the
+    position had in a filter that has begun anew since, m^2, above which it leaps.
     """
     covariance = state.covariance.copy()
-    np.einsum("ii->i", covariance)[POSITION] += config.displaced_sigma_m**2
+    np.einsum("ii->i", covariance)[POSITION] += before_m2 + config.displaced_sigma_m**2
     return replace(state, covariance=covariance)
+
+
+def begun_again(track: Track, before: Track | None, config: OdometryConfig) -> Track:
+    """The first track of a filter; after that `before`, whose clock was set back, nothing is known of the way between."""
+    if before is None:
+        return track
+    before_m2 = float(np.diag(track_covariance(before))[:2].max())
+    return replace(track, state=displaced(track.state, config, before_m2), displaced=SET_BACK)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from odometry_fusion import measurements
 from odometry_fusion.config import OdometryConfig
-from odometry_fusion.displacement import DisplacementWatch, displaced
+from odometry_fusion.displacement import DisplacementWatch, begun_again, displaced
 from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, predict, rest
 from odometry_fusion.interval import ImuInterval, imu_interval
 from odometry_fusion.set_back import SetBackWatch
@@ -72,6 +72,7 @@ class OdometryFilter:
         self._wheels: StampedBuffer[list[float]] = StampedBuffer("wheels", config.jump_back_s, config.buffer_s, self._dropped)
         self._set_back = SetBackWatch(self._dropped)
         self._track: Track | None = None
+        self._before: Track | None = None  # the last one before the clock was set back
         self._displacement = DisplacementWatch(config, robot)
 
     @property
@@ -142,7 +143,7 @@ class OdometryFilter:
         self._dropped["time_jump"] += 1
         self._imu.clear()
         self._wheels.clear()
-        self._track = None
+        self._before, self._track = self._track or self._before, None
         self._displacement.begin_again()
         for source, stamp_s, row in self._set_back.believed():
             self._add(self._imu if source == self._imu.source else self._wheels, stamp_s, row)
@@ -180,7 +181,7 @@ class OdometryFilter:
         disturbance = abs(strength - self._config.gravity_mps2) + (0.0 if still else self._config.gravity_driving_sigma)
         duration_s = max(float(np.ptp(stamps[before])), 0.01)
         state = measurements.level(wheels.stamp_s, force, duration_s, disturbance, still, self._config)
-        return Track(state, wheels, rows[before, :3][-1], -math.inf, None, None)
+        return begun_again(Track(state, wheels, rows[before, :3][-1], -math.inf, None, None), self._before, self._config)
 
     def _advanced(self, track: Track, wheels: Wheels) -> Track:
         """The track at the next wheel message, with its measurements."""

@@ -190,12 +190,13 @@ class RunLog:
         stamp_s, xy = stamp_of(message), transform_from_pose(message.pose.pose)[:2, 3]
         if self._is_over(stamp_s):
             return
+        leapt_s = clock_leap_s(self._last_stamp_s, stamp_s)
         if self._last_stamp_s is None:
             self._first_wall_s = time.time()
         else:
-            self._elapsed_s += stamp_s - self._last_stamp_s - clock_leap_s(self._last_stamp_s, stamp_s)
+            self._elapsed_s += stamp_s - self._last_stamp_s - leapt_s
         self._last_stamp_s = stamp_s
-        if self._last_xy is not None:
+        if self._last_xy is not None and leapt_s >= 0.0:  # set back, the clock begins the odometry anew
             self._distance_m += float(np.linalg.norm(xy - self._last_xy))
         self._last_xy = xy
 

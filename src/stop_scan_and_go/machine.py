@@ -164,11 +164,11 @@ class StopScanAndGo:
     def _measure(self, tick: TickObservation) -> None:
         T = tick.finite_pose
         self._rocking = self._rocks.rate(tick.stamp_s, T)
-        if T is None:
+        if T is None and not tick.displaced:
             return
-        # Standing, the odometry's noise would add up to a way.
+        # Standing, the odometry's noise would add up to a way; and one that nobody knows is none.
         moves = self._state in (DriveState.DRIVING, DriveState.TAKEN_OVER) or (self._state is DriveState.SETTLING and self._is_moving(tick))
-        if moves:
+        if moves and T is not None and not tick.displaced:
             self._travel.add(T)
         else:
             self._travel.skip_to(T)

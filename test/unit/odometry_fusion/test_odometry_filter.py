@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from odometry_fusion import OdometryConfig, OdometryFilter, pose_increment
-from rigid_geometry import inverse, rotation_from_rpy, rpy_from_rotation, yaw_of
+from odometry_fusion.error_state import POSITION
+from odometry_fusion.track import track_covariance
+from rigid_geometry import LeapWatch, inverse, rotation_from_rpy, rpy_from_rotation, yaw_of
 
 sys.path.insert(0, str(Path(__file__).parent))
 from kinematic_robot import Errors, Motion, simulate  # noqa: E402
@@ -300,6 +302,63 @@ def test_time_that_jumps_back_starts_afresh():
     again = estimates(data, odometry)
     assert odometry.dropped["time_jump"] >= 1
     np.testing.assert_array_equal(again[-1].T_odom_base, estimates(data)[-1].T_odom_base)
+
+
+def test_bag_that_is_played_once_more_gives_the_same_to_the_bit_but_for_how_sure_it_is_of_its_place():
+    data = drive([REST, Motion(2.0, 0.5), REST, Motion(1.0, 0.2, 0.5)])
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
+    _, second, third = (estimates(data, odometry) for _ in range(3))
+    for one, other, fresh in zip(second, third, estimates(data), strict=True):
+        for found in (one, other):
+            if found is not None:
+                np.testing.assert_array_equal(found.T_odom_base, fresh.T_odom_base)
+                np.testing.assert_array_equal(found.twist, fresh.twist)
+                np.testing.assert_array_equal(found.pose_covariance[3:, 3:], fresh.pose_covariance[3:, 3:])
+                assert found.standing == fresh.standing
+
+
+def leaps_of(found, watch):
+    return [watch.leapt(one.pose_covariance[0, 0], one.pose_covariance[1, 1]) for one in found if one is not None]
+
+
+@pytest.mark.parametrize("lost_m", [0.0, 30.0])
+def test_robot_whose_clock_was_set_back_knows_nothing_of_the_way_to_its_first_estimate(lost_m):
+    """x was 10 m before, and 0 after with a sigma of a millimetre: nobody looked where the robot is.
+
+    So it is when the clock is set back once more, and after the robot was carried.
+    """
+    data = drive([REST, Motion(4.0, 0.5)])
+    odometry, watch = OdometryFilter(OdometryConfig(), RobotBody()), LeapWatch()
+    first = estimates(data, odometry)
+    assert not any(leaps_of(first, watch)) and not any(one.displaced for one in first)
+    state = odometry._track.state
+    np.einsum("ii->i", state.covariance)[POSITION] += lost_m**2
+    watch.leapt(*np.diag(track_covariance(odometry._track))[:2])
+    for _ in range(2):
+        again = [one for one in estimates(data, odometry) if one is not None]
+        told = [one.displaced for one in again]
+        assert told[0] == "the clock was set back" and not any(told[1:])
+        assert leaps_of(again, watch) == [bool(why) for why in told]
+
+
+def test_clock_that_is_set_back_twice_before_anything_is_known_again_is_told_all_the_same():
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
+    for stamp_s in (9.0, 5.0, 2.0):
+        odometry.add_wheels(stamp_s, 0.0, 0.0)
+        odometry.add_imu(stamp_s, np.zeros(3), [0, 0, 9.81])
+        if stamp_s != 5.0:
+            estimate = odometry.estimate(stamp_s)
+    assert estimate.displaced == "the clock was set back"
+
+
+def test_clock_that_is_set_back_before_anything_is_known_displaces_nobody():
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
+    for stamp_s in (9.0, 9.01, 2.0, 2.01):
+        odometry.add_wheels(stamp_s, 0.0, 0.0)
+        odometry.add_imu(stamp_s, np.zeros(3), [0, 0, 9.81])
+    assert odometry.dropped == {"time_jump": 1}
+    first = odometry.estimate(2.0)
+    assert first.displaced == "" and first.pose_covariance[0, 0] < 1.0
 
 
 @pytest.mark.parametrize(("early_for_s", "afresh"), [(0.36, False), (1.5, True)])

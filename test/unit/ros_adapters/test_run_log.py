@@ -159,6 +159,14 @@ def test_clock_that_is_set_anew_does_not_count_as_time_driven(tmp_path: Path) ->
     assert log.sim_time_s == pytest.approx(0.15, abs=1e-6)
 
 
+def test_odometry_that_begins_anew_when_the_clock_is_set_back_has_driven_no_way_there(tmp_path: Path) -> None:
+    log = RunLog(tmp_path, {"robot_description": "<robot/>"}, RobotBody(), judged=False)
+    for stamp_s, x in ((100.0, 9.0), (100.1, 9.5), (98.0, 0.0), (98.1, 0.5)):
+        log.odometry(odometry(stamp_s, x))
+    log.finish("stopped")
+    assert read_summary(tmp_path)["distance_m"] == 1.0
+
+
 def test_parameters_that_change_are_in_the_run_s_description_with_the_time(tmp_path: Path) -> None:
     log = RunLog(tmp_path, {}, RobotBody(), judged=False)
     log.parameters_of("move_base_node", {"follower_max_speed_mps": 0.5, "monitor_margin_m": 0.1})

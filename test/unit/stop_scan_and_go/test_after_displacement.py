@@ -81,3 +81,12 @@ def test_lidar_that_is_fixed_looks_until_a_decision_about_a_sweep_made_after_it(
     script.t += 3.0
     script.decide("goal")
     assert script.machine.state is DriveState.DRIVING
+
+
+@pytest.mark.parametrize("changes", [{}, {"T_odom_base": None}], ids=["at once", "after a tick without odometry"])
+def test_odometry_that_begins_anew_elsewhere_has_driven_no_way_there(script: Script, changes: dict[str, object]) -> None:
+    script.tick(FORWARD, "following")
+    before_m, script.x = script.machine.distance_m, -10.0
+    script.tick(FORWARD, "following", displaced=True, **changes)
+    script.tick(FORWARD, "following", twist=FORWARD)  # it slows down
+    assert script.machine.distance_m == pytest.approx(before_m, abs=0.05)
