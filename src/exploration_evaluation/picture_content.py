@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exploration_evaluation.classification import LABELS
-from exploration_evaluation.run_files import read_arrays, read_occupied, read_trajectory
+from exploration_evaluation.run_files import read_arrays, read_occupied, read_sweep_poses, read_trajectory
 from exploration_evaluation.scores import trajectory_errors
 from exploration_evaluation.voxel_renderer import Image, View
 from rigid_geometry import inverse, transform_points
@@ -108,7 +108,7 @@ def _rgb(code: str) -> Image:
 def driven_path(folder: Path) -> DrivenPath:
     """The true path where it is known, else the line from sweep to sweep; empty without a trajectory."""
     try:
-        stamps, poses = read_trajectory(folder / "trajectory.txt")
+        stamps, poses = read_sweep_poses(folder / "trajectory.txt")
     except ValueError:
         return DrivenPath(np.empty((0, 3)), np.empty((0, 3)), False)
     sweeps = poses[:, :3, 3] + [0.0, 0.0, _PATH_ABOVE_BASE_M]

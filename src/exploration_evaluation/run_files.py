@@ -32,10 +32,18 @@ JsonObject = dict[str, Any]
 
 
 def read_trajectory(path: Path) -> Trajectory:
-    """(N,) stamps and (N, 4, 4) poses of a TUM file (stamp x y z qx qy qz qw); ValueError when absent, empty or malformed."""
+    """(N,) increasing stamps and (N, 4, 4) poses of a TUM file (stamp x y z qx qy qz qw); ValueError when absent, empty or malformed."""
+    stamps, poses = read_sweep_poses(path)
+    if (np.diff(stamps) <= 0).any():
+        raise ValueError(f"{path.name} holds stamps that do not increase")
+    return stamps, poses
+
+
+def read_sweep_poses(path: Path) -> Trajectory:
+    """The same of the sweeps of a session, in their order: stamps go back where the robot's clock was set back."""
     rows = _table(path, 8)
-    if not len(rows) or not np.isfinite(rows).all() or (np.diff(rows[:, 0]) <= 0).any():
-        raise ValueError(f"{path.name} holds no poses, or stamps that do not increase, or numbers that are not finite")
+    if not len(rows) or not np.isfinite(rows).all():
+        raise ValueError(f"{path.name} holds no poses, or numbers that are not finite")
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_quat(rows[:, 4:8]).as_matrix(), rows[:, 1:4]
     return rows[:, 0], poses
@@ -44,13 +52,14 @@ def read_trajectory(path: Path) -> Trajectory:
 def mapped_sweeps(folder: Path) -> int:
     """How many poses of trajectory.txt are of this run, and not of one before that it went on from.
 
-    Those since the first line of events.csv. ValueError when one of the files is absent, or holds something else.
+    Those from the first on that is not before the first line of events.csv. ValueError when one of the files is absent, or holds
+    something else.
     """
-    stamps, _ = read_trajectory(folder / "trajectory.txt")
+    stamps, _ = read_sweep_poses(folder / "trajectory.txt")
     told_s, _, _ = read_events(folder / "events.csv")
     if not len(told_s):
         raise ValueError("events.csv has no event: nobody knows when the run began")
-    return int((stamps >= told_s[0]).sum())
+    return int(np.logical_or.accumulate(stamps >= told_s[0]).sum())
 
 
 def read_robot(folder: Path) -> RobotShape:

@@ -37,7 +37,7 @@ def earlier_run(folder: Path) -> EarlierRun:
 
 
 def clock_after(folder: Path, option: str) -> float:
-    """Seconds at which the clock goes on after the last sweep of the session in a folder; ValueError when there is none."""
+    """Seconds at which the clock goes on after all sweeps of the session in a folder; ValueError when there is none."""
     from pose_graph_mapping.session.session_store import SessionStore  # loads gtsam: only when it is asked for
 
     if not (folder / "sweeps").is_dir():
@@ -48,4 +48,4 @@ def clock_after(folder: Path, option: str) -> float:
         raise ValueError(f"{option} {folder}: {error}") from error
     if not sweeps:
         raise ValueError(f"{option} {folder}: the session there holds no sweep")
-    return float(round(sweeps[-1].stamp_s + _PAUSE_S))
+    return float(round(max(sweep.stamp_s for sweep in sweeps) + _PAUSE_S))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 Say = Callable[[str], None]
 
 _TURNED_RAD = 0.5
+_SAME_S = 1e-6
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,22 @@ class Account:
     by_odometry_alone: list[dict[str, object]] = field(default_factory=list)
 
 
+class _Known:
+    """The sweeps of a recording that a session has: those in it, and those before the last of it, which was not placed or passed by."""
+
+    def __init__(self, stamps_s: Sequence[float]) -> None:
+        self._stamps_s, self._is_behind = np.array(stamps_s, dtype=np.float64), False
+
+    def has(self, stamp_s: float) -> bool:
+        """Of each sweep, in the order of the recording: its clock may have been set back."""
+        if not len(self._stamps_s):
+            return False
+        is_in, last_s = bool(np.abs(self._stamps_s - stamp_s).min() <= _SAME_S), self._stamps_s[-1]
+        is_known = is_in or (not self._is_behind and stamp_s <= last_s)
+        self._is_behind = self._is_behind or not is_known or abs(stamp_s - last_s) <= _SAME_S
+        return is_known
+
+
 class MappingRun:
     """Owns the account of one recording; the mapper and its session belong to the caller."""
 
@@ -67,27 +84,34 @@ class MappingRun:
     def map(self, source: SweepSource, *, moved: bool = False) -> bool:
         """Map every sweep that the session does not have; False when it was stopped.
 
-        moved: the first of them is looked for in the map, whatever odometry says.
+        moved: the first of them is looked for in the map, whatever odometry says. So is one before which the clock was set back: odometry
+        begins anew there.
         """
-        last_s = self._mapper.stamps_s[-1] if self._mapper.stamps_s else -np.inf
-        lost = moved and bool(self._mapper.stamps_s)
+        known, goes_on = _Known(self._mapper.stamps_s), bool(self._mapper.stamps_s)
+        lost = moved and goes_on
         for sweep in source.sweeps():
             if self._stopping:
                 return False
             self.account.read += 1
-            if sweep.stamp_s is not None:
-                self.account.read_until_s = sweep.stamp_s
+            lost = lost or self._goes_back(sweep.stamp_s)
             if isinstance(sweep, SourceSweep):
                 sweep = self._near(sweep)
-            if sweep.stamp_s is not None and sweep.stamp_s <= last_s + 1e-6:
+            if sweep.stamp_s is not None and known.has(sweep.stamp_s):
                 self.account.known += 1
+                lost = moved and goes_on
             elif isinstance(sweep, Unreadable):
                 self._not_placed(sweep.name, sweep.stamp_s, sweep.reason)
-            elif self._is_near(sweep):
+            elif not lost and self._is_near(sweep):
                 self.account.passed_by += 1
             elif self._placed(sweep, source.progress, lost):
                 self._last, lost = sweep, False
         return True
+
+    def _goes_back(self, stamp_s: float | None) -> bool:
+        """Whether a sweep is older than the one read before it."""
+        before_s = self.account.read_until_s
+        self.account.read_until_s = before_s if stamp_s is None else stamp_s
+        return stamp_s is not None and before_s is not None and stamp_s < before_s
 
     def _near(self, sweep: SourceSweep) -> SourceSweep:
         """The sweep with its odometry relative to the origin."""
@@ -126,7 +150,7 @@ class MappingRun:
     def _add(self, sweep: SourceSweep, lost: bool) -> tuple[Array, MappingUpdate]:
         """T_odom_base and what the sweep changed. Without odometry a match tells the place, the map's frame stands for odometry's."""
         placement = None
-        if lost or (sweep.T_odom_base is None and self._mapper.stamps_s):
+        if self._mapper.stamps_s and (lost or sweep.T_odom_base is None):
             cloud = PointCloud.of_finite(sweep.points, sweep.origins)
             placement = localise(self._mapper.graph, self._mapper.vertex_clouds(), cloud, self._match, gravity_base=sweep.gravity_base)
             if not placement.accepted:

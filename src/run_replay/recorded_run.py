@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from exploration_evaluation import read_arrays, read_occupied, read_trajectory, trajectory_errors
+from exploration_evaluation import read_arrays, read_occupied, read_sweep_poses, read_trajectory, trajectory_errors
 from octomap_server_3dnav.terrain.classify import TerrainClass
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session.session_store import SessionStore
@@ -20,6 +20,7 @@ Edges = list[tuple[int, int, str]]
 V = TypeVar("V")
 
 _STAMP_TOLERANCE_S = 1e-3
+_SET_BACK_S = 1.0  # between two sweeps, as they are shown, where the robot's clock was set back
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,9 +78,9 @@ class RecordedRun:
 
 def read_run(folder: Path) -> RecordedRun:
     """A run folder as ./explore leaves it; ValueError when the sweeps or their poses cannot be read."""
-    stamps, poses = read_trajectory(folder / "trajectory.txt")
-    sweeps = SessionStore(folder)
-    _check_sweeps(stamps, sweeps)
+    recorded_s, poses = read_sweep_poses(folder / "trajectory.txt")
+    sweeps, stamps = SessionStore(folder), _going_on(recorded_s)
+    _check_sweeps(recorded_s, sweeps)
     path = _way(folder, stamps, poses)
     notes = [f"the path is drawn straight from sweep to sweep: {path.why_not_true}"] if path.why_not_true else []
     edges = _optional(notes, "pose graph without its edges", lambda: _edges(folder / "graph.g2o", len(poses)))
@@ -90,7 +91,16 @@ def read_run(folder: Path) -> RecordedRun:
 
 def driven_path(folder: Path) -> DrivenPath:
     """The true way in the map frame (trajectory_truth.txt), or the sweeps' poses (trajectory.txt) where there is no truth."""
-    return _way(folder, *read_trajectory(folder / "trajectory.txt"))
+    stamps, poses = read_sweep_poses(folder / "trajectory.txt")
+    return _way(folder, _going_on(stamps), poses)
+
+
+def _going_on(stamps: Floats) -> Floats:
+    """The (V,) stamps as of a clock that was never set back."""
+    steps = np.diff(stamps)
+    if (steps > 0.0).all():
+        return stamps
+    return np.cumsum([stamps[0], *np.where(steps > 0.0, steps, _SET_BACK_S)])
 
 
 def _way(folder: Path, stamps: Floats, poses: Floats) -> DrivenPath:

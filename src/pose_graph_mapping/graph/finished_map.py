@@ -14,7 +14,7 @@ from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.graph.dead_reckoning import odometry_covariance
 from pose_graph_mapping.graph.localisation import Placement, places
 from pose_graph_mapping.graph.loop_closure import Match, beyond_correction
-from pose_graph_mapping.graph.mapper import PoseGraphMapper
+from pose_graph_mapping.graph.mapper import PoseGraphMapper, check_sweep
 from pose_graph_mapping.graph.mapping_update import MappingUpdate
 from pose_graph_mapping.graph.pose_graph import Edge
 from pose_graph_mapping.registration.cloud import PointCloud, merged, voxel_downsample
@@ -97,7 +97,7 @@ class FinishedMap:
         vertex_poses of the answer are those of the map, then where the first sweep was made here, then where this one was.
         """
         sweep, T_odom = PointCloud.of_finite(points_base, origins_base), as_transform(T_odom_base)
-        self._check(stamp_s, sweep)
+        check_sweep(stamp_s, [p.stamp_s for p in self.visits.all()], sweep, self._config)
         if placement is not None:
             result, T_map_base = placement.result, as_transform(placement.result.T_reference_reading)
         elif self.visits.last is not None:
@@ -132,12 +132,6 @@ class FinishedMap:
     def solve(self) -> tuple[Edge, ...]:
         """The graph stays as it is."""
         return ()
-
-    def _check(self, stamp_s: float, sweep: PointCloud) -> None:
-        if not np.isfinite(stamp_s) or stamp_s <= self.stamps_s[-1]:
-            raise ValueError(f"stamps must increase: {stamp_s} after {self.stamps_s[-1]}")
-        if len(sweep) < self._config.min_sweep_points:
-            raise ValueError(f"a sweep of {len(sweep)} finite points ({sweep.dropped} dropped), {self._config.min_sweep_points} wanted")
 
     def _matched(self, cloud: PointCloud, T_odom_base: Array) -> tuple[RegistrationResult, Array]:
         """The match, and where the robot is: by it where it can be used, else by odometry."""

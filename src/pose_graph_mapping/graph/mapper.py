@@ -52,6 +52,16 @@ def evenly(ids: list[int], most: int) -> list[int]:
     return ids if len(ids) <= most else [ids[k] for k in np.linspace(0, len(ids) - 1, most).round().astype(int)]
 
 
+def check_sweep(stamp_s: float, known_s: Sequence[float], sweep: PointCloud, config: MappingConfig) -> None:
+    """ValueError for a stamp that is none, or one of those known already, and for too few points."""
+    if not np.isfinite(stamp_s):
+        raise ValueError(f"the stamp of a sweep is a finite time, not {stamp_s}")
+    if stamp_s in known_s:
+        raise ValueError(f"the sweep of {stamp_s:.3f} s is in the map already")
+    if len(sweep) < config.min_sweep_points:
+        raise ValueError(f"a sweep of {len(sweep)} finite points ({sweep.dropped} dropped), {config.min_sweep_points} wanted")
+
+
 class PoseGraphMapper:
     """Graph-based mapping (thesis 5.4): owns the graph and a light cloud of every vertex, and forgets of these what has gone."""
 
@@ -88,14 +98,16 @@ class PoseGraphMapper:
         """Algorithm 1 for one sweep; line numbers in the code are its.
 
         points_base, origins_base (N, 3) at the stamp; T_odom_base (4, 4); gravity_base (3,): up as the resting IMU measured it; placement:
-        where the sweep was found in the map (`localise`), which then stands in for odometry. ValueError for a stamp that does not
-        increase, too few finite points, or anything that is no transform, direction or accepted placement. A sweep that ends in an
-        error, be it the matcher's, leaves mapper and graph as they were.
+        where the sweep was found in the map (`localise`), which then stands in for odometry. Stamps may go back, as a clock does that
+        is set. ValueError for one that is in the map already, too few finite points, or anything that is no transform, direction or
+        accepted placement. A sweep that ends in an error, be it the matcher's, leaves mapper and graph as they were.
         """
         sweep = PointCloud.of_finite(points_base, origins_base)
         T_odom_base = as_transform(T_odom_base)
         up = None if gravity_base is None or not self._config.use_gravity else unit_up(gravity_base)
-        self._check(stamp_s, sweep, gravity_sigma_rad)
+        check_sweep(stamp_s, self._stamps_s, sweep, self._config)
+        if gravity_sigma_rad is not None and not gravity_sigma_rad > 0.0:
+            raise ValueError(f"gravity_sigma_rad must be positive, not {gravity_sigma_rad}")
         cloud = voxel_downsample(sweep, self._config.vertex_voxel_m)
         edges_before = self.graph.measurements()
         with self._whole():
@@ -207,14 +219,6 @@ class PoseGraphMapper:
     def T_map_odom(self) -> Array:
         """(4, 4) correction of the odometry frame by the last vertex; ValueError before the first sweep (lines 21 to 23)."""
         return self.graph.pose(len(self.graph) - 1) @ inverse(self._T_odom_last)
-
-    def _check(self, stamp_s: float, sweep: PointCloud, gravity_sigma_rad: float | None) -> None:
-        if not np.isfinite(stamp_s) or (self._stamps_s and stamp_s <= self._stamps_s[-1]):
-            raise ValueError(f"stamps must increase: {stamp_s} after {self._stamps_s[-1:]}")
-        if len(sweep) < self._config.min_sweep_points:
-            raise ValueError(f"a sweep of {len(sweep)} finite points ({sweep.dropped} dropped), {self._config.min_sweep_points} wanted")
-        if gravity_sigma_rad is not None and not gravity_sigma_rad > 0.0:
-            raise ValueError(f"gravity_sigma_rad must be positive, not {gravity_sigma_rad}")
 
     def _first_vertex(self, T_odom_base: Array, up: Array | None) -> _Placed | None:
         """Lines 2 to 6, levelled where gravity is known: a tilted first pose tilts the whole map."""

@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 from run_folder_on_disk import write_run
 
+from exploration_evaluation.picture_content import driven_path
 from exploration_evaluation.pictures import draw_pictures
 from exploration_evaluation.voxel_renderer import Canvas, View, render_cubes
 
@@ -77,3 +78,9 @@ def test_map_without_classes_or_path_is_drawn_all_the_same(tmp_path):
 def test_folder_without_any_voxel_says_so(tmp_path):
     with pytest.raises(ValueError, match="nothing to draw.*occupied"):
         draw_pictures(tmp_path)
+
+
+def test_way_of_a_robot_whose_clock_was_set_back_is_drawn(tmp_path):
+    (tmp_path / "trajectory.txt").write_text("".join(f"{stamp} {x} 0 0 0 0 0 1\n" for stamp, x in ((10, 0), (20, 1), (18, 2))))
+    path = driven_path(tmp_path)
+    assert path.sweeps[:, 0].tolist() == [0.0, 1.0, 2.0] and path.line[-1, 0] == 2.0

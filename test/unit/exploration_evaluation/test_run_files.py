@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from exploration_evaluation.run_files import read_events, read_sweeps
+from exploration_evaluation.run_files import mapped_sweeps, read_events, read_sweep_poses, read_sweeps, read_trajectory
 
 HEADER = "stamp_s,wall_s,state,reason,sweeps\n"
 ROWS = '1.000,0.5,starting,waiting,0\n2.500,1.25,settling,"2.5 m, far",0\n'
@@ -56,3 +56,23 @@ def test_sweep_that_is_absent_damaged_or_of_another_vertex_is_refused(tmp_path):
     (tmp_path / "sweeps" / "000000.npz").write_bytes(b"PK\x03\x04 cut off")
     with pytest.raises(ValueError, match="000000.npz cannot be read"):
         list(read_sweeps(tmp_path, [5.0]))
+
+
+def write_trajectory(folder, stamps):
+    (folder / "trajectory.txt").write_text("".join(f"{stamp} {k} 0 0 0 0 0 1\n" for k, stamp in enumerate(stamps)))
+    return folder / "trajectory.txt"
+
+
+def test_sweeps_of_a_robot_whose_clock_was_set_back_are_read_in_their_order(tmp_path):
+    path = write_trajectory(tmp_path, [10.0, 20.0, 18.0])
+    stamps, poses = read_sweep_poses(path)
+    assert (stamps.tolist(), poses[:, 0, 3].tolist()) == ([10.0, 20.0, 18.0], [0.0, 1.0, 2.0])
+    with pytest.raises(ValueError, match="do not increase"):
+        read_trajectory(path)
+
+
+@pytest.mark.parametrize(("stamps", "count"), [([1.0, 2.0, 10.0, 20.0], 2), ([1.0, 2.0, 10.0, 20.0, 3.0, 4.0], 4), ([1.0, 2.0], 0)])
+def test_sweeps_of_a_run_are_those_since_its_first_event_also_when_the_clock_was_set_back_in_it(tmp_path, stamps, count):
+    write_trajectory(tmp_path, stamps)
+    (tmp_path / "events.csv").write_text(HEADER + "9.0,0.5,starting,waiting,0\n")
+    assert mapped_sweeps(tmp_path) == count

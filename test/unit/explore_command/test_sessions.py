@@ -89,3 +89,11 @@ def test_sweeps_of_a_run_that_goes_on_stay(session: Path) -> None:
     assert (session / "sweeps" / "000000.npz").exists() and not (session / "summary.json").exists()
     prepare_out(session, force=True)
     assert not (session / "sweeps").exists()
+
+
+def test_clock_goes_on_after_the_latest_stamp_of_a_session_whose_clock_was_set_back(session: Path) -> None:
+    store, points = SessionStore(session), np.ones((300, 3))
+    graph = store.graph_on_disk()
+    graph.add_vertex(np.eye(4))
+    store.add_sweep(1, 7.0, points, 0.0 * points, graph, Measured(np.eye(4)))
+    assert clock_after(session, "--resume") > 50.0

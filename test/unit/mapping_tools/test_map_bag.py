@@ -343,3 +343,29 @@ def test_help_tells_of_exit_codes(capsys):
     with pytest.raises(SystemExit) as ended:
         map_bag.main(["--help"])
     assert ended.value.code == 0 and "Exit code: 0 mapped" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.fixture(scope="session")
+def set_back_bag(tmp_path_factory, clouds):
+    """As `bag`, with a clock that is set back by 17 s before the fourth sweep; odometry begins anew there, at its origin."""
+    poses = odometry()
+    poses = [*poses[:3], *(inverse(poses[3]) @ T for T in poses[3:])]
+    messages = drive(clouds, poses)
+    for _, message in messages[9:]:
+        message.header.stamp.sec -= 17
+    return write_bag(tmp_path_factory.mktemp("set_back") / "run.bag", messages)
+
+
+def test_sweep_after_the_clock_was_set_back_is_looked_for_in_the_map_and_mapped(tmp_path, set_back_bag):
+    code, summary = mapped(set_back_bag, tmp_path, *FAST)
+    assert (code, summary["vertices"], summary["not_placed"]) == (0, 5, []) and error_of(tmp_path) < 0.05
+    assert [s.stamp_s for s in SessionStore(tmp_path).sweeps] == [5.0, 15.0, 25.0, 18.0, 28.0]
+
+
+@pytest.mark.parametrize("kept", [2, 3, 4, 5])
+def test_run_that_goes_on_has_each_sweep_once_where_the_clock_was_set_back(tmp_path, set_back_bag, kept, monkeypatch):
+    last = f"vertex {kept - 1}"
+    monkeypatch.setattr(map_bag, "_say", lambda text: os.kill(os.getpid(), signal.SIGINT) if last in text else None)
+    map_bag.main([str(set_back_bag), "--out", str(tmp_path), *FAST])
+    code, summary = mapped(set_back_bag, tmp_path, "--resume", *FAST)
+    assert (code, summary["known"], summary["vertices"], summary["not_placed"]) == (0, kept, 5, [])

@@ -7,7 +7,9 @@ import pytest
 from recorded_runs import LAST_S, SWEEP_STAMPS_S, T_WORLD_MAP, write_run
 
 from octomap_server_3dnav.terrain.classify import TerrainClass
-from run_replay.recorded_run import read_run
+from pose_graph_mapping.session.session_store import SessionStore, tum_text
+from run_replay.recorded_run import driven_path, read_run
+from run_replay.timeline import frames
 
 
 def test_true_path_is_in_the_map_frame(tmp_path: Path) -> None:
@@ -69,3 +71,18 @@ def test_sweeps_after_the_last_saved_pose_are_left_out(tmp_path: Path) -> None:
     (tmp_path / "trajectory.txt").write_text("".join(lines[:3]))
     run = read_run(tmp_path)
     assert len(run.vertex_poses) == 3 and run.edges == [(0, 1, "match"), (1, 2, "match")]
+
+
+def test_run_whose_clock_was_set_back_is_shown_sweep_by_sweep(tmp_path: Path) -> None:
+    write_run(tmp_path / "whole")
+    whole, store = read_run(tmp_path / "whole"), SessionStore(tmp_path / "set_back")
+    stamps = [100.0, 102.0, 60.0, 62.0, 64.0]
+    for k, stamp_s in enumerate(stamps):
+        cloud = whole.sweeps.load_sweep(k)
+        store.add_sweep(k, stamp_s, cloud.points, cloud.origins)
+    (tmp_path / "set_back" / "trajectory.txt").write_text(tum_text(stamps, whole.vertex_poses))
+    run = read_run(tmp_path / "set_back")
+    assert run.sweep_stamps_s.tolist() == [100.0, 102.0, 103.0, 105.0, 107.0]
+    shown = frames(run.path.stamps_s, run.path.poses, run.sweep_stamps_s, 0.5)
+    assert [frame.sweeps for frame in shown] == sorted(frame.sweeps for frame in shown) and shown[-1].sweeps == 5
+    assert driven_path(tmp_path / "set_back").stamps_s.tolist() == run.path.stamps_s.tolist()
