@@ -25,7 +25,7 @@ from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, PoseGraph, unit_
 from pose_graph_mapping.registration.cloud import PointCloud, merged, voxel_downsample
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from pose_graph_mapping.registration.seen_through import Gone
-from rigid_geometry import as_transform, inverse
+from rigid_geometry import JUMP_BACK_S, as_transform, inverse
 
 Array = NDArray[np.float64]
 
@@ -53,11 +53,13 @@ def evenly(ids: list[int], most: int) -> list[int]:
 
 
 def check_sweep(stamp_s: float, known_s: Sequence[float], sweep: PointCloud, config: MappingConfig) -> None:
-    """ValueError for a stamp that is none, or one of those known already, and for too few points."""
+    """ValueError for a stamp that is none, one of those known already, or late, and for too few points."""
     if not np.isfinite(stamp_s):
         raise ValueError(f"the stamp of a sweep is a finite time, not {stamp_s}")
     if stamp_s in known_s:
         raise ValueError(f"the sweep of {stamp_s:.3f} s is in the map already")
+    if known_s and known_s[-1] - JUMP_BACK_S < stamp_s < known_s[-1]:
+        raise ValueError(f"the sweep of {stamp_s:.3f} s is late: it came after that of {known_s[-1]:.3f} s")
     if len(sweep) < config.min_sweep_points:
         raise ValueError(f"a sweep of {len(sweep)} finite points ({sweep.dropped} dropped), {config.min_sweep_points} wanted")
 
@@ -98,9 +100,10 @@ class PoseGraphMapper:
         """Algorithm 1 for one sweep; line numbers in the code are its.
 
         points_base, origins_base (N, 3) at the stamp; T_odom_base (4, 4); gravity_base (3,): up as the resting IMU measured it; placement:
-        where the sweep was found in the map (`localise`), which then stands in for odometry. Stamps may go back, as a clock does that
-        is set. ValueError for one that is in the map already, too few finite points, or anything that is no transform, direction or
-        accepted placement. A sweep that ends in an error, be it the matcher's, leaves mapper and graph as they were.
+        where the sweep was found in the map (`localise`), which then stands in for odometry. Stamps may go back by half a second or
+        more, as a clock does that is set. ValueError for one that is late, or in the map already, too few finite points, or
+        anything that is no transform, direction or accepted placement. A sweep that ends in an error, be it the matcher's, leaves
+        mapper and graph as they were.
         """
         sweep = PointCloud.of_finite(points_base, origins_base)
         T_odom_base = as_transform(T_odom_base)
