@@ -4,7 +4,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 
-REFUSED = "exit code 2: a parameter is wrong, as it has said"
+REFUSED = "exit code 2: it cannot begin, and has said why"
 
 
 @dataclass(frozen=True)

@@ -29,8 +29,8 @@ _LOOK_S = 0.25
 _ANSWERS_WITHIN_S = 0.5
 _ROOTS = ("/dev/shm", tempfile.gettempdir())  # a node keeps its state at every step: on a disk that takes a millisecond
 _ROOM_BYTES = 1_000_000
-WRONG_PARAMETER = 2
-_WANTED = (0, WRONG_PARAMETER)  # exit codes of a node that ends as it should
+_REFUSES = 2
+_WANTED = (0, _REFUSES)  # exit codes of a node that ends as it should
 
 
 class _Master:
@@ -70,7 +70,7 @@ class Revival:
         while True:
             code, why, is_ending = self._live()
             if self._asked_to_end or is_ending or code in _WANTED:
-                if code == WRONG_PARAMETER:
+                if code == _REFUSES:
                     self._master.tell("gave_up", REFUSED)
                 return code if code >= 0 else 128 - code
             if self._memory is None:  # the next one would take itself for the first

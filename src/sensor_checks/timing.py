@@ -101,7 +101,7 @@ def _pauses(topic: str, stamps: FloatArray, needs: Needs) -> list[Row]:
     longest_s = float(steps.max()) if len(steps) else 0.0
     if longest_s <= needs.max_gap_s:
         return []
-    advice = f"over {needs.max_gap_s:g} s scans are lost, over 0.3 s the robot stops: see the cable, the network and the computer's load"
+    advice = f"one over {needs.max_gap_s:g} s spoils a sweep, and after 0.3 s the robot stops: see cable, network and the computer's load"
     return [Row(Level.WARN, topic, "pauses", f"{int((steps > needs.max_gap_s).sum())}, up to {_seconds(longest_s)}", advice)]
 
 
