@@ -169,7 +169,7 @@ def _section(node: str, section: str, dotted: str, first_shown: dict[str, str]) 
     title = f"### `{prefix}`\n\n" if section else ""
     if dotted in first_shown:
         other = first_shown[dotted]
-        return f"{title}The same parameters as [{other}](#{other}) has below `{prefix}`; give both the same values.\n"
+        return f"{title}The same parameters as [{other}](#{other}) has below `{prefix}`; `config/{section}.yaml` sets both.\n"
     first_shown[dotted] = node
     cls = config_class(dotted)
     return f"{title}{(cls.__doc__ or '').splitlines()[0]}\n\n{config_table(cls, prefix)}"

@@ -101,9 +101,9 @@ class Liveness:
         self._asking.start()
 
     def wait_until_asked(self) -> None:
-        """Until `end_all` has asked everybody."""
+        """Until `end_all` has asked everybody, as long as one of them may take to answer."""
         if self._asking is not None:
-            self._asking.join(_AWAY_S)
+            self._asking.join(_TIMEOUT_S)
 
     def _ask_to_end(self) -> None:
         for name in self._names:
