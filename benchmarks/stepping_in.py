@@ -2,10 +2,10 @@
 
 The robot of `pybullet_simulation` (`realism:=hardware`) drives over a level hall at --speed. Its lines, filtered and placed by its true
 pose, feed the costmap, and the collision monitor limits the command: no planner, no follower. Trial by trial the person starts elsewhere
-and the mount's nod has another phase. The way counts from when the person's outline is in the robot's way, no more than 1.2 m before it,
+and the mount's nod has another phase. The way counts from when the person's outline is in the robot's way, no more than --ahead before it,
 until the robot stands.
 
-    python benchmarks/stepping_in.py --trials 100 [--mount level] [--speed 0.5] [--unguarded]
+    python benchmarks/stepping_in.py --trials 100 [--mount level] [--speed 0.5] [--ahead 1.2] [--unguarded]
 """
 
 from __future__ import annotations
@@ -35,7 +35,6 @@ MOUNT = TiltGeometry(MODEL.T_base_mount, MODEL.T_tilt_laser)
 START = (-8.0, 0.0, 0.0)
 EVERY_S = 0.05
 LONGEST_S = 20.0
-AHEAD_M = 1.2
 
 
 def hall() -> World:
@@ -109,7 +108,7 @@ class Robot:
             self.costmap.add_line(line.stamp_s, line.hits, line.free_ends, line.origin)
 
 
-def trial(seed: int, speed: float, *, nods: bool, guarded: bool) -> Trial:
+def trial(seed: int, speed: float, ahead_m: float, *, nods: bool, guarded: bool) -> Trial:
     """One drive, until the robot stands before the person."""
     rng = np.random.default_rng([seed, 40])
     robot, found = Robot(person(rng), seed, nods=nods, guarded=guarded), Trial()
@@ -124,7 +123,7 @@ def trial(seed: int, speed: float, *, nods: bool, guarded: bool) -> Trial:
         local = transform_points(inverse(T), np.array([[*place, T[2, 3]]]))[0]
         found.touch_mps = max([found.touch_mps, *robot.touches])
         in_way = (
-            abs(local[1]) < ROBOT.half_width_m + RADIUS_M["person"] and 0.0 < local[0] <= AHEAD_M + ROBOT.half_length_m + RADIUS_M["person"]
+            abs(local[1]) < ROBOT.half_width_m + RADIUS_M["person"] and 0.0 < local[0] <= ahead_m + ROBOT.half_length_m + RADIUS_M["person"]
         )
         if began is None and in_way:
             began, began_s = T[:2, 3].copy(), robot.simulation.stamp_s
@@ -147,10 +146,11 @@ def main() -> None:
     parser.add_argument("--trials", type=int, default=20)
     parser.add_argument("--first", type=int, default=1)
     parser.add_argument("--speed", type=float, default=0.5)
+    parser.add_argument("--ahead", type=float, default=1.2, help="m between robot and person from which on the way counts")
     parser.add_argument("--mount", choices=("nods", "level"), default="nods")
     parser.add_argument("--unguarded", action="store_true")
     a = parser.parse_args()
-    found = [trial(seed, a.speed, nods=a.mount == "nods", guarded=not a.unguarded) for seed in range(a.first, a.first + a.trials)]
+    found = [trial(seed, a.speed, a.ahead, nods=a.mount == "nods", guarded=not a.unguarded) for seed in range(a.first, a.first + a.trials)]
     way, gap, ahead, marked = (np.array([getattr(one, name) for one in found]) for name in ("way_m", "gap_m", "ahead_m", "marked_s"))
     stepped = ~np.isnan(ahead)
     touched = sum(one.touch_mps > 0.05 for one in found)
