@@ -19,7 +19,7 @@ from pybullet_simulation.disturbances import Guided
 from pybullet_simulation.records import Contact
 from pybullet_simulation.robot_model import RobotModel
 from pybullet_simulation.simulated_urdf import write_simulated_urdf
-from pybullet_simulation.world import World, nearest_normal, raycasting_scene
+from pybullet_simulation.world import World, nearest_hits, nearest_normal, raycasting_scene
 from rigid_geometry import quat_xyzw_from_transform
 from robot_body import RobotBody
 from simulated_movers import Part
@@ -77,6 +77,7 @@ class Physics:
         self._joints = {self._joint(i): i for i in range(pybullet.getNumJoints(self._robot, physicsClientId=self._client))}
         self._wheels = [self._joints[wheel.joint] for wheel in robot.wheels]
         self._tilt = None if robot.tilt_joint is None else self._joints[robot.tilt_joint]
+        self._radii = self._rolling()
         self._steep_z = self._steepest(body)
         self._let_casters_roll()
         self._com = np.array(pybullet.getDynamicsInfo(self._robot, -1, physicsClientId=self._client)[3])
@@ -88,12 +89,16 @@ class Physics:
             pybullet.disconnect(physicsClientId=self._client)
             self._client = -1
 
-    def _steepest(self, body: RobotBody) -> dict[int, float]:
-        """By wheel and caster, how little the normal of a surface may point up that it stands on: one steeper is an obstacle."""
+    def _rolling(self) -> dict[int, float]:
+        """Radius of every wheel and caster, m."""
         links = {name: index for index, name in self._names.items()}
         radii = {w.link: w.radius_m for w in self._model.wheels} | {c.link: c.radius_m for c in self._model.casters}
+        return {links[link]: radius_m for link, radius_m in radii.items()}
+
+    def _steepest(self, body: RobotBody) -> dict[int, float]:
+        """By wheel and caster, how little the normal of a surface may point up that it stands on: one steeper is an obstacle."""
         margin = self._config.wheel_contact_margin_rad
-        return {links[link]: float(np.cos(body.climbing_rad(radius_m) + margin)) for link, radius_m in radii.items()}
+        return {link: float(np.cos(body.climbing_rad(radius_m) + margin)) for link, radius_m in self._radii.items()}
 
     def _let_casters_roll(self) -> None:
         """Joints that nothing drives turn freely, against the engine's habit of braking them; a ball slides as if it rolled."""
@@ -239,7 +244,9 @@ class Physics:
         for point in pybullet.getContactPoints(bodyA=self._robot, physicsClientId=self._client):
             other, link, normal, force = point[2], point[3], point[7], point[9]
             steep_z = None if other in self._movers else self._steep_z.get(link)
-            is_ground = steep_z is not None and (normal[2] > steep_z or self._is_level(point[6], steep_z))
+            is_ground = steep_z is not None and (
+                normal[2] > steep_z or self._is_level(point[6], steep_z) or self._is_climbed(link, point[6], normal)
+            )
             if other != self._robot and not is_ground and force >= self._config.contact_force_min_n:
                 speed = float(np.linalg.norm(before.linear + np.cross(before.angular, np.array(point[5]) - before.centre_of_mass)))
                 found.append(Contact(self._names[link], speed, float(force), self._movers.get(other, "")))
@@ -248,3 +255,17 @@ class Physics:
     def _is_level(self, position: tuple[float, float, float], steep_z: float) -> bool:
         """Whether the world's surface nearest to a contact is ground: at the edges between triangles the engine invents steep normals."""
         return bool(abs(nearest_normal(self._surface, position)[2]) > steep_z)
+
+    def _is_climbed(self, link: int, position: tuple[float, float, float], normal: tuple[float, float, float]) -> bool:
+        """Whether a wheel or caster only meets the upright face of a step that it climbs: at the height of its highest step nothing stands
+        there, as far behind the contact as the steepest ground comes up to it."""
+        radius_m, steep_z = self._radii[link], self._steep_z[link]
+        centre = pybullet.getLinkState(self._robot, link, physicsClientId=self._client)[0]
+        step_m = radius_m * (1.0 - steep_z)
+        height, level_m = centre[2] - radius_m + step_m, float(np.hypot(normal[0], normal[1]))
+        if position[2] > height or level_m == 0.0:
+            return False
+        back = np.array([normal[0], normal[1], 0.0]) / level_m
+        behind_m = step_m * steep_z / float(np.sqrt(1.0 - steep_z**2))
+        ray = np.concatenate([np.array([position[0], position[1], height]) + radius_m * back, -back])
+        return bool(nearest_hits(self._surface, ray[None].astype(np.float32))[0] > radius_m + behind_m)

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from pybullet_simulation import IDEAL, IDEAL_TIMING, Simulation, SimulationConfig, load_world
+from pybullet_simulation.solids import box, walls_around
+from pybullet_simulation.world import World, joined
 from rigid_geometry import angle_difference, inverse, tilt_angle, yaw_of
 
 CONFIG = SimulationConfig()
@@ -146,6 +148,28 @@ def test_drive_into_a_wall_is_a_contact_with_speed_and_force(simulate):
     contacts = [c for d in drive(simulation, 40, 0.5, 0.0) for c in d.contacts]
     assert contacts and contacts[0].link == "base_link" and contacts[0].force_n > 10.0
     assert contacts[0].speed_mps == pytest.approx(0.5, abs=0.15)
+
+
+def plate(height_m):
+    """A room with a plate of a height on its floor, whose long edge lies along y."""
+    low, high = np.array([-4.0, -3.0]), np.array([4.0, 3.0])
+    solids = [
+        box("floor", (*low, -0.2), (*high, 0.0)),
+        *walls_around(low, high, -0.1, 1.0),
+        box("plate", (0.0, -2.0, 0.0), (2.0, 2.0, height_m)),
+    ]
+    vertices, triangles = joined(solids)
+    return World("plate", tuple(solids), (), vertices, triangles, np.array([vertices.min(0), vertices.max(0)]), (-0.46, 0.0, 0.0), 0.0)
+
+
+@pytest.mark.parametrize(("height_m", "touches"), [(0.025, False), (0.09, False), (0.12, True)])
+def test_riser_that_a_turning_wheel_meets_is_a_touch_where_it_is_higher_than_a_step(height_m, touches):
+    """The corner of the wheel meets the upright face below its edge, as that of a threshold."""
+    simulation = Simulation(CONFIG, plate(height_m), 1)
+    data = drive(simulation, 60, 0.0, 0.5)
+    met = any(c.link.endswith("wheel_link") for d in data for c in d.contacts)
+    simulation.close()
+    assert met == touches
 
 
 def test_drive_off_the_side_of_the_ramp_is_a_fall_that_shows(simulate):
