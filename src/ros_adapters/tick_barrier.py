@@ -26,6 +26,7 @@ _MOST_TICKS_AHEAD = 4  # of the answers, while the robot stands and its laser sw
 _CONNECTED_S = 0.3  # the publishers' side of a connection is complete a moment after the subscriber's
 _RECOUNT_AGAIN_S = 3.0  # a tick soon after a recount waits no longer for a message that went to a connection not yet made
 _SOON_TICKS = 40
+_TRACKER = "scan_tracking_node"  # what it makes of a scan hangs on when the scan comes: it hears of no tick before its time
 _WITNESS = "exploration_monitor_node"  # what it does not hear of a run nobody can judge
 _LAST_OF_SWEEP_S = 0.5  # answered tick by tick again, so that nobody has heard of the time after a sweep before its map
 _STANDS = (0.0, 0.0)
@@ -39,6 +40,7 @@ class TickBarrier:
         self.changed = threading.Condition()
         self._simulation, self._publish, self._diagnostics = simulation, publish, diagnostics
         self._wait_for = set(wait_for)
+        self._most_ahead = 0 if _TRACKER in self._wait_for else _MOST_TICKS_AHEAD
         self._ready: set[str] = set()
         self._loading_s = time.monotonic()  # when a node last said that it loads its kernels
         self._answered = TickAnswers()
@@ -131,7 +133,7 @@ class TickBarrier:
     def _ticks_ahead(self) -> int:
         """How many answers may be missing: a robot that stands for a sweep gets the same command from each."""
         is_sweeping = self._command == _STANDS and self._simulation.sweep_left_s > _LAST_OF_SWEEP_S
-        return _MOST_TICKS_AHEAD if is_sweeping and self._recounted_tick != self._ticks else 0
+        return self._most_ahead if is_sweeping and self._recounted_tick != self._ticks else 0
 
     def _is_answered(self) -> bool:
         heard = self._witnessed
