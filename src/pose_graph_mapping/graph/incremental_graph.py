@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import SuperLU, splu
 
 from pose_graph_mapping.graph.graph_measurements import Edge, GraphNotSolvable, Gravity
 from pose_graph_mapping.graph.graph_problem import GraphProblem, edge_factor, gravity_factor, poses_of
@@ -29,6 +31,7 @@ class IncrementalGraph:
         self._bias = problem.bias
         self._gravity = list(problem.gravity)
         self._vertices = len(problem.poses)
+        self._equations: SuperLU | None = None  # since the last change, once somebody needed them
         places = self._update(problem.factors(), problem.values())
         self._places = places[len(places) - len(self._gravity) :]  # of the factors of gravity, which come last
 
@@ -65,10 +68,19 @@ class IncrementalGraph:
     def relative_covariance(self, i: int, j: int) -> Array:
         """(6, 6) covariance of T_i_j, rotation first, in the body frame of j, of everything measured."""
         joint = self._isam.jointMarginalCovariance([i, j])
-        adjoint = self._estimate.atPose3(j).between(self._estimate.atPose3(i)).AdjointMap()
-        ii, ij, jj = joint.at(i, i), joint.at(i, j), joint.at(j, j)
-        covariance = jj - adjoint @ ij - (adjoint @ ij).T + adjoint @ ii @ adjoint.T
-        return np.asarray(0.5 * (covariance + covariance.T))
+        return self._relative(i, j, (joint.at(i, i), joint.at(i, j), joint.at(j, j)))
+
+    def relative_covariances(self, ids: Sequence[int], j: int) -> Array:
+        """(N, 6, 6) the same of T_i_j for many i: with one solution for j in place of one for each pair."""
+        if not ids:
+            return np.empty((0, 6, 6))
+        if self._equations is None:
+            self._equations = self._factorised()
+        unit = np.zeros((6 * self._vertices, 6))
+        unit[6 * j : 6 * j + 6] = np.eye(6)
+        to_j = self._equations.solve(unit).reshape(-1, 6, 6)
+        found = [self._relative(i, j, (self._isam.marginalCovariance(i), to_j[i], to_j[j])) for i in ids]
+        return np.array(found)
 
     def disagreement(self, edge: Edge) -> float:
         """Half of the squared Mahalanobis distance between an edge that is not part of it yet and what it holds of its two vertices."""
@@ -76,8 +88,25 @@ class IncrementalGraph:
         residual = gtsam.Pose3.Logmap(gtsam.Pose3(edge.T_i_j).between(held))
         return 0.5 * float(residual @ np.linalg.solve(edge.covariance + self.relative_covariance(edge.i, edge.j), residual))
 
+    def _relative(self, i: int, j: int, joint: tuple[Array, Array, Array]) -> Array:
+        """From the covariances of i, of i with j, and of j."""
+        ii, ij, jj = joint
+        adjoint = self._estimate.atPose3(j).between(self._estimate.atPose3(i)).AdjointMap()
+        covariance = jj - adjoint @ ij - (adjoint @ ij).T + adjoint @ ii @ adjoint.T
+        return np.asarray(0.5 * (covariance + covariance.T))
+
+    def _factorised(self) -> SuperLU:
+        """The normal equations, of six rows a vertex, in factors."""
+        linear = self._isam.getFactorsUnsafe().linearize(self._isam.getLinearizationPoint())
+        rows, columns, entries = np.asarray(linear.sparseJacobian_())  # counted from 1; the last column is the right side
+        size, is_left = 6 * self._vertices, columns <= 6 * self._vertices
+        places = rows[is_left].astype(np.intp) - 1, columns[is_left].astype(np.intp) - 1
+        jacobian = csc_array((entries[is_left], places), shape=(int(rows.max()), size))
+        return splu((jacobian.T @ jacobian).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+
     def _update(self, factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, replaced: Sequence[int] = ()) -> list[int]:
         """Where the new factors are kept, for whoever replaces them."""
+        self._equations = None
         try:
             places = list(self._isam.update(factors, values, list(replaced)).getNewFactorsIndices())
             for _ in range(_MOST_UPDATES):

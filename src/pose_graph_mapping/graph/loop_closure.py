@@ -36,9 +36,9 @@ def candidate_radii(graph: PoseGraph, last_vertex: int, config: MappingConfig) -
     straight = np.linalg.norm(positions - positions[last_vertex], axis=1)
     radii = np.full(len(graph), config.loop_max_dist_m)
     far = (straight > config.loop_max_dist_m) & (straight <= config.loop_grown_dist_m)
-    for k in np.flatnonzero(far & (graph.distances_from(last_vertex) >= config.loop_min_dist_m)):
-        sigma_m, _ = sigmas(graph.relative_covariance(int(k), last_vertex))
-        radii[k] = min(config.loop_max_dist_m + config.loop_sigmas * sigma_m, config.loop_grown_dist_m)
+    asked = [int(k) for k in np.flatnonzero(far & (graph.distances_from(last_vertex) >= config.loop_min_dist_m))]
+    for k, covariance in zip(asked, graph.relative_covariances(asked, last_vertex), strict=True):
+        radii[k] = min(config.loop_max_dist_m + config.loop_sigmas * sigmas(covariance)[0], config.loop_grown_dist_m)
     return radii
 
 

@@ -208,7 +208,8 @@ class PoseGraphMapper:
         near = evenly([int(k) for k in np.flatnonzero(self.graph.distances_from(vertex_id) <= distance_m)], self._config.area_most_sweeps)
         if math.isfinite(most_sigma_m):
             self.graph.optimise()
-            near = [k for k in near if k == vertex_id or sigmas(self.graph.relative_covariance(k, vertex_id))[0] <= most_sigma_m]
+            known = self.graph.relative_covariances(near, vertex_id)
+            near = [k for k, covariance in zip(near, known, strict=True) if k == vertex_id or sigmas(covariance)[0] <= most_sigma_m]
         return near
 
     def surroundings(self) -> PointCloud:

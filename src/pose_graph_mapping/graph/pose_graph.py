@@ -138,9 +138,11 @@ class PoseGraph:
 
     def relative_covariance(self, i: int, j: int) -> Array:
         """(6, 6) covariance of T_i_j, rotation first, in the body frame of j, by the graph as `optimise` left it."""
-        if self._running is None or self._running.vertices <= max(self._known(i), self._known(j)):
-            raise ValueError(f"vertices {i} and {j} are not optimised yet")
-        return self._running.relative_covariance(i, j)
+        return self._solved(i, j).relative_covariance(i, j)
+
+    def relative_covariances(self, ids: Sequence[int], j: int) -> Array:
+        """(N, 6, 6) the same of T_i_j for many i."""
+        return self._solved(*ids, j).relative_covariances(ids, j)
 
     def optimise(self) -> None:
         """Move all vertices to the likeliest poses; the first keeps position and heading.
@@ -203,6 +205,11 @@ class PoseGraph:
                 raise GraphNotSolvable(f"{path}, line {line}: the information matrix is singular")
             graph.add_edge(edge.i, edge.j, edge.T_i_j, edge.covariance, edge.kind)
         return graph
+
+    def _solved(self, *vertex_ids: int) -> IncrementalGraph:
+        if self._running is None or self._running.vertices <= max(map(self._known, vertex_ids)):
+            raise ValueError(f"vertices {' and '.join(map(str, vertex_ids))} are not optimised yet")
+        return self._running
 
     def _known(self, vertex_id: int) -> int:
         if not 0 <= vertex_id < len(self._poses):

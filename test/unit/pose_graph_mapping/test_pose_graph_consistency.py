@@ -165,6 +165,24 @@ def test_relative_covariance_is_that_of_gtsam_s_marginals():
     np.testing.assert_allclose(graph.relative_covariance(4, 20), J @ full @ J.T, rtol=1e-2, atol=5e-6)
 
 
+def test_relative_covariances_of_many_are_those_of_each_while_the_graph_grows_and_is_levelled_anew():
+    poses = drive(2)
+    graph = PoseGraph(gravity_bias_sigma_rad=0.01)
+    for number, T in enumerate(poses[:30]):
+        graph.add_vertex(T)
+        graph.add_gravity(number, transform_from_rpy((0, 0, 0), (0.003, 0.0, 0.0))[:3, :3] @ T[2, :3], 0.002)
+        if number:
+            graph.add_edge(number - 1, number, inverse(poses[number - 1]) @ T, ODOMETRY, EdgeKind.ODOMETRY)
+        if number % 10 == 9:
+            graph.add_edge(number - 9, number, inverse(poses[number - 9]) @ T, MATCH, EdgeKind.LOOP)
+        graph.optimise()
+        found = graph.relative_covariances(range(number), number)
+        assert found.shape == (number, 6, 6)
+        for k, covariance in enumerate(found):
+            np.testing.assert_allclose(covariance, graph.relative_covariance(k, number), rtol=1e-5, atol=1e-10)
+    assert np.linalg.norm(graph.gravity_bias) > 0.001
+
+
 def test_relative_covariance_of_a_single_edge_is_its_own():
     graph = PoseGraph()
     graph.add_vertex(transform_from_rpy((1, 2, 3), (0.1, 0.2, 0.3)))
