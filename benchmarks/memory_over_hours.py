@@ -4,7 +4,7 @@
 
 Simulated hours, as fast as the machine goes. Goals are places where the robot was before. Memory is what the kernel calls resident.
 Growth is that of the second half: a line through it, by least squares. Beside it stand the sweeps that came in the map meanwhile.
-Ctrl-C ends it with what was measured so far.
+Measuring begins when all is explored. From then on Ctrl-C ends it with what was measured so far.
 """
 
 import argparse
@@ -31,7 +31,6 @@ from registration_scores import text_table
 from ros_adapters.memory_use import memory_mb
 from roslaunch_process import free_port
 
-ROOT = Path(__file__).resolve().parents[1]
 HEADER = ("node", "MB after exploring", "half way", "at the end", "MB an hour")
 EVERY_S, START_S, END_S = 20.0, 12.0, 120.0  # of wall time
 APART_M = 1.0  # places that count as two
@@ -50,16 +49,15 @@ class Samples:
         self.sweeps.append(sweeps)
         self.mb.append({name: size["end"] for name, size in sizes.items()})
 
-    def table(self, explored_h: float) -> str:
-        hours = np.array(self.hours)
-        after, half = int(np.searchsorted(hours, explored_h)), len(hours) // 2
+    def table(self) -> str:
+        hours, half = np.array(self.hours), len(self.hours) // 2
         rows = []
         for name in sorted(self.mb[-1]):
             size = np.array([sample.get(name, np.nan) for sample in self.mb])
             is_there = np.isfinite(size[half:])
             slope = np.polyfit(hours[half:][is_there], size[half:][is_there], 1)[0] if is_there.sum() > 1 else np.nan
-            rows.append((name, *(f"{size[i]:.1f}" for i in (min(after, len(size) - 1), half, -1)), f"{slope:.1f}"))
-        told = f"{hours[-1]:.2f} h; sweeps: {self.sweeps[after]}, {self.sweeps[half]}, {self.sweeps[-1]}"
+            rows.append((name, *(f"{size[i]:.1f}" for i in (0, half, -1)), f"{slope:.1f}"))
+        told = f"{hours[-1]:.2f} h; sweeps: {self.sweeps[0]}, {self.sweeps[half]}, {self.sweeps[-1]}"
         return f"{text_table(HEADER, rows)}\n{told}"
 
 
@@ -105,8 +103,8 @@ class Driver:
         return state not in (GoalStatus.PENDING, GoalStatus.ACTIVE)
 
 
-def driven(seed: int, until_s: float, launch: "subprocess.Popen[bytes]") -> tuple[Samples, float]:
-    """What was measured until so many simulated seconds, and in which hour the exploration ended."""
+def driven(seed: int, until_s: float, launch: "subprocess.Popen[bytes]") -> Samples:
+    """What was measured from the end of exploration until so many simulated seconds."""
     driver, samples, is_over = Driver(seed), Samples(), threading.Event()
 
     def measure() -> None:
@@ -116,7 +114,6 @@ def driven(seed: int, until_s: float, launch: "subprocess.Popen[bytes]") -> tupl
     while driver.state != ExploreStatus.DONE and launch.poll() is None:
         driver.note_place()
         time.sleep(0.2)
-    explored_h = rospy.get_time() / 3600.0
     sampler = threading.Thread(target=measure)
     sampler.start()
     try:
@@ -129,7 +126,7 @@ def driven(seed: int, until_s: float, launch: "subprocess.Popen[bytes]") -> tupl
     is_over.set()
     sampler.join()
     print(f"{driver.reached} of {driver.asked} goals were reached, among {len(driver.places)} places")
-    return samples, explored_h
+    return samples
 
 
 def main() -> int:
@@ -148,11 +145,11 @@ def main() -> int:
         try:
             time.sleep(START_S)
             rospy.init_node("memory_over_hours", disable_signals=True)
-            samples, explored_h = driven(options.seed, limit_s, launch)
+            samples = driven(options.seed, limit_s, launch)
         finally:
             launch.terminate()
             launch.wait(END_S)
-    print(samples.table(explored_h) if samples.mb else "the run ended before anything was measured")
+    print(samples.table() if samples.mb else "the run ended before anything was measured")
     return 0 if samples.mb and launch.returncode == 0 else 1
 
 
