@@ -71,6 +71,7 @@ class ScanTracker:
         self._displaced_s = -math.inf  # when odometry last knew nothing of the way
         self._contradicted = 0  # bundles in a row
         self._is_placed = True  # and whether a sweep has told since where the robot is
+        self._settled = True  # it stands, and has known its place well since
         self._longest_s = 0.0  # that a reading took so far
         self._reset()
 
@@ -208,7 +209,7 @@ class ScanTracker:
         """The robot is anywhere from here on, as upright as odometry says."""
         sigmas = np.array([*[self._config.displaced_sigma_m] * 3, 0.0, 0.0, self._config.displaced_sigma_rad])
         self._track = replace(track, estimate=track.estimate.widened(sigmas), refused=_DISPLACED)
-        self._displaced_s, self._is_placed, self._contradicted = track.stamp_s, False, 0
+        self._displaced_s, self._is_placed, self._settled, self._contradicted = track.stamp_s, False, False, 0
 
     def _placed(self, T_odom_base: Array) -> Array:
         """(4, 4) the tracked pose of an odometry pose; odometry itself, to the bit, as long as nothing corrected it."""
@@ -238,8 +239,7 @@ class ScanTracker:
     def _finish_bundle(self, end_s: float, T_odom_base: Array) -> None:
         track, prior = self._track, self._reached(T_odom_base)
         assert track is not None
-        looks = self._moved(T_odom_base) or self._is_unsure(prior)
-        bundle = self._bundle(track, end_s) if self._around.known and looks and self._is_placed else None
+        bundle = self._bundle(track, end_s) if self._looks(T_odom_base, prior) and self._around.known and self._is_placed else None
         self._track = _Track(end_s, T_odom_base, prior, "" if self._is_placed else _DISPLACED)
         if isinstance(bundle, str):
             self._refuse(bundle)
@@ -280,10 +280,11 @@ class ScanTracker:
             self._looked_at = T_odom_base
         return moved
 
-    def _is_unsure(self, estimate: Estimate) -> bool:
-        """Whether a point's partner may lie out of reach: who knows its place so badly looks for it, also where it stands."""
-        sigma_m = float(np.sqrt(np.diag(estimate.covariance)[:3].max()))
-        return self._config.gate_sigmas * sigma_m > self._config.reach_m
+    def _looks(self, T_odom_base: Array, prior: Estimate) -> bool:
+        """Whether the robot moves, or stands and has not known its place well since: it may have stopped where it saw too little."""
+        sigma_m = float(np.sqrt(np.diag(prior.covariance)[:3].max()))
+        self._settled = not self._moved(T_odom_base) and (self._settled or sigma_m <= self._config.standing_sigma_m)
+        return not self._settled
 
     def _bundle(self, track: _Track, end_s: float) -> Bundle | str | None:
         """None where there is nothing to match; a reason where it cannot be matched."""

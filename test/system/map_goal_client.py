@@ -14,6 +14,7 @@ from nav_msgs.msg import Odometry
 from request_client import RequestClient
 
 GOALS, SLOW_MPS, AROUND_M = 3, 0.3, 3.5
+NOD_S = 2.0
 
 
 class MapGoalClient(RequestClient):
@@ -41,8 +42,14 @@ class MapGoalClient(RequestClient):
             expect(state == GoalStatus.SUCCEEDED, f"a goal is reached: {state} {text}")
             wait_until(lambda: self.wheels.linear.x == 0.0 == self.wheels.angular.z, 60.0, "it stands")
             self.wait_for("paused", seconds=120.0)
+            self.looks_around()
             place, at = self.true.pose.pose.position, self.place()
             print(f"at {at[0]:.3f} {at[1]:.3f} in map, {place.x:.3f} {place.y:.3f} in world", flush=True)
+
+    def looks_around(self) -> None:
+        """The laser nods once while the robot stands: it may have come where it saw too little to know its place."""
+        until = self.true.header.stamp + rospy.Duration(NOD_S)
+        wait_until(lambda: self.true.header.stamp > until, 60.0, "it has looked around")
 
     def farthest(self) -> tuple[float, float]:
         """As far from where the robot is as make_plan leads, of places around home. Farther off the map ends, and what is new stops it."""

@@ -147,6 +147,23 @@ def test_a_robot_that_stands_stays_where_it_was_tracked() -> None:
     assert np.allclose(poses[0].covariance, poses[-1].covariance, rtol=1e-9)
 
 
+def test_a_robot_that_stopped_where_it_could_not_see_looks_for_its_place_while_it_stands() -> None:
+    def halts(t: float) -> np.ndarray:
+        return ahead(min(t, 1.0))
+
+    def slid(t: float) -> np.ndarray:
+        return transform_from_rpy((0.04 * min(t, 1.0), 0.0, 0.0))
+
+    tracker = tracker_in(None)
+    Drive(pose=halts, slip=slid, end_s=1.2).into(tracker)
+    tracker.set_map(*walls(ROOM), np.eye(4))
+    poses = Drive(pose=halts, slip=slid, end_s=4.0).into(tracker, 1.225)
+    assert off_by(poses[-1].T_odom_base, halts(4.0))[0] < 0.01
+    assert sigmas(poses[-1])[0] < 0.015
+    looked = tracker.counts["bundle_matched"]
+    assert 0 < looked < 10  # and no longer: a wall that is seen again and again tells no more
+
+
 def test_a_match_that_comes_with_the_map_makes_the_pose_surer_where_it_was_not_left_open() -> None:
     tracker = tracker_in(None)
     Drive(pose=still).into(tracker)
