@@ -14,9 +14,7 @@ class ScanTrackingConfig:
         0.3, "s", "after it a bundle is closed without the readings or tilts that have not come", low=0.0, high=5.0
     )
     most_gap_s: float = parameter(0.16, "s", "a bundle with a longer pause of odometry or tilts is not matched", low=0.01, high=5.0)
-    moved_m: float = parameter(
-        0.01, "m", "way, 0.3 m a radian counted in, below which a robot stands", low=0.0, high=0.5
-    )
+    moved_m: float = parameter(0.01, "m", "way, 0.3 m a radian counted in, below which a robot stands", low=0.0, high=0.5)
     standing_sigma_m: float = parameter(
         0.015, "m", "of the position; a robot that stands is matched until it knows its place as well", low=1e-3, high=1.0
     )
