@@ -16,7 +16,10 @@ class ScanTrackingConfig:
     most_gap_s: float = parameter(0.16, "s", "a bundle with a longer pause of odometry or tilts is not matched", low=0.01, high=5.0)
     moved_m: float = parameter(0.01, "m", "way, 0.3 m a radian counted in, below which a robot stands", low=0.0, high=0.5)
     standing_sigma_m: float = parameter(
-        0.015, "m", "of the position; a robot that stands is matched until it knows its place as well", low=1e-3, high=1.0
+        0.015, "m", "of the position; one that stands is matched until it is no worse ..", low=1e-3, high=1.0
+    )
+    standing_looks: int = parameter(
+        30, "-", ".. or so many bundles were, a nod of the mount: what is seen again tells no more", low=1, high=1000
     )
 
     ground_walk: float = parameter(0.03, "m/sqrt(m)", "error of odometry's position forward and sideways, by the way", low=1e-4, high=1.0)

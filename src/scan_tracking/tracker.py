@@ -67,11 +67,10 @@ class ScanTracker:
         self._T_tracked_odom: Array | None = None  # None: odometry as it is
         self._track: _Track | None = None
         self._newest: tuple[float, Array] | None = None
-        self._looked_at: Array | None = None  # odometry there
+        self._looked_at: Array = np.eye(4)  # odometry there
         self._displaced_s = -math.inf  # when odometry last knew nothing of the way
-        self._contradicted = 0  # bundles in a row
+        self._contradicted, self._looks_left = 0, 0  # bundles in a row; and that are matched while it stands
         self._is_placed = True  # and whether a sweep has told since where the robot is
-        self._settled = True  # it stands, and has known its place well since
         self._longest_s = 0.0  # that a reading took so far
         self._reset()
 
@@ -189,7 +188,7 @@ class ScanTracker:
 
     def _begin(self, stamp_s: float, pose: Array) -> None:
         sigmas = np.repeat([self._config.start_sigma_m, self._config.start_sigma_rad], 3)
-        self._track = _Track(stamp_s, pose, Estimate.of(pose, np.diag(sigmas**2)))
+        self._track, self._looked_at = _Track(stamp_s, pose, Estimate.of(pose, np.diag(sigmas**2))), pose
 
     def _begin_again(self, stamp_s: float, pose: Array) -> None:
         """After a jump, at the tracked pose before it: the robot may have moved meanwhile."""
@@ -209,7 +208,7 @@ class ScanTracker:
         """The robot is anywhere from here on, as upright as odometry says."""
         sigmas = np.array([*[self._config.displaced_sigma_m] * 3, 0.0, 0.0, self._config.displaced_sigma_rad])
         self._track = replace(track, estimate=track.estimate.widened(sigmas), refused=_DISPLACED)
-        self._displaced_s, self._is_placed, self._settled, self._contradicted = track.stamp_s, False, False, 0
+        self._displaced_s, self._is_placed, self._contradicted, self._looks_left = track.stamp_s, False, 0, self._config.standing_looks
 
     def _placed(self, T_odom_base: Array) -> Array:
         """(4, 4) the tracked pose of an odometry pose; odometry itself, to the bit, as long as nothing corrected it."""
@@ -263,6 +262,7 @@ class ScanTracker:
                 self._lose(self._track)
             return
         self._counts["bundle_matched"] += 1
+        self._looks_left -= 1
         self._T_tracked_odom = orthonormal(found.estimate.T @ inverse(track.T_odom_base))
         self._track = replace(track, estimate=replace(found.estimate, T=self._placed(track.T_odom_base)))
 
@@ -273,18 +273,18 @@ class ScanTracker:
 
     def _moved(self, T_odom_base: Array) -> bool:
         """Whether the robot is elsewhere than at the last bundle that was looked at: one that rocks as its mount turns is not."""
-        if self._looked_at is None:
-            self._looked_at = T_odom_base
         moved = way_of(inverse(self._looked_at) @ T_odom_base) > self._config.moved_m
         if moved:
             self._looked_at = T_odom_base
         return moved
 
     def _looks(self, T_odom_base: Array, prior: Estimate) -> bool:
-        """Whether the robot moves, or stands and has not known its place well since: it may have stopped where it saw too little."""
-        sigma_m = float(np.sqrt(np.diag(prior.covariance)[:3].max()))
-        self._settled = not self._moved(T_odom_base) and (self._settled or sigma_m <= self._config.standing_sigma_m)
-        return not self._settled
+        """Whether the robot moves, or stands, is unsure, and has not looked around: it may have stopped where it saw too little."""
+        if self._moved(T_odom_base):
+            self._looks_left = self._config.standing_looks
+        elif np.sqrt(np.diag(prior.covariance)[:3].max()) <= self._config.standing_sigma_m:
+            self._looks_left = 0
+        return self._looks_left > 0
 
     def _bundle(self, track: _Track, end_s: float) -> Bundle | str | None:
         """None where there is nothing to match; a reason where it cannot be matched."""

@@ -164,6 +164,18 @@ def test_a_robot_that_stopped_where_it_could_not_see_looks_for_its_place_while_i
     assert 0 < looked < 10  # and no longer: a wall that is seen again and again tells no more
 
 
+def test_a_robot_that_stands_in_a_corridor_does_not_look_for_ever() -> None:
+    def halts(t: float) -> np.ndarray:
+        return ahead(min(t, 1.0))
+
+    tracker = tracker_in(CORRIDOR)
+    poses = Drive(box=CORRIDOR, pose=halts, end_s=6.0, range_sigma_m=0.01).into(tracker)
+    assert tracker.counts["bundle_matched"] < 45  # 10 while it drives
+    last = [pose for pose in poses if pose.stamp_s > 5.0]
+    assert np.array_equal(last[0].T_odom_base, last[-1].T_odom_base)
+    assert sigmas(last[-1])[0] > 0.015 and np.allclose(last[0].covariance, last[-1].covariance, rtol=1e-9)
+
+
 def test_a_match_that_comes_with_the_map_makes_the_pose_surer_where_it_was_not_left_open() -> None:
     tracker = tracker_in(None)
     Drive(pose=still).into(tracker)
