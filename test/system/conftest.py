@@ -8,23 +8,21 @@ import pytest
 from exploring import ExploreRun
 
 ROOMS_LIMIT_S = 240.0
-LONG_S = 600.0  # of CHECK_ENDS, that are left for the tests of LONGEST
-LONGEST = ("test_campaign.py", "test_determinism.py", "test_chaos.py")
+NEEDS_S = {"test_campaign.py": 600.0, "test_determinism.py": 600.0, "test_chaos.py": 200.0}  # before CHECK_ENDS; these come last
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files that make several runs for one test come last."""
-    items.sort(key=lambda item: LONGEST.index(item.path.name) + 1 if item.path.name in LONGEST else 0)
+    """Files of several runs come last."""
+    items.sort(key=lambda item: [*NEEDS_S].index(item.path.name) + 1 if item.path.name in NEEDS_S else 0)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """CI has a limit of time, and a machine may be slow: what has not begun by CHECK_ENDS, in seconds since 1970, is left out.
 
-    So is a test of several runs that has not begun some minutes before: it would be at work when CI ends.
+    So is a test that needs long and has not begun some minutes before: it would be at work when CI ends.
     """
-    needs_s = LONG_S if item.path.name in LONGEST else 0.0
-    if time.time() + needs_s > float(os.environ.get("CHECK_ENDS", "inf")):
+    if time.time() + NEEDS_S.get(item.path.name, 0.0) > float(os.environ.get("CHECK_ENDS", "inf")):
         pytest.skip("no time is left on this machine: python -m pytest test/system makes this run")
 
 

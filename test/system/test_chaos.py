@@ -1,6 +1,7 @@
 """Runs in bad hands: nodes are killed, stopped and starved, sensors fall silent, and each run ends as if nothing had happened.
 
-When in a run a node is struck depends on the machine, so no two runs are the same. They are made when asked for: CHAOS_RUNS=10 ./check
+When in a run a node is struck depends on the machine, so no two runs are the same. CI makes ten of them.
+Elsewhere they are made when asked for: CHAOS_RUNS=10 ./check
 """
 
 import csv
@@ -26,8 +27,8 @@ def test_a_run_in_bad_hands_ends_as_one_in_which_nothing_happened(seed: int, tmp
     folder = tmp_path / "soak/runs/ours" / f"two_rooms-{seed}"
     found = summary(folder)
     assert found["success"] is True and found["collisions"] == 0, found
-    assert float(str(found["coverage"])) > 0.99
-    assert float(str(found["trajectory_ate_m"])) < 0.03  # undisturbed runs: 1 cm
+    assert float(str(found["coverage"])) > 0.98  # undisturbed runs of these seeds: 98.7 to 100 %
+    assert float(str(found["trajectory_ate_m"])) < 0.03  # undisturbed runs: 0.4 to 1.3 cm
     check_that_each_sweep_is_mapped_once(folder)
     check_that_blows_are_told(folder)
     table = (tmp_path / "soak/soak.md").read_text()
