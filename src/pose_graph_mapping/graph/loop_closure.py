@@ -105,9 +105,15 @@ def find_loose_vertex(graph: PoseGraph, last_vertex: int, config: MappingConfig)
     near = np.flatnonzero((along <= _AREAS * config.graph_dist_m) & (straight <= config.loop_grown_dist_m))
     spanned, legs = _spanned(graph), [int(k) for k in near[near < last_vertex]]
     hanging = {k for k in legs if not spanned[k] and spanned[last_vertex - 1]}
-    loose = [k for k in legs if k in hanging or sigmas(graph.relative_covariance(k, k + 1))[0] > config.loose_sigma_m]
+    asked = set(legs) - hanging - _held_alone(graph, config.loose_sigma_m)
+    loose = [k for k in legs if k in hanging or (k in asked and sigmas(graph.relative_covariance(k, k + 1))[0] > config.loose_sigma_m)]
     beyond = near[(near <= max(loose, default=-1)) & (near < last_vertex - 1)]
     return int(beyond[np.argmin(straight[beyond])]) if len(beyond) else None
+
+
+def _held_alone(graph: PoseGraph, sigma_m: float) -> set[int]:
+    """The legs of which one edge alone knows as much: with all others they are known no worse, and asking the whole graph takes long."""
+    return {edge.i for edge in graph.measurements() if edge.j == edge.i + 1 and sigmas(edge.covariance)[0] <= sigma_m}
 
 
 def _spanned(graph: PoseGraph) -> NDArray[np.bool_]:

@@ -200,6 +200,15 @@ def test_leg_that_was_just_matched_or_lies_out_of_the_area_is_not_asked():
     assert find_loose_vertex(graph_with_a_loose_first_leg(8), 8, CONFIG) is None
 
 
+def test_only_legs_that_no_edge_holds_alone_ask_the_whole_graph(monkeypatch):
+    """To and fro in one place every leg of hours is near; asking for each took seconds a sweep."""
+    graph, asked = graph_with_a_loose_first_leg(), []
+    covariance = graph.relative_covariance
+    monkeypatch.setattr(graph, "relative_covariance", lambda i, j: asked.append((i, j)) or covariance(i, j))
+    assert find_loose_vertex(graph, 3, CONFIG) == 0
+    assert asked == [(0, 1)]
+
+
 def graph_with_legs(*kinds):
     graph = PoseGraph()
     for k in range(len(kinds) + 1):
