@@ -20,10 +20,12 @@ from robot_body import RobotBody
 from ros_adapters.aliases import ALIASES
 from ros_adapters.at_once import beside
 from ros_adapters.barrier import Barrier, Tick
+from ros_adapters.connections import is_heard
 from ros_adapters.conversions import header
 from ros_adapters.counting_publisher import CountingPublisher
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.inputs import InputWatch
+from ros_adapters.memory_use import give_back_free_memory
 from ros_adapters.restarts import pulse, wait_for_listeners
 from ros_adapters.results_folder import results_folder
 from ros_adapters.urdf_mount import robot_of_parameters
@@ -40,18 +42,6 @@ SILENT_AFTER_S = 0.3  # a sensor that pauses longer is silent
 SIMULATOR = ""  # among those whose ticks a node acts after
 _QUEUE = 100  # small messages
 _WATCH_PERIOD_S = 0.05  # on the steady clock
-
-
-def heard_publishers(subscriber: rospy.Subscriber) -> set[str]:
-    """Names of the nodes from which messages arrive by now.
-
-    rospy counts a connection before it has called the publisher; only the answer to its handshake gives the publisher's name.
-    """
-    return {c.callerid_pub for c in subscriber.impl.connections} - {"unknown"}
-
-
-def _is_heard(subscriber: rospy.Subscriber) -> bool:
-    return bool(heard_publishers(subscriber))
 
 
 class Node:
@@ -80,6 +70,7 @@ class Node:
         self.sent_otherwise: Counter[str] = Counter()
         self._runs = False
         pulse(self.life, self.lock, lambda: self._runs)
+        give_back_free_memory()
 
     def parameters(self, cls: type[C], *, section: str = "", own: tuple[str, ...] = ("out",)) -> C:
         """The stage's configuration from the private parameters, or those below `section`; `own` are the node's, not the stage's.
@@ -124,7 +115,7 @@ class Node:
             topic = f"{TICK_TOPIC}/{upstream}".rstrip("/")
             told = partial(self._on_tick, upstream)
             subscriber = rospy.Subscriber(topic, SimulationTick, told, queue_size=None, tcp_nodelay=True)
-            self.require(partial(_is_heard, subscriber))
+            self.require(partial(is_heard, subscriber))
 
     def _on_tick(self, upstream: str, message: SimulationTick) -> None:
         with self.lock:
@@ -237,7 +228,7 @@ class Node:
             tcp_nodelay=True,
         )
         if required:
-            self.require(partial(_is_heard, subscriber))
+            self.require(partial(is_heard, subscriber))
         return subscriber
 
     def serve(self, name: str, service_type: type, handler: Callable[[M], object], *, buff_size: int = 65536) -> rospy.Service:

@@ -10,10 +10,11 @@ from geometry_msgs.msg import PoseStamped, TransformStamped
 from numpy.typing import NDArray
 from tf2_msgs.msg import TFMessage
 
+from ros_adapters.connections import heard_publishers
 from ros_adapters.conversions import pose_message, stamp_of, transform_from_message, transform_from_pose, transform_stamped
 from ros_adapters.frames import frames
 from ros_adapters.inputs import TimedInput
-from ros_adapters.node import Node, heard_publishers
+from ros_adapters.node import Node
 
 
 class NoTransformError(ValueError):

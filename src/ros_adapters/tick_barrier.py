@@ -16,9 +16,10 @@ from geometry_msgs.msg import Twist
 from std_msgs.msg import String
 
 from pybullet_simulation import TICK_S, Simulation
+from ros_adapters.connections import heard_publishers
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.kernel_loading import LOADING_TOPIC
-from ros_adapters.node import READY_TOPIC, TICK_TOPIC, heard_publishers
+from ros_adapters.node import READY_TOPIC, TICK_TOPIC
 from ros_adapters.simulation_messages import TickPublisher
 from ros_adapters.tick_answers import COMMAND_TOPIC, TickAnswers
 
