@@ -4,7 +4,7 @@ import ctypes
 import re
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 Revived = Mapping[str, Mapping[str, int | str]]
@@ -39,12 +39,12 @@ def give_back_free_memory() -> None:
     The C library keeps what was freed between two blocks that are still in use. Clouds of all sizes, sweep after sweep, leave more and more
     of it: after 150 sweeps nearly a third of the mapping node's memory. Another C library than GNU's is left alone.
     """
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
-
-    def run() -> None:
-        while True:
-            time.sleep(_RETURN_EVERY_S)
-            trim(0)
-
+    trim: Callable[[int], int] | None = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
-        threading.Thread(target=run, daemon=True).start()
+        threading.Thread(target=_now_and_then, args=(trim,), daemon=True).start()
+
+
+def _now_and_then(trim: Callable[[int], int]) -> None:
+    while True:
+        time.sleep(_RETURN_EVERY_S)
+        trim(0)
