@@ -31,7 +31,8 @@ class IncrementalGraph:
         self._bias = problem.bias
         self._gravity = list(problem.gravity)
         self._vertices = len(problem.poses)
-        self._equations: SuperLU | None = None  # since the last change, once somebody needed them
+        self._equations: SuperLU | None = None  # since the last change, once somebody needed them; so are the next
+        self._covariances: dict[int, Array] = {}
         places = self._update(problem.factors(), problem.values())
         self._places = places[len(places) - len(self._gravity) :]  # of the factors of gravity, which come last
 
@@ -41,7 +42,9 @@ class IncrementalGraph:
         return self._vertices
 
     def grow(self, new_poses: Array, edges: Sequence[Edge], gravity: Sequence[Gravity]) -> None:
-        """Add vertices (K, 4, 4), which take the next numbers, with what was measured of them."""
+        """Add vertices (K, 4, 4), which take the next numbers, with what was measured of them. Nothing new changes nothing."""
+        if not (len(new_poses) or edges or gravity):
+            return
         factors, values = gtsam.NonlinearFactorGraph(), gtsam.Values()
         for k, T in enumerate(new_poses, self._vertices):
             values.insert(k, gtsam.Pose3(T))
@@ -79,7 +82,7 @@ class IncrementalGraph:
         unit = np.zeros((6 * self._vertices, 6))
         unit[6 * j : 6 * j + 6] = np.eye(6)
         to_j = self._equations.solve(unit).reshape(-1, 6, 6)
-        found = [self._relative(i, j, (self._isam.marginalCovariance(i), to_j[i], to_j[j])) for i in ids]
+        found = [self._relative(i, j, (self._covariance(i), to_j[i], to_j[j])) for i in ids]
         return np.array(found)
 
     def disagreement(self, edge: Edge) -> float:
@@ -87,6 +90,11 @@ class IncrementalGraph:
         held = self._estimate.atPose3(edge.i).between(self._estimate.atPose3(edge.j))
         residual = gtsam.Pose3.Logmap(gtsam.Pose3(edge.T_i_j).between(held))
         return 0.5 * float(residual @ np.linalg.solve(edge.covariance + self.relative_covariance(edge.i, edge.j), residual))
+
+    def _covariance(self, i: int) -> Array:
+        if i not in self._covariances:
+            self._covariances[i] = self._isam.marginalCovariance(i)
+        return self._covariances[i]
 
     def _relative(self, i: int, j: int, joint: tuple[Array, Array, Array]) -> Array:
         """From the covariances of i, of i with j, and of j."""
@@ -106,7 +114,7 @@ class IncrementalGraph:
 
     def _update(self, factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, replaced: Sequence[int] = ()) -> list[int]:
         """Where the new factors are kept, for whoever replaces them."""
-        self._equations = None
+        self._equations, self._covariances = None, {}
         try:
             places = list(self._isam.update(factors, values, list(replaced)).getNewFactorsIndices())
             for _ in range(_MOST_UPDATES):
