@@ -146,10 +146,10 @@ def main() -> int:
             time.sleep(START_S)
             rospy.init_node("memory_over_hours", disable_signals=True)
             samples = driven(options.seed, limit_s, launch)
+            print(samples.table() if samples.mb else "the run ended before anything was measured", flush=True)
         finally:
             launch.terminate()
             launch.wait(END_S)
-    print(samples.table() if samples.mb else "the run ended before anything was measured")
     return 0 if samples.mb and launch.returncode == 0 else 1
 
 
