@@ -36,8 +36,8 @@ def memory_mb(revived: Revived) -> dict[str, dict[str, float]]:
 def give_back_free_memory() -> None:
     """From now on this process gives free memory back to the system, every few seconds and beside all else.
 
-    The C library keeps what was freed between two blocks that are still in use. Clouds of all sizes, sweep after sweep, leave more and more
-    of it: after 150 sweeps nearly a third of the mapping node's memory. Another C library than GNU's is left alone.
+    The C library keeps what was freed between two blocks that are still in use. Clouds of all sizes leave more of it with every sweep.
+    After 150 sweeps it was nearly a third of the mapping node's memory. Another C library than GNU's is left alone.
     """
     trim: Callable[[int], int] | None = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:

@@ -31,7 +31,7 @@ class IncrementalGraph:
         self._bias = problem.bias
         self._gravity = list(problem.gravity)
         self._vertices = len(problem.poses)
-        self._equations: SuperLU | None = None  # since the last change, once somebody needed them; so are the next
+        self._equations: SuperLU | None = None  # this and the next: of the present solution, once somebody asked
         self._covariances: dict[int, Array] = {}
         places = self._update(problem.factors(), problem.values())
         self._places = places[len(places) - len(self._gravity) :]  # of the factors of gravity, which come last

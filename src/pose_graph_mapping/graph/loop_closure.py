@@ -105,14 +105,14 @@ def find_loose_vertex(graph: PoseGraph, last_vertex: int, config: MappingConfig)
     near = np.flatnonzero((along <= _AREAS * config.graph_dist_m) & (straight <= config.loop_grown_dist_m))
     spanned, legs = _spanned(graph), [int(k) for k in near[near < last_vertex]]
     hanging = {k for k in legs if not spanned[k] and spanned[last_vertex - 1]}
-    asked = set(legs) - hanging - _held_alone(graph, config.loose_sigma_m)
-    loose = [k for k in legs if k in hanging or (k in asked and sigmas(graph.relative_covariance(k, k + 1))[0] > config.loose_sigma_m)]
+    held, most_m = _held_alone(graph, config.loose_sigma_m), config.loose_sigma_m
+    loose = [k for k in legs if k in hanging or (k not in held and sigmas(graph.relative_covariance(k, k + 1))[0] > most_m)]
     beyond = near[(near <= max(loose, default=-1)) & (near < last_vertex - 1)]
     return int(beyond[np.argmin(straight[beyond])]) if len(beyond) else None
 
 
 def _held_alone(graph: PoseGraph, sigma_m: float) -> set[int]:
-    """The legs of which one edge alone knows as much: with all others they are known no worse, and asking the whole graph takes long."""
+    """The legs that one edge alone holds to `sigma_m`. With all others they are known no worse. Asking the whole graph takes long."""
     return {edge.i for edge in graph.measurements() if edge.j == edge.i + 1 and sigmas(edge.covariance)[0] <= sigma_m}
 
 
