@@ -1,7 +1,7 @@
 """wheels_watcher.py PID NODE INPUT [killed]: stops or kills a process while the robot drives, and sees that the wheels stand and go on.
 
-Exit code 0 when they stood within 0.33 s of stopped time and what braking takes, NODE named INPUT on /diagnostics within a second more,
-and the robot drove again after the process went on; a line says how long what took.
+Exit code 0 when they stood within 0.9 s, NODE named INPUT on /diagnostics within 1.5 s, and the robot drove again after the process
+went on; a line says how long what took. The 0.3 s of silence themselves are held by the nodes' rostests, in simulated time.
 """
 
 import math
@@ -19,8 +19,8 @@ from slow_machine import SLOWEST, slowness
 
 DRIVES_MPS, STANDS_MPS = 0.15, 0.03
 SILENT_S = {signal.SIGSTOP: 3.0, signal.SIGKILL: 1.0}  # a node that was killed is not there again before
-BRAKES_WITHIN_S, NAMED_WITHIN_S, GOES_ON_WITHIN_S = 0.33, 1.5, 120.0
-DECELERATION_MPS2 = 3.0  # of config/robot.yaml
+STAND_WITHIN_S = 0.9  # 0.3 of silence, 0.05 each of the node that notices and of the base, 0.23 of braking, and as much for the machine
+NAMED_WITHIN_S, GOES_ON_WITHIN_S = 1.5, 120.0
 
 
 def wake_up(pid: int) -> None:
@@ -50,10 +50,6 @@ class Watcher:
         is_now = len(newest) == ticks and newest[-1][0] > time.monotonic() - 0.6
         return is_now and min(speed for _, speed in newest) > DRIVES_MPS
 
-    def speed(self) -> float:
-        """The newest, in m/s."""
-        return self.speeds[-1][1]
-
     def wait_until_it_drives(self) -> None:
         deadline = time.monotonic() + SLOWEST * GOES_ON_WITHIN_S
         while not self.drives():
@@ -79,15 +75,15 @@ def main() -> None:
     rospy.init_node("wheels_watcher", anonymous=True, disable_rostime=True)
     watcher = Watcher()
     watcher.wait_until_it_drives()
-    stopped_s, within_s = time.monotonic(), BRAKES_WITHIN_S + watcher.speed() / DECELERATION_MPS2
+    stopped_s = time.monotonic()
     os.kill(pid, number)
     time.sleep(SILENT_S[number])
     stood_s, named_s = watcher.stood_after(stopped_s), watcher.named_after(stopped_s, node, topic) if node else 0.0
     if number == signal.SIGSTOP:
         wake_up(pid)
     slack = slowness()  # promised for a machine that does little else
-    if stood_s > slack * within_s or named_s > slack * NAMED_WITHIN_S:
-        sys.exit(f"the wheels stood after {stood_s:.2f} s ({within_s:.2f} allowed), {topic} was named after {named_s:.2f} s")
+    if stood_s > min(slack * STAND_WITHIN_S, SILENT_S[number] - 0.1) or named_s > slack * NAMED_WITHIN_S:
+        sys.exit(f"the wheels stood after {stood_s:.2f} s, {topic or 'what is silent'} was named after {named_s:.2f} s")
     begun_s = time.monotonic()
     watcher.wait_until_it_drives()
     print(f"stood after {stood_s:.2f} s, named after {named_s:.2f} s, drove again after {time.monotonic() - begun_s:.1f} s")
