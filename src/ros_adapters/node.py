@@ -48,7 +48,7 @@ class Node:
     """A rospy node whose callbacks run one at a time, drop what is wrong, and live on.
 
     Small topics are received without a queue and with tcp_nodelay: in lock-step every hop counts. One re-entrant lock guards all
-    callbacks of a node; no callback waits for ROS time, nor reads it: stamps come with the messages, and /clock is not listened to.
+    callbacks of a node; no callback waits for ROS time, nor goes by it but to tell what is late: stamps come with the messages.
     Callbacks take in; `acts` names what the node does then. Running free it does so after every message, in lock-step at every tick.
     """
 

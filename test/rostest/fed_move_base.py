@@ -14,7 +14,8 @@ from explore_3dnav.msg import FollowerCommand
 from explore_3dnav.msg import TerrainGrid as TerrainGridMessage
 from explore_3dnav.srv import PlanPath, PlanPathRequest, PlanPathResponse, StorePlan
 from nav_msgs.msg import Odometry
-from node_testing import DiagnosticsOf, Inbox, feed, odometry, scan, wait_for_node, wait_until
+from node_testing import DiagnosticsOf, Inbox, clock, feed, odometry, scan, wait_for_node, wait_until
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import LaserScan
 from std_msgs.msg import Bool, Header
 from std_srvs.srv import Empty, SetBool
@@ -48,6 +49,7 @@ class MoveBaseFeeds(unittest.TestCase):
         cls.commands = Inbox("/cmd_vel/move_base", FollowerCommand).wait_until_connected()
         cls.taken = Inbox("/move_base_node/terrain_taken", Header).wait_until_connected()
         cls.diagnostics = DiagnosticsOf(NODE).wait_until_connected()
+        cls.clock = feed("/clock", Clock)
         cls.odometry = feed("/odom", Odometry)
         cls.scans = feed("/scan_horizontal", LaserScan)
         cls.terrain = feed("/terrain_grid", TerrainGridMessage)
@@ -111,6 +113,7 @@ class FedMoveBase(MoveBaseFeeds):
         """The answer to the next odometry; the robot has done what the one before said."""
         cls = type(self)
         cls.clock_s = round(cls.clock_s + TICK_S, 3)
+        self.clock.publish(clock(self.clock_s))
         self.scans.publish(scan(self.clock_s - 0.025, self.ranges))
         self.tf.publish(TFMessage([transform_stamped(self.clock_s, "map", "odom", self.T_map_odom)]))
         time.sleep(0.01)  # what belongs to an odometry is there before it: topics are not ordered among each other

@@ -13,7 +13,7 @@ from explore_3dnav.srv import PlanPathRequest, PlanPathResponse
 from fed_move_base import CELLS, HALF_M, NODE, RESOLUTION_M, TICK_S, MoveBaseFeeds, grid_of
 from geometry_msgs.msg import Point, PointStamped, PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry, Path
-from node_testing import QUIET_S, Inbox, feed, odometry, one_line_of, run_misconfigured, scan, slowness, wait_until
+from node_testing import QUIET_S, Inbox, clock, feed, odometry, one_line_of, run_misconfigured, scan, slowness, wait_until
 from std_srvs.srv import Empty
 from tf2_msgs.msg import TFMessage
 
@@ -61,9 +61,11 @@ class MoveBaseTest(MoveBaseFeeds):
         without: str = "",
         scan_before_s: float = 0.025,
         tf_before_s: float = 0.0,
+        late_s: float = 0.0,
     ) -> FollowerCommand:
         """The answer to the next odometry, with its scan and transform but for the one `without` which it is."""
         MoveBaseTest.clock_s = round(self.clock_s + TICK_S, 3)
+        self.clock.publish(clock(self.clock_s + late_s))
         if without != "/scan_horizontal":
             self.scans.publish(scan(self.clock_s - scan_before_s, ranges))
         if without != "/tf map->odom":
@@ -202,6 +204,14 @@ class MoveBaseTest(MoveBaseFeeds):
             self.assertEqual(answers[-1].twist.linear.x, 0.0, answers[-1].reason)
             self.assertIn(f"no {silent}", answers[-1].reason)
             self.assertGreater([self.tick() for _ in range(10)][-1].twist.linear.x, 0.1)
+
+    def test_robot_stands_while_all_comes_late_and_goes_on_afterwards(self) -> None:
+        self.store_straight_ahead()
+        self.assertGreater([self.tick(late_s=0.2) for _ in range(8)][-1].twist.linear.x, 0.0)
+        answer = [self.tick(late_s=0.4) for _ in range(3)][-1]
+        self.assertEqual(answer.twist.linear.x, 0.0)
+        self.assertIn("/odom is 0.4 s late", answer.reason)
+        self.assertGreater([self.tick() for _ in range(8)][-1].twist.linear.x, 0.0)
 
     def test_silent_input_is_named_on_diagnostics_within_a_second(self) -> None:
         limit_s = 1.0 * slowness()

@@ -16,6 +16,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3
 from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import Imu, JointState, LaserScan
 from std_msgs.msg import String
 
@@ -169,6 +170,11 @@ def scan(stamp_s: float, ranges: Any = 2.0, beams: int = BEAMS) -> LaserScan:
     message.range_min, message.range_max = 0.1, 30.0
     message.ranges = np.broadcast_to(np.asarray(ranges, dtype=np.float64), beams).tolist()
     return message
+
+
+def clock(now_s: float) -> Clock:
+    """The time that it is for nodes under test, with /use_sim_time."""
+    return Clock(rospy.Time.from_sec(now_s))
 
 
 def joints(stamp_s: float, tilt_rad: float = 0.0) -> JointState:

@@ -9,7 +9,20 @@ import numpy as np
 import rospy
 from explore_3dnav.srv import SetLocalMap, SetTiltBacklash
 from nav_msgs.msg import Odometry
-from node_testing import DiagnosticsOf, Inbox, feed, floor_and_walls, joints, odometry, one_line_of, run_misconfigured, scan, wait_for_node
+from node_testing import (
+    DiagnosticsOf,
+    Inbox,
+    clock,
+    feed,
+    floor_and_walls,
+    joints,
+    odometry,
+    one_line_of,
+    run_misconfigured,
+    scan,
+    wait_for_node,
+)
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState, LaserScan
 from tf2_msgs.msg import TFMessage
 
@@ -30,12 +43,14 @@ class ScanTrackingTest(unittest.TestCase):
         cls.transforms = Inbox("/tf", TFMessage).wait_until_connected()
         cls.diagnostics = DiagnosticsOf(NODE).wait_until_connected()
         cls.odometry, cls.joints, cls.scans = feed("/odom", Odometry), feed("/joint_states", JointState), feed("/scan_filtered", LaserScan)
+        cls.clock = feed("/clock", Clock)
         cls.set_map = rospy.ServiceProxy(f"{NODE}/set_map", SetLocalMap)
         cls.set_backlash = rospy.ServiceProxy(f"{NODE}/set_backlash", SetTiltBacklash)
 
-    def tick(self, x: float) -> Odometry:
+    def tick(self, x: float, late_s: float = 0.0) -> Odometry:
         """Joint state, scan and odometry of the next moment; what is tracked of it."""
         stamp_s = ScanTrackingTest.clock_s = round(self.clock_s + STEP_S, 3)
+        self.clock.publish(clock(stamp_s + late_s))
         self.joints.publish(joints(stamp_s - 0.01))
         self.scans.publish(scan(stamp_s - 0.04))
         time.sleep(0.005)
@@ -49,6 +64,11 @@ class ScanTrackingTest(unittest.TestCase):
             self.assertEqual((message.header.frame_id, message.child_frame_id, message.twist.twist.linear.x), ("odom", "base_link", 0.3))
         self.assertGreater(message.pose.covariance[0], 0.0)
         self.transforms.wait_for(lambda m: any(t.header.stamp == message.header.stamp for t in m.transforms))
+
+    def test_1_scans_wait_for_nobody_while_odometry_comes_late(self) -> None:
+        for _ in range(4):
+            self.tick(0.15, late_s=0.3)
+        self.diagnostics.wait_for_dropped("no time to match")
 
     def test_2_map_is_taken_and_one_without_normals_is_refused(self) -> None:
         points, _ = floor_and_walls()

@@ -10,7 +10,20 @@ from dynamic_reconfigure.client import Client
 from explore_3dnav.msg import ExplorationDecision, FollowerCommand, RunEvent
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
-from node_testing import DiagnosticsOf, Inbox, feed, joints, odometry, one_line_of, run_misconfigured, slowness, wait_for_node, wait_until
+from node_testing import (
+    DiagnosticsOf,
+    Inbox,
+    clock,
+    feed,
+    joints,
+    odometry,
+    one_line_of,
+    run_misconfigured,
+    slowness,
+    wait_for_node,
+    wait_until,
+)
+from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, SetBoolResponse, Trigger, TriggerResponse
 
@@ -35,6 +48,7 @@ class StopScanAndGoTest(unittest.TestCase):
         cls.velocities = Inbox("/cmd_vel", Twist).wait_until_connected()
         cls.events = Inbox("/exploration/event", RunEvent).wait_until_connected()
         cls.diagnostics = DiagnosticsOf(NODE).wait_until_connected()
+        cls.clock = feed("/clock", Clock)
         cls.odometry = feed("/odom", Odometry)
         cls.joints = feed("/joint_states", JointState)
         cls.commands = feed("/cmd_vel/move_base", FollowerCommand)
@@ -51,11 +65,14 @@ class StopScanAndGoTest(unittest.TestCase):
         cls.held.append(request.data)
         return SetBoolResponse(True, "")
 
-    def tick(self, tilt_rad: float = 0.0, v: float = 0.0, state: str = "following", moving: float = 0.0, without: str = "") -> None:
+    def tick(
+        self, tilt_rad: float = 0.0, v: float = 0.0, state: str = "following", moving: float = 0.0, without: str = "", late_s: float = 0.0
+    ) -> None:
         """All inputs of the next moment, each on its own phase, but for the one `without` which it is; waits for its answer."""
         cls = StopScanAndGoTest
         cls.clock_s = round(cls.clock_s + TICK_S, 3)
         cls.x += moving * TICK_S
+        self.clock.publish(clock(self.clock_s + late_s))
         answers = cls.answered = len(self.velocities.messages)
         if without != "/joint_states":
             self.joints.publish(joints(self.clock_s - 0.0113, tilt_rad))
@@ -183,6 +200,19 @@ class StopScanAndGoTest(unittest.TestCase):
                 self.tick(v=0.2, without=silent)
             self.assertEqual({m.linear.x for m in self.velocities.messages[noticed:]}, {0.0})
             self.tick_until_driven(0.2)
+
+    def test_6_robot_stands_while_commands_come_late_and_goes_on_afterwards(self) -> None:
+        self.drive()
+        self.tick(v=0.2, late_s=0.2)
+        self.assert_driven(0.2)
+        self.tick(v=0.2, late_s=0.4)
+        noticed = len(self.velocities.messages)
+        for _ in range(3):
+            self.tick(v=0.2, late_s=0.4)
+        self.assertEqual({m.linear.x for m in self.velocities.messages[noticed:]}, {0.0})
+        wait_until(lambda: (self.tick(late_s=0.4), "commands come late" in self.diagnostics.message())[1], "the word of it")
+        self.tick(v=0.2)
+        self.tick_until_driven(0.2)
 
     def test_6_zero_is_sent_when_commands_cease_and_the_silence_is_named(self) -> None:
         second_s, said = slowness(), "no /cmd_vel/move_base"
