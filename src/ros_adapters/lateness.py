@@ -1,4 +1,4 @@
-"""How late messages come: what a node hears in time on a computer that is fast enough may be seconds old on one that is not."""
+"""How late messages come: on a computer that is too slow they wait for seconds before a node hears them."""
 
 import time
 
