@@ -6,13 +6,16 @@ from pathlib import Path
 
 import pytest
 from exploring import ExploreRun
+from slow_machine import LONGEST_S
 
 ROOMS_LIMIT_S = 240.0
 NEEDS_S = {"test_campaign.py": 600.0, "test_determinism.py": 600.0, "test_chaos.py": 200.0}  # before CHECK_ENDS; these come last
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Files of several runs come last."""
+    """Files of several runs come last. A test that hangs ends and says where, and so do its helpers, somewhat sooner."""
+    for item in items:
+        item.add_marker(pytest.mark.timeout(LONGEST_S + 100.0))
     items.sort(key=lambda item: [*NEEDS_S].index(item.path.name) + 1 if item.path.name in NEEDS_S else 0)
 
 

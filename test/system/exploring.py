@@ -13,7 +13,7 @@ import uuid
 from collections.abc import Callable
 from pathlib import Path
 
-from slow_machine import SLOWEST, slowness
+from slow_machine import LONGEST_S, patience_s, slowness
 
 PACKAGE = Path(__file__).resolve().parents[2]
 RUN_MARK = "EXPLORE_3DNAV_TEST_RUN"
@@ -62,9 +62,9 @@ class ExploreRun:
     def wait_for_line(self, pattern: re.Pattern[str] | str, timeout_s: float) -> str:
         """The first line from now on that matches; AssertionError with all output when the run or the time ends before.
 
-        `timeout_s` is what no quick machine needs: a slow one has SLOWEST times as long, here and in `wait`.
+        `timeout_s` is what no quick machine needs: a slow one has `patience_s`, here and in `wait`.
         """
-        timeout_s *= SLOWEST
+        timeout_s = patience_s(timeout_s)
         deadline = time.monotonic() + timeout_s
         while (left := deadline - time.monotonic()) > 0:
             try:
@@ -84,7 +84,7 @@ class ExploreRun:
 
     def wait(self, timeout_s: float) -> int:
         """The exit code; the output up to there is in `output`. AssertionError, and an end of the run, when it takes longer."""
-        timeout_s *= SLOWEST
+        timeout_s = patience_s(timeout_s)
         deadline = time.monotonic() + timeout_s
         while (left := deadline - time.monotonic()) > 0:
             try:
@@ -154,7 +154,7 @@ def explored_beside(client: str, launch: str, port: int) -> None:
     with ExploreRun("-c", command, command="/bin/bash", environment={"ROS_MASTER_URI": uri}) as run:
         run.wait_for_first_sweep(300.0)
         words = [sys.executable, str(Path(__file__).with_name(client))]
-        done = subprocess.run(words, env={**os.environ, "ROS_MASTER_URI": uri}, capture_output=True, text=True, timeout=3000.0)
+        done = subprocess.run(words, env={**os.environ, "ROS_MASTER_URI": uri}, capture_output=True, text=True, timeout=LONGEST_S)
         print(done.stdout)
         assert done.returncode == 0, f"{done.stdout}{done.stderr[-3000:]}"
         run.wait_for_line("the run has ended; the nodes live on", 120.0)

@@ -17,7 +17,7 @@ from explore_3dnav.msg import RunEvent
 from geometry_msgs.msg import PoseStamped, Twist
 from move_base_msgs.msg import MoveBaseAction, MoveBaseFeedback, MoveBaseGoal
 from nav_msgs.srv import GetPlan
-from slow_machine import SLOWEST
+from slow_machine import patience_s
 
 GOAL_S, EXPLORED_S = 240.0, 900.0
 NEAR_M = 0.5  # a goal is the ground within 0.5 m of it
@@ -31,7 +31,7 @@ def expect(holds: bool, what: str) -> None:
 
 
 def wait_until(condition: Callable[[], bool], seconds: float, what: str) -> None:
-    deadline = time.monotonic() + SLOWEST * seconds
+    deadline = time.monotonic() + patience_s(seconds)
     while not condition() and time.monotonic() < deadline:
         time.sleep(0.02)
     expect(condition(), what)
@@ -82,7 +82,7 @@ class Client:
         self._actions.send_goal(goal, feedback_cb=seen)
 
     def result(self) -> tuple[int, str]:
-        self._actions.wait_for_result(rospy.Duration(SLOWEST * GOAL_S))
+        self._actions.wait_for_result(rospy.Duration(patience_s(GOAL_S)))
         return self._actions.get_state(), self._actions.get_goal_status_text()
 
     def explore(self) -> None:
@@ -93,7 +93,7 @@ class Client:
         expect(self.events[-1].reason.startswith("explored"), f"because of: {self.events[-1].reason}")
 
     def drive_in_the_finished_map(self) -> None:
-        expect(self._actions.wait_for_server(rospy.Duration(SLOWEST * 20)), "move_base lives on")
+        expect(self._actions.wait_for_server(rospy.Duration(patience_s(20.0))), "move_base lives on")
         places: list[MoveBaseFeedback] = []
         self.send(0.0, 0.0, seen=places.append)
         state, text = self.result()

@@ -4,7 +4,6 @@ Prints after each goal "at X Y in map, X Y in world": where it was sent, and whe
 """
 
 import math
-import time
 
 import rospy
 from actionlib_msgs.msg import GoalStatus
@@ -14,7 +13,7 @@ from nav_msgs.msg import Odometry
 from request_client import RequestClient
 
 GOALS, SLOW_MPS, AROUND_M = 3, 0.3, 3.5
-NOD_S = 2.0
+NOD_S, HOME_S = 2.0, 120.0
 
 
 class MapGoalClient(RequestClient):
@@ -63,11 +62,14 @@ class MapGoalClient(RequestClient):
 
     def comes_home(self) -> None:
         expect(self.ask("return_home")[0], "it is asked home")
-        fastest = 0.0
-        while self.told[-1].state != "home":
-            fastest = max(fastest, self.wheels.linear.x)
-            self.wait_for("home", "going_home", "paused")
-            time.sleep(0.02)
+        speeds = [0.0]
+
+        def is_home() -> bool:
+            speeds.append(self.wheels.linear.x)
+            return bool(self.told[-1].state == "home")
+
+        wait_until(is_home, HOME_S, "it is home")
+        fastest = max(speeds)
         expect(0.1 < fastest < SLOW_MPS + 0.01, f"it comes home, slower: at most {fastest:.2f} m/s")
 
 

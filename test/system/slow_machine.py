@@ -6,8 +6,16 @@ import time
 SLOWEST = 4.0
 """A wait that only has to end some time may take so many times as long as on that machine."""
 
+LONGEST_S = 800.0
+"""No wait lasts longer: CI has a limit of time, and what is cut off there does not say why."""
+
 _REFERENCE_S = 0.004  # that `_work_s` took there
 _LOOKS = 3
+
+
+def patience_s(quick_s: float) -> float:
+    """How long to wait for what no quick machine needs `quick_s` for."""
+    return min(SLOWEST * quick_s, LONGEST_S)
 
 
 def slowness() -> float:

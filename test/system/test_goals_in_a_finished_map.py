@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from exploring import ExploreRun, summary
+from slow_machine import LONGEST_S
 
 from exploration_evaluation import read_trajectory, trajectory_errors
 from rigid_geometry import inverse, transform_points
@@ -48,7 +49,7 @@ def driven_to_goals(command: list[str], uri: str, after_the_first: Callable[[], 
     """What a client of goals printed, once it has ended well; something is done after the first goal."""
     environment = {**os.environ, "ROS_MASTER_URI": uri, "PYTHONUNBUFFERED": "1"}
     with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as client:
-        limit = threading.Timer(3000.0, client.kill)
+        limit = threading.Timer(LONGEST_S, client.kill)
         limit.start()
         assert client.stdout is not None
         lines = []

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from exploring import PACKAGE, ExploreRun
+from slow_machine import LONGEST_S
 from wheels_watcher import wake_up
 
 # what falls silent: the process that is stopped, the node that must name it, and how it calls it
@@ -60,7 +61,7 @@ def watched(port: int, *arguments: object) -> subprocess.CompletedProcess[str]:
     """What wheels_watcher.py says of a process."""
     command = [sys.executable, str(Path(__file__).with_name("wheels_watcher.py")), *map(str, arguments)]
     return subprocess.run(
-        command, env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}"}, capture_output=True, text=True, timeout=1200.0
+        command, env={**os.environ, "ROS_MASTER_URI": f"http://localhost:{port}"}, capture_output=True, text=True, timeout=LONGEST_S
     )
 
 

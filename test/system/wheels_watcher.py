@@ -15,7 +15,7 @@ from contextlib import suppress
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Odometry
-from slow_machine import SLOWEST, slowness
+from slow_machine import patience_s, slowness
 
 DRIVES_MPS, STANDS_MPS = 0.15, 0.03
 SILENT_S = {signal.SIGSTOP: 3.0, signal.SIGKILL: 1.0}  # a node that was killed is not there again before
@@ -51,10 +51,10 @@ class Watcher:
         return is_now and min(speed for _, speed in newest) > DRIVES_MPS
 
     def wait_until_it_drives(self) -> None:
-        deadline = time.monotonic() + SLOWEST * GOES_ON_WITHIN_S
+        deadline = time.monotonic() + patience_s(GOES_ON_WITHIN_S)
         while not self.drives():
             if time.monotonic() > deadline:
-                sys.exit(f"it did not drive within {SLOWEST * GOES_ON_WITHIN_S:.0f} s")
+                sys.exit(f"it did not drive within {patience_s(GOES_ON_WITHIN_S):.0f} s")
             time.sleep(0.01)
 
     def stood_after(self, since_s: float) -> float:
