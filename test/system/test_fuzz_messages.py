@@ -120,7 +120,7 @@ class Counts:
     def _on_message(self, message: Any) -> None:
         for status in message.status:
             if status.name in ROBOT_NODES and message._connection_header["callerid"] == f"/{status.name}":
-                numbers = [_COUNT.match(v.value) for v in status.values if not v.key.startswith("input")]
+                numbers = [_COUNT.match(v.value) for v in status.values if v.key.startswith("dropped: ")]
                 self._counts[status.name] = sum(int(n[1]) for n in numbers if n)
 
     def of(self, node: str) -> int:
