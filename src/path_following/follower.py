@@ -70,16 +70,29 @@ class PathFollower:
         """Follow (K, 3) points in map, metres, and face `goal_yaw` radians at the end unless it is None; ValueError if not finite.
 
         `straight` (K,) or empty: whether from a point to the next the path leads through a passage in which the robot cannot turn.
-        A robot that drives goes over to the new path at its speed, from where it is by now. `exact` halves the goal's tolerances.
+        A robot that drives goes over to the new path at its speed, from where it is by now: beside it, or first back to its beginning by
+        the way that it came. `exact` halves the goal's tolerances.
         """
         if goal_yaw is not None and not math.isfinite(goal_yaw):
             raise ValueError(f"goal_yaw is a finite heading or None, not {goal_yaw!r}")
-        task = Task(ReferencePath(points, self._config.smoothing_m, straight), goal_yaw, exact)
+        task = self._from_here(Task(ReferencePath(points, self._config.smoothing_m, straight), goal_yaw, exact), points, straight)
         if self._task is None or self._pose is None or self._command == STAND:
             self._begin(task, Following("new path"))
         else:
             task.takes_over(self._task, self._pose)
             self._task, self._doing = task, Following("new path")
+
+    def _from_here(self, task: Task, points: ArrayLike, straight: Sequence[bool]) -> Task:
+        """A task whose path begins where the robot was when it was decided; it may have driven on for seconds."""
+        way = self._trail.back_to(task.path.xy[0])
+        if self._pose is None or self.state.is_over or len(way) < 2:
+            return task
+        gone_m = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+        if abs(task.locate(self._pose, gone_m).off_path) <= self._config.max_off_path_m:
+            return task
+        whole = np.vstack([way, np.asarray(points, dtype=np.float64)[:, :2]])
+        flags = [*[False] * len(way), *straight] if len(straight) else ()
+        return Task(ReferencePath(whole, self._config.smoothing_m, flags), task.goal_yaw, task.exact)
 
     def _begin(self, task: Task | None, doing: Doing) -> None:
         self._task, self._doing = task, doing

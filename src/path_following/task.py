@@ -45,9 +45,9 @@ class Task:
         """What is left of the path; None before the first step."""
         return None if self.off_path is None else self.path.length - self.s
 
-    def locate(self, pose: Pose) -> Projection:
-        """The place beside the robot; near the last one only: the path may pass over or under itself."""
-        at = self.path.project(np.array(pose[:2]), self.s - 0.5, self.s + 1.0)
+    def locate(self, pose: Pose, gone_m: float = 0.0) -> Projection:
+        """The place beside the robot; near the last one only, which may be `gone_m` behind: the path may pass over or under itself."""
+        at = self.path.project(np.array(pose[:2]), self.s - 0.5, self.s + gone_m + 1.0)
         self.s, self.off_path = at.s, at.off_path
         self.farthest = max(self.farthest, at.s)
         return at

@@ -13,6 +13,7 @@ _EVERY_M, _EVERY_RAD = 0.02, 0.05
 _MOST = 500  # poses: ten metres of driving
 _JUMP_M = 0.3  # farther from one to the next the robot was carried
 _BESIDE_M, _TURNED_RAD = 0.03, 0.05  # a pose like one that the robot had
+_AT_M = 0.3  # so near to a place the robot was there
 
 
 class Trail:
@@ -45,6 +46,17 @@ class Trail:
         for k, (px, py, heading) in enumerate(self._poses):
             dx, dy = px - x, py - y
             self._poses[k] = (pose[0] + c * dx - s * dy, pose[1] + s * dx + c * dy, heading + turned)
+
+    def back_to(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(M, 2) places from where the robot is to where it was last at `xy` (2,); M is 0 where it was not there."""
+        way = np.array(self._poses).reshape(-1, 3)[::-1, :2]
+        away = np.linalg.norm(way - xy, axis=1)
+        at = away < _AT_M
+        if not at.any():
+            return way[:0]
+        came = int(np.argmax(at))
+        left = came + int(np.argmin([*at[came:], False]))
+        return way[: came + int(np.argmin(away[came:left])) + 1]
 
     def like(self, poses: NDArray[np.float64]) -> list[NDArray[np.float64]]:
         """To each of (K, 3) poses those (M, 3) that the robot had and that are it, to a few centimetres and degrees."""

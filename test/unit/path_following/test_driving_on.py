@@ -172,6 +172,20 @@ def test_new_path_far_from_the_robot_is_not_driven() -> None:
     assert run.last.state is FollowerState.STUCK and "from the path" in run.last.reason
 
 
+@pytest.mark.parametrize("behind_m", [1.5, 3.0])
+def test_new_path_that_was_decided_late_is_gone_over_to_where_the_robot_is_beside_it(behind_m: float) -> None:
+    run = replaced(line((3.2 - behind_m, 0.0), (6, 0)), 7.0)
+    assert run.states() == ["following", "reached"]
+    assert min(o.v for o in run.outputs[20:] if o.remaining_m is not None and o.remaining_m > 1.0) > 0.45
+
+
+@pytest.mark.parametrize("behind_m", [1.6, 2.5])
+def test_new_path_that_was_decided_late_and_leads_elsewhere_is_driven_from_where_the_robot_came(behind_m: float) -> None:
+    run = replaced(line((3.2 - behind_m, 0.0), (3.2 - behind_m, 4.0)), 7.0)
+    assert run.states()[-1] == "reached" and "stuck" not in run.states()
+    assert math.dist(run.poses[-1][:2], (3.2 - behind_m, 4.0)) < 0.2
+
+
 def test_standing_robot_begins_a_new_path_as_it_always_did() -> None:
     first = drive(on_path(line((0, 0), (2, 0))), World()).outputs
     follower = on_path(line((0, 0), (0, 9)))
