@@ -36,10 +36,10 @@ class DrivenPlan:
         self._node, self._follower, self._results, self._recoveries = node, follower, results, recoveries
         self._plan = node.publisher("move_base/current_plan", Path, latch=True)
         current_goal = node.publisher("move_base/current_goal", PoseStamped, latch=True)
-        self.T_map_base: Transform | None = None  # where the robot is; None while nobody knows
+        self.T_map_base: Transform | None = None
         self._failure = ""  # why the robot does not drive any more
         self.pause = ExplorationPause(node, self._stand, lambda: not follower.state.is_over, explores=not only_localises(node.name))
-        self.pause.reason, self.pause.recalled = node.life.kept(_PAUSE, (self.pause.reason, self.pause.recalled))
+        self.pause.reason, self.pause.recalled, self.pause.asked_s = node.life.kept(_PAUSE, self._pause())
         refused = partial(node.diagnostics.dropped, "goal refused")
         driving = GoalDriving(self._store, self._stand, self.pause.begin, self._place, tf.in_map, current_goal.publish, refused)
         self.goals = GoalAction(node.lock, driving)
@@ -56,7 +56,14 @@ class DrivenPlan:
 
     def keep(self) -> None:
         """For a process after this one."""
-        self._node.life.keep(_PAUSE, (self.pause.reason, self.pause.recalled))
+        self._node.life.keep(_PAUSE, self._pause())
+
+    def robot_is(self, stamp_s: float, T_map_base: Transform | None) -> None:
+        """Where the robot is by now; None while nobody knows."""
+        self.pause.now_s, self.T_map_base = stamp_s, T_map_base
+
+    def _pause(self) -> tuple[str, str, float]:
+        return self.pause.reason, self.pause.recalled, self.pause.asked_s
 
     def _on_store_plan(self, request: StorePlanRequest) -> StorePlanResponse:
         with self._node.lock:
@@ -71,6 +78,8 @@ class DrivenPlan:
     def _take(self, request: StorePlanRequest) -> None:
         """Exploration's plan, or that it has none any more. A goal of the user's comes first, and is planned to anew from here."""
         self._node.life.forget(_PLAN)  # the follower has it, or nobody
+        if self.pause.is_outdated(stamp_of(request.plan)):
+            return
         self.pause.plan_came()  # also where it is not driven: else sweep after sweep is asked for
         if self.goals.goes_on():
             return

@@ -1,5 +1,6 @@
 """Whether exploration's plans are driven: paused and resumed by service or topic, by who cancels all goals, and by exploration itself."""
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,7 @@ class ExplorationPause:
     """Serves /explore/pause, /explore/resume, ~recall, ~replan (Trigger), and hears /explore/resume (Bool), /move_base/cancel (GoalID).
 
     A goal of the user's is driven to while exploration is paused. ~recall drops whatever is driven, and the pause: a sweep follows, and
-    what is decided after it. ~replan drops the path only, when there is one: goal and pause stay.
+    what is decided after it. ~replan drops the path only, when there is one: goal and pause stay. What was decided before does not count.
     """
 
     def __init__(self, node: Node, stand: Callable[[str], None], drives: Callable[[], bool], *, explores: bool = True) -> None:
@@ -31,6 +32,7 @@ class ExplorationPause:
         self._goals: GoalAction | None = None
         self.reason = ""  # why exploration is paused; empty: it is not
         self.recalled = ""  # why a sweep is to decide anew; empty: nobody asked for one
+        self.now_s = self.asked_s = -math.inf  # the newest stamp, and when a sweep was asked for last
 
     def serve(self, goals: "GoalAction") -> None:
         """Begins to answer; `goals` are the user's."""
@@ -53,11 +55,18 @@ class ExplorationPause:
         """Exploration goes on with a sweep; a goal that is driven to stays."""
         self.reason = ""
         if self._goals is None or not self._goals.is_active:
-            self.recalled = why
+            self._recall(why)
+
+    def is_outdated(self, stamp_s: float) -> bool:
+        """Whether a plan of a sweep, 0 for none, was decided before a newer sweep was asked for. A clock may have been set back."""
+        return bool(self.recalled) and 0.0 < stamp_s <= self.asked_s <= self.now_s
 
     def plan_came(self) -> None:
         """What a recall asked for is here."""
         self.recalled = ""
+
+    def _recall(self, why: str) -> None:
+        self.recalled, self.asked_s = why, self.now_s
 
     def state_of_idle(self) -> tuple[str, str] | None:
         """State and reason of a follower without a path; None when they are its own."""
@@ -108,6 +117,6 @@ class ExplorationPause:
     def _answer_replan(self) -> TriggerResponse:
         with self._node.lock:
             if self._drives():
-                self.recalled = "where the robot may drive has changed"
+                self._recall("where the robot may drive has changed")
                 self._stand(self.recalled)
             return TriggerResponse(True, "")

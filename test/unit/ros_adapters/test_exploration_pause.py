@@ -1,5 +1,6 @@
 """Exploration that is paused, whose plan a sweep was asked for, and goals of the user's that come first."""
 
+import copy
 import threading
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -102,6 +103,36 @@ def asked_for_a_sweep(driven: DrivenPlan) -> Any:
     node.call("~replan")
     assert (driven.pause.state_of_idle() or ("",))[0] == RECALLED
     return node
+
+
+@pytest.mark.parametrize("asked", ["~recall", "~replan", "explore/resume"])
+@pytest.mark.parametrize("request_", [StorePlanRequest(wait="home"), StorePlanRequest(), StorePlanRequest(plan=a_path())])
+def test_what_was_decided_before_a_sweep_was_asked_for_takes_no_effect(driven: DrivenPlan, request_: StorePlanRequest, asked: str) -> None:
+    node: Any = driven._node
+    driven.goals.is_active = False  # type: ignore[misc]
+    if asked == "explore/resume":
+        node.call("explore/pause")
+    driven.robot_is(100.0, None)
+    node.call(asked)
+    before = driven.pause.state_of_idle()
+    request_ = copy.deepcopy(request_)
+    request_.plan.header.stamp = rospy.Time(99.5)
+    node.served["storePlan"](request_)
+    assert (before or ("",))[0] == RECALLED and driven.pause.state_of_idle() == before
+    request_.plan.header.stamp = rospy.Time(100.5)
+    node.served["storePlan"](request_)
+    assert driven.pause.state_of_idle() != before
+
+
+def test_clock_that_was_set_back_leaves_no_plan_outdated(driven: DrivenPlan) -> None:
+    node: Any = driven._node
+    driven.robot_is(100.0, None)
+    node.call("~recall")
+    driven.robot_is(40.0, None)
+    request = StorePlanRequest(plan=a_path())
+    request.plan.header.stamp = rospy.Time(41.0)
+    node.served["storePlan"](request)
+    assert driven.pause.state_of_idle() is None
 
 
 def test_goal_that_is_given_up_while_exploration_is_paused_leaves_a_pause(driven: DrivenPlan) -> None:
