@@ -287,6 +287,14 @@ class MoveBaseGoalsTest(FedMoveBase):
         self.store_plan(plan=Path())
         self.assert_stands("idle")
 
+    def test_what_was_decided_before_a_recall_takes_no_effect(self) -> None:
+        before = self.clock_s
+        self.tick()
+        self.assertTrue(self.call("/move_base_node/recall")[0])
+        plan = path_message(before, "map", np.zeros((0, 3)), 0.0)
+        self.assertTrue(self.store_plan(plan=plan, wait="exploration is off").accepted)
+        self.assert_stands("recalled")
+
     def test_replan_drops_the_path_alone(self) -> None:
         self.begin(goal_at(3.0))
         self.assertTrue(self.call("/explore/pause")[0])
@@ -326,11 +334,11 @@ class MoveBaseGoalsTest(FedMoveBase):
         self.begin(goal_at(2.0))
         shown = plans.wait_for(lambda m: m.poses and abs(m.poses[-1].pose.position.x - 2.0) < 1e-6)
         self.assertEqual(shown.header.frame_id, "map")
-        exploration = path_message(self.clock_s, "map", np.array([[0.0, 0.0, 0.0], [0.0, 2.0, 0.0]]), 0.0)
         self.client.cancel_goal()
         self.tick_until("paused")
         self.resume.publish(True)
         self.tick_until("recalled")
+        exploration = path_message(self.clock_s, "map", np.array([[0.0, 0.0, 0.0], [0.0, 2.0, 0.0]]), 0.0)
         self.store_plan(plan=exploration)
         plans.wait_for(lambda m: m.poses and abs(m.poses[-1].pose.position.y - 2.0) < 1e-6)
 
