@@ -7,6 +7,7 @@ The node's memory is a folder that lives as long as this process.
 """
 
 import contextlib
+import math
 import os
 import select
 import shutil
@@ -56,7 +57,7 @@ class Revival:
     def __init__(self, command: Sequence[str], memory: Path | None, config: RevivalConfig) -> None:
         self._command, self._memory, self._config = command, memory, config
         self._node = next((word[8:] for word in command if word.startswith("__name:=")), Path(command[0]).name)
-        self._asked_to_end = False
+        self._asked_to_end, self._asked_s = False, math.inf
         self._full_name = f"{_namespace(command)}/{self._node}"
         self._master = _Master(self._full_name)
 
@@ -87,7 +88,7 @@ class Revival:
             time.sleep(self._config.delay_s)
 
     def _end(self, _number: int, _frame: object) -> None:
-        self._asked_to_end = True
+        self._asked_to_end, self._asked_s = True, min(self._asked_s, time.monotonic())
 
     def _say(self, text: str) -> None:
         sys.stderr.write(f"[explore] {self._full_name.lstrip('/')} {text}\n")
@@ -109,6 +110,8 @@ class Revival:
                         watch.beat(time.monotonic(), starts=BEAT not in beats)
                     else:
                         time.sleep(0.01)  # it is about to have ended
+                elif not watch.has_beaten and time.monotonic() - self._asked_s > self._config.unborn_s:
+                    process.kill()
                 elif not self._asked_to_end:
                     why = why or watch.hung(time.monotonic(), processor_s(process.pid))
                     if why:
