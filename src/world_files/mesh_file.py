@@ -16,6 +16,7 @@ from rigid_geometry import lost_digits_m, origin_near
 from world_files.closed_solids import closed_solids
 from world_files.dae_parts import parts_of_node
 from world_files.surfaces import Mesh, Surface
+from world_files.unreadable import why_unreadable
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int32]
@@ -68,7 +69,7 @@ def read_triangles(path: Path, frame: MeshFrame | None = None, part: str | None 
             mesh = _loaded(path, part)
         scale, up = _own_frame(path)
     except Exception as error:  # the readers raise whatever they stumble over
-        raise ValueError(f"cannot read the mesh {path}: {type(error).__name__}: {' '.join(str(error).split())}") from error
+        raise ValueError(f"cannot read the mesh {path}: {why_unreadable(path, error)}") from error
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise ValueError(f"the mesh {path} is empty: it has no triangles" + (f" in a part {part!r}" if part else ""))
     given_scale = given.scale or scale
