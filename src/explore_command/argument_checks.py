@@ -59,9 +59,13 @@ def check_numbers(a: argparse.Namespace) -> None:
         raise ArgumentProblem(f"--scale {a.scale:g}: expected a positive number of metres a unit")
     if (a.scale is not None or a.up) and (a.world in NAMED_WORLDS or Path(a.world).suffix.lower() == ".png"):
         raise ArgumentProblem(f"--scale and --up are for meshes: {a.world} is in metres with z up")
+    if a.world in NAMED_WORLDS and (a.size or a.area or a.models or a.ground is not None):
+        raise ArgumentProblem(f"--size, --area, --models and --ground are for files: {a.world} has its own")
     for name in ("size", "area"):
-        if any(v <= 0 for v in getattr(a, name) or ()):
-            raise ArgumentProblem(f"--{name}: lengths must be positive")
+        if not all(0.0 < v < math.inf for v in getattr(a, name) or ()):
+            raise ArgumentProblem(f"--{name}: lengths must be positive and finite")
+    if a.ground is not None and not math.isfinite(a.ground):
+        raise ArgumentProblem(f"--ground {a.ground:g}: expected a height in metres")
     for text in a.set:
         if "/" not in text.partition("=")[0] or "=" not in text:
             raise ArgumentProblem(f"--set {text}: expected NODE/PARAMETER=VALUE, for example octomap_server_3dnav_node/local_radius_m=8")

@@ -45,9 +45,13 @@ def from_file(about: WorldDescription, by: Request) -> Parts:
     path = Path(about.world)
     if about.area is not None and not all(math.isfinite(v) and v >= 3.0 for v in about.area):
         raise ValueError(f"area {about.area!r} is not two lengths of 3 m or more")
+    if about.ground is not None and not math.isfinite(about.ground):
+        raise ValueError(f"ground {about.ground:g} is no height in metres")
     if not path.is_file():
         raise ValueError(f"there is no world file {about.world!r}")
     suffix = path.suffix.lower()
+    if about.models and suffix not in SDF_SUFFIXES:
+        raise ValueError(f"models are for SDF files ({', '.join(SDF_SUFFIXES)}); {about.world} includes none")
     if suffix == ".png":
         return _from_picture(path, about, by)
     if about.size is not None:

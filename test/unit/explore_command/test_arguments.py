@@ -48,6 +48,29 @@ def test_unknown_world_is_told_with_those_there_are() -> None:
         parse(["--world", "romms"])
 
 
+@pytest.mark.parametrize(
+    "words", ["--area nan 5", "--area 5 5", "--size 5 5 5", "--models /nosuch", "--ground 0", "--world rooms --size 5 5 5"]
+)
+def test_what_is_for_files_is_refused_for_a_built_in_world(words: str) -> None:
+    with pytest.raises(ArgumentProblem, match="--size, --area, --models and --ground are for files: (ramp|rooms) has its own$"):
+        parse(words.split())
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--area nan 5", "--area: lengths must be positive and finite"),
+        ("--size 5 inf 5", "--size: lengths must be positive and finite"),
+        ("--ground nan", "--ground nan: expected a height in metres"),
+        ("--ground inf", "--ground inf: expected a height in metres"),
+    ],
+)
+def test_number_of_a_file_world_that_is_not_finite_is_refused_by_its_name(tmp_path: Path, words: str, said: str) -> None:
+    (tmp_path / "hall.stl").touch()
+    with pytest.raises(ArgumentProblem, match=f"^{said}$"):
+        parse(["--world", str(tmp_path / "hall.stl"), *words.split()])
+
+
 def test_height_map_needs_its_size(tmp_path: Path) -> None:
     (tmp_path / "moon.png").touch()
     with pytest.raises(ArgumentProblem, match="--size X Y Z"):

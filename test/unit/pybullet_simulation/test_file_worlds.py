@@ -1,5 +1,6 @@
 """Worlds from SDF files and descriptions: floors, walls, starts, and what is said of a file."""
 
+import math
 import sys
 from pathlib import Path
 
@@ -100,6 +101,14 @@ def test_sdf_file_without_a_floor_says_how_to_add_one(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="no flat ground.*; --ground 0 adds a floor where it has none$"):
         load_world(path, 1)
     assert load_world(WorldDescription(path, ground=0.0), 1).start_z == pytest.approx(0.0, abs=1e-5)
+
+
+def test_ground_that_is_no_height_and_models_of_a_mesh_are_refused_by_their_names(tmp_path: Path) -> None:
+    path = open_walls(tmp_path / "walls.stl")
+    with pytest.raises(ValueError, match="^ground nan is no height in metres$"):
+        load_world(WorldDescription(path, ground=math.nan), 1)
+    with pytest.raises(ValueError, match=r"^models are for SDF files \(.sdf, .world\); .*walls.stl includes none$"):
+        load_world(WorldDescription(path, ground=1.0, models=(tmp_path,)), 1)
 
 
 def test_description_of_a_built_in_world_has_only_a_start(tmp_path: Path) -> None:
