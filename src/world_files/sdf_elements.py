@@ -70,12 +70,14 @@ def child_numbers(element: Element, tag: str, default: Sequence[float]) -> tuple
     return tuple(default) if child is None else numbers(child, len(default))
 
 
-def sizes(element: Element, tag: str, default: Sequence[float]) -> tuple[float, ...]:
-    """The same, for lengths: ValueError when one is not above 0."""
-    found = child_numbers(element, tag, default)
+def sizes(element: Element, tag: str, wanted: int) -> tuple[float, ...]:
+    """So many lengths of a child: ValueError when it is not there, or one is not above 0. SDF's defaults would make up a size."""
+    child = element.find(tag)
+    if child is None:
+        raise wrong(element, f"it has no <{tag}>")
+    found = numbers(child, wanted)
     if min(found) <= 0.0:
-        child = element.find(tag)
-        raise wrong(element if child is None else child, f"{' '.join(f'{v:g}' for v in found)} is not above 0")
+        raise wrong(child, f"{' '.join(f'{v:g}' for v in found)} is not above 0")
     return found
 
 

@@ -74,11 +74,13 @@ class ShapeFiles:
 
 
 def read_shape(geometry: Element, folder: Path, files: ShapeFiles, is_collision: bool) -> Shape | Endless | None:
-    """The shape of a <geometry> in a file of `folder`; None for none.
+    """The shape of a <geometry> in a file of `folder`; None for one that says <empty>.
 
-    NotUnderstoodError for what is left out; ValueError when a number is wrong.
+    NotUnderstoodError for what is left out; ValueError when a number is wrong or missing.
     """
     found = [child for child in geometry if child.tag != "empty"]
+    if not len(geometry):
+        raise NotUnderstoodError("geometry without a shape")
     if not found:
         return None
     shape = found[0]
@@ -94,7 +96,7 @@ def read_shape(geometry: Element, folder: Path, files: ShapeFiles, is_collision:
 
 
 def _box(shape: Element) -> Shape:
-    return _solid(trimesh.creation.box(sizes(shape, "size", (1.0, 1.0, 1.0))))
+    return _solid(trimesh.creation.box(sizes(shape, "size", 3)))
 
 
 def _cylinder(shape: Element) -> Shape:
@@ -113,11 +115,11 @@ def _cone(shape: Element) -> Shape:
 
 
 def _sphere(shape: Element) -> Shape:
-    return _solid(trimesh.creation.icosphere(3, *sizes(shape, "radius", (1.0,))))
+    return _solid(trimesh.creation.icosphere(3, *sizes(shape, "radius", 1)))
 
 
 def _ellipsoid(shape: Element) -> Shape:
-    return _solid(trimesh.creation.icosphere(3).apply_scale(sizes(shape, "radii", (1.0, 1.0, 1.0))))
+    return _solid(trimesh.creation.icosphere(3).apply_scale(sizes(shape, "radii", 3)))
 
 
 _SOLIDS: dict[str, Callable[[Element], Shape]] = {
@@ -131,7 +133,7 @@ _SOLIDS: dict[str, Callable[[Element], Shape]] = {
 
 
 def _round(shape: Element) -> tuple[float, float]:
-    return sizes(shape, "radius", (0.5,))[0], sizes(shape, "length", (1.0,))[0]
+    return sizes(shape, "radius", 1)[0], sizes(shape, "length", 1)[0]
 
 
 def _solid(mesh: trimesh.Trimesh) -> Shape:
@@ -151,7 +153,7 @@ def _plane(shape: Element, is_collision: bool) -> Shape | Endless:
         raise wrong(shape, "its normal is 0")
     if is_collision:
         return Endless(normal / length)
-    x, y = np.array(sizes(shape, "size", (1.0, 1.0))) / 2
+    x, y = np.array(sizes(shape, "size", 2)) / 2
     turned = trimesh.geometry.align_vectors([0.0, 0.0, 1.0], normal / length)[:3, :3]
     return _open(np.array([[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]]) @ turned.T, [[0, 1, 2], [0, 2, 3]])
 
@@ -173,7 +175,7 @@ def _mesh(shape: Element, folder: Path, files: ShapeFiles) -> Shape:
 
 def _heightmap(shape: Element, folder: Path, files: ShapeFiles) -> Shape:
     """Its brightest pixel is as high as its size says, and its first row lies at the highest y."""
-    x, y, z = sizes(shape, "size", (1.0, 1.0, 1.0))
+    x, y, z = sizes(shape, "size", 3)
     at = child_numbers(shape, "pos", (0.0, 0.0, 0.0))
     file = files.file(shape, folder)
     try:

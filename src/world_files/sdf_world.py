@@ -72,9 +72,8 @@ def _of_link(model: Model, link: Element, files: ShapeFiles, notes: Notes) -> li
     for kind in ("collision", "visual"):
         found = []
         for element in link.findall(kind):
-            geometry = element.find("geometry")
             try:
-                shape = None if geometry is None else read_shape(geometry, model.folder, files, kind == "collision")
+                shape = _shape_of(element, model.folder, files)
                 T_world_shape = T_world_link @ T_link_shape(link, model, element)
                 if isinstance(shape, Endless) and (T_world_shape[:3, :3] @ shape.normal)[2] < _LEVEL_Z:
                     raise NotUnderstoodError("plane without an end that is not level")
@@ -86,6 +85,14 @@ def _of_link(model: Model, link: Element, files: ShapeFiles, notes: Notes) -> li
         if found:
             return found
     return []
+
+
+def _shape_of(element: Element, folder: Path, files: ShapeFiles) -> Shape | Endless | None:
+    """The shape of a <collision> or <visual>."""
+    geometry = element.find("geometry")
+    if geometry is None:
+        raise NotUnderstoodError(f"{element.tag} without <geometry>")
+    return read_shape(geometry, folder, files, element.tag == "collision")
 
 
 def _joined(shapes: list[tuple[Transform, Shape]], floors: tuple[float, ...], left_out: tuple[str, ...]) -> SdfWorld:

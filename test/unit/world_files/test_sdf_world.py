@@ -32,7 +32,6 @@ def centre(world: SdfWorld) -> list[float]:
     ("geometry", "size"),
     [
         (box("2 3 4"), (2, 3, 4)),
-        ("<box/>", (1, 1, 1)),
         ("<cylinder><radius>0.5</radius><length>3</length></cylinder>", (1, 1, 3)),
         ("<sphere><radius>2</radius></sphere>", (4, 4, 4)),
         ("<capsule><radius>0.5</radius><length>2</length></capsule>", (1, 1, 3)),
@@ -227,8 +226,12 @@ LEFT_OUT = {
     "lamp.dae": model("m", collision("<mesh><uri>model://lamp/lamp.dae</uri></mesh>")),
     "lamp.step": model("m", collision("<mesh><uri>lamp.step</uri></mesh>")),
     "broken.stl": model("m", collision("<mesh><uri>broken.stl</uri></mesh>")),
-    "without <uri>": model("m", collision("<mesh/>")),
-    "hole.png": model("m", collision("<heightmap><uri>hole.png</uri></heightmap>")),
+    "mesh without <uri>": model("m", collision("<mesh/>")),
+    "heightmap without <uri>": model("m", collision("<heightmap><size>9 9 1</size></heightmap>")),
+    "geometry without a shape": model("m", collision("")),
+    "collision without <geometry>": model("m", "<collision name='c'/>"),
+    "visual without <geometry>": model("m", "<visual name='v'/>"),
+    "hole.png": model("m", collision("<heightmap><uri>hole.png</uri><size>9 9 1</size></heightmap>")),
 }
 
 
@@ -239,6 +242,31 @@ def test_what_is_not_understood_is_named_with_its_line_and_left_out(tmp_path: Pa
     found = read(world_file(tmp_path, GROUND, LEFT_OUT[what], model("b", collision(box()))))
     assert len(found.left_out) == 1 and what in found.left_out[0] and len(found.triangles) == 12
     assert found.left_out[0].startswith(f"{tmp_path / 'test.world'}:4: ") and found.left_out[0].count("\n") == 0
+
+
+def test_geometry_that_says_it_is_empty_is_nothing_to_speak_of(tmp_path: Path) -> None:
+    assert not read(world_file(tmp_path, GROUND, model("m", collision("<empty/>")))).left_out
+
+
+SEEN_PLANE = "<visual name='v'><geometry><plane><normal>0 0 1</normal></plane></geometry></visual>"
+NO_SIZE = [
+    ("<box>: it has no <size>", collision("<box/>")),
+    ("<sphere>: it has no <radius>", collision("<sphere/>")),
+    ("<cylinder>: it has no <radius>", collision("<cylinder><length>1</length></cylinder>")),
+    ("<cylinder>: it has no <length>", collision("<cylinder><radius>1</radius></cylinder>")),
+    ("<capsule>: it has no <length>", collision("<capsule><radius>1</radius></capsule>")),
+    ("<cone>: it has no <radius>", collision("<cone><length>1</length></cone>")),
+    ("<ellipsoid>: it has no <radii>", collision("<ellipsoid/>")),
+    ("<heightmap>: it has no <size>", collision("<heightmap><uri>hole.png</uri></heightmap>")),
+    ("<plane>: it has no <size>", SEEN_PLANE),
+]
+
+
+@pytest.mark.parametrize(("said", "shape"), NO_SIZE, ids=[said for said, _ in NO_SIZE])
+def test_shape_without_a_size_ends_the_start_with_file_and_line(tmp_path: Path, said: str, shape: str) -> None:
+    path = world_file(tmp_path, GROUND, model("m", shape))
+    with pytest.raises(ValueError, match=re.escape(f"{path}:4: {said}")):
+        read(path)
 
 
 def test_the_same_thing_is_named_once(tmp_path: Path) -> None:
