@@ -146,10 +146,9 @@ def run_launch(arguments: ExploreArguments, robot: RobotBody, clock_start_s: flo
     The lock of the folder is the launch's, too: nobody writes there before the last node has ended, also when this process is killed.
     """
     port = arguments.port or free_port()
-    print(
-        f"exploring {arguments.world}, seed {arguments.seed}; results in {arguments.out}; ROS_MASTER_URI=http://localhost:{port}",
-        flush=True,
-    )
+    laser = "a tilting laser" if arguments.sensor == SENSORS[0] else "a lidar of 16 beams"
+    what = f"exploring {arguments.world}, seed {arguments.seed}, with {laser} on {robot.name}"
+    print(f"{what}; results in {arguments.out}; ROS_MASTER_URI=http://localhost:{port}", flush=True)
     print(_where_to_look_now(arguments, port), flush=True)
     values = launch_arguments(arguments, robot, _write_parameters(arguments, robot), clock_start_s)
     log, said = WaitingLines(arguments.out / "roslaunch.log"), []

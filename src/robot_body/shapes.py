@@ -86,17 +86,33 @@ def _shape(collision: ElementTree.Element, folder: Path | None) -> Shape:
     if solid.tag == "mesh":
         scale = triple(solid.get("scale"), "1 1 1")
         return Shape("mesh", T, (0.0, 0.0, 0.0), found_mesh(str(solid.get("filename")), folder), scale)
+    half_m = _half_of(solid)
+    if not min(half_m) >= 0.0:
+        raise ValueError(f"a collision {solid.tag} is {' x '.join(f'{2 * half:g}' for half in half_m)} m: no size is below 0")
+    return Shape(solid.tag, T, half_m)
+
+
+def _half_of(solid: ElementTree.Element) -> tuple[float, float, float]:
     if solid.tag == "box":
-        x, y, z = triple(solid.get("size"), "0 0 0")
-        return Shape("box", T, (x / 2, y / 2, z / 2))
-    radius = float(str(solid.get("radius")))
-    return Shape(solid.tag, T, (radius, radius, radius if solid.tag == "sphere" else float(str(solid.get("length"))) / 2))
+        x, y, z = triple(_given(solid, "size"), "")
+        return x / 2, y / 2, z / 2
+    radius = float(_given(solid, "radius"))
+    return radius, radius, radius if solid.tag == "sphere" else float(_given(solid, "length")) / 2
+
+
+def _given(solid: ElementTree.Element, name: str) -> str:
+    value = solid.get(name)
+    if value is None:
+        raise ValueError(f"a collision {solid.tag} has no {name}")
+    return value
 
 
 def triple(text: str | None, default: str) -> tuple[float, float, float]:
-    """Three numbers of an attribute."""
-    x, y, z = (float(v) for v in (text or default).split())
-    return x, y, z
+    """Three numbers of an attribute. ValueError when it has others."""
+    values = [float(value) for value in (text or default).split()]
+    if len(values) != 3 or not np.isfinite(values).all():
+        raise ValueError(f"{text!r} is not three numbers")
+    return values[0], values[1], values[2]
 
 
 def origin_of(element: ElementTree.Element) -> Array:

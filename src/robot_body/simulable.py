@@ -17,6 +17,8 @@ from robot_body.urdf import BASE, Description, read_description, with_mount
 from robot_body.wheels import CASTER_M, casters, driven_wheels
 
 Array = NDArray[np.float64]
+_OFF_MIDDLE_M = 0.02  # a fifth of what its margins hold
+_LIGHTEST_KG_M3, _HEAVIEST_KG_M3 = 60.0, 20_000.0  # foam, and all metals: robots have 200 to 1,700
 
 
 def simulation_problems(robot: RobotBody, text: str, folder: Path) -> list[str]:
@@ -86,11 +88,26 @@ def _of_meshes(description: Description) -> Iterator[str]:
 
 
 def _of_weight(description: Description) -> Iterator[str]:
-    """What is joined firmly weighs something together: base_link with what is fixed to it, and each part that moves."""
+    """What is joined firmly weighs together what its shapes may: base_link with what is fixed to it, and each part that moves."""
     heads = [BASE, *(joint.child for joint in description.joints.values() if joint.kind != "fixed")]
     weightless = [head for head in heads if description.hangs_on_base(head) and not description.firm(head) & description.masses.keys()]
     if weightless:
         yield f"an inertial with a mass and an inertia above 0 is missing in {', '.join(weightless)}"
+        return
+    for head in filter(description.hangs_on_base, heads):
+        kg, m3 = _mass_and_volume(description, description.firm(head))
+        if m3 > 0.0 and not _LIGHTEST_KG_M3 < kg / m3 < _HEAVIEST_KG_M3:
+            yield (
+                f"{head} weighs {kg:g} kg with all that is fixed to it, {kg / m3:.3g} kg for each m3 of its shapes: "
+                "an inertial is missing there, or its mass is not in kg"
+            )
+
+
+def _mass_and_volume(description: Description, links: set[str]) -> tuple[float, float]:
+    """Of links together: kg, and m3 of the boxes around their collision shapes."""
+    reaches = [shape.reach(np.eye(4)) for link in links for shape in description.shapes.get(link, ())]
+    kg = sum(description.masses[link][0] for link in links & description.masses.keys())
+    return kg, float(sum(np.prod(high - low) for low, high in reaches))
 
 
 def _of_wheels(description: Description) -> Iterator[str]:
@@ -102,6 +119,9 @@ def _of_wheels(description: Description) -> Iterator[str]:
             "about y and a collision shape"
         )
         return
+    middle = np.mean([wheel.xyz_m[:2] for wheel in wheels], axis=0)
+    if np.abs(middle).max() > _OFF_MIDDLE_M:
+        yield f"the middle of the wheels is at x {middle[0]:.3g} y {middle[1]:.3g} in {BASE}: put {BASE} there, the robot turns about it"
     ground_m = min(wheel.lowest_m for wheel in wheels)
     feet = {w.link: w.lowest_m for w in wheels} | {c.link: c.foot_m[2] for c in casters(description)}
     for link, low_m in feet.items():

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,7 @@ from robot_body.package_folder import PACKAGE_FOLDER
 from robot_body.shapes import Shape, origin_of, shapes_of, triple
 
 Array = NDArray[np.float64]
+Read = TypeVar("Read")
 
 URDF_FOLDER = PACKAGE_FOLDER / "urdf"
 BASE = "base_link"
@@ -107,10 +110,12 @@ def read_description(text: str, folder: Path | None = None) -> Description:
     """What a URDF, which lies in a folder, says of joints, shapes and masses. ValueError when it cannot be read."""
     try:
         root = ElementTree.fromstring(text)
-        joints = [_joint(element) for element in root.findall("joint") if element.find("child") is not None]
+        if any("xacro" in element.tag for element in root.iter()):
+            raise ValueError("it is a xacro: make a URDF of it with xacro FILE > robot.urdf")
+        joints = [_of(element, _joint) for element in root.findall("joint") if element.find("child") is not None]
         links = {str(link.get("name")): link for link in root.findall("link")}
-        shapes = {name: shapes_of(link, folder) for name, link in links.items()}
-        masses = {name: found for name, link in links.items() if (found := _mass(link)) is not None}
+        shapes = {name: _of(link, lambda of: shapes_of(of, folder)) for name, link in links.items()}
+        masses = {name: found for name, link in links.items() if (found := _of(link, _mass)) is not None}
     except (ElementTree.ParseError, AttributeError, TypeError, ValueError) as error:
         raise ValueError(f"robot_description cannot be read: {error}") from error
     return Description({joint.child: joint for joint in joints}, shapes, masses)
@@ -138,6 +143,14 @@ def with_mount(description: Description, mount: SensorMount) -> Description:
     T = transform_from_rpy(mount.xyz_m, mount.rpy_rad)
     added = Joint(f"{mount.sensor} of robot.yaml", "fixed", mount.parent, mount.frame, T, (1.0, 0.0, 0.0))
     return replace(description, joints={**description.joints, mount.frame: added})
+
+
+def _of(element: ElementTree.Element, read: Callable[[ElementTree.Element], Read]) -> Read:
+    """What is read of a joint or a link; an error tells of which."""
+    try:
+        return read(element)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise ValueError(f"{element.tag} {element.get('name')}: {error}") from error
 
 
 def _joint(element: ElementTree.Element) -> Joint:

@@ -34,6 +34,10 @@ def changed(old: str, new: str, text: str = URDF) -> str:
 
 LEFT_WHEEL = between(URDF, '<link name="left_wheel">', "</link>")
 LEFT_JOINT = between(URDF, '<joint name="left_wheel_joint"', "</joint>")
+BODY = between(between(URDF, '<link name="base_link">', "</link>"), "<inertial>", "</inertial>")
+AXLE_AHEAD = URDF.replace('xyz="0 0.155 0"', 'xyz="0.08 0.155 0"').replace('xyz="0 -0.155 0"', 'xyz="0.08 -0.155 0"')
+XACRO = '<xacro:wheel xmlns:xacro="http://www.ros.org/wiki/xacro"/>'
+BODY_OF_HUSKY = between(between(HUSKY_URDF, '<link name="base_link">', "</link>"), "<inertial>", "</inertial>")
 OF_HUSKY = between(HUSKY_URDF, '<joint name="rear_left_wheel"', "</joint>")
 TILT = between(URDF, '<joint name="tilt_joint"', "</joint>")
 IMU = between(URDF, '<joint name="imu_joint"', "</joint>")
@@ -90,6 +94,15 @@ def test_every_robot_of_the_project_can_be_simulated(name: str) -> None:
         (SMALL, changed('name="mast_joint"', 'name="tilt_joint"'), "the URDF has more than one joint tilt_joint"),
         (SMALL, changed("</robot>", CASTER_JOINT.replace("caster_joint", "other") + "</robot>"), "more than one joint to link caster"),
         (SMALL, URDF[:500], "cannot be read"),
+        (SMALL, without(BODY), "base_link weighs 0.65 kg"),
+        (SMALL, changed('mass value="11.0"', 'mass value="11000000"'), "base_link weighs 1.1e+07 kg"),
+        (RobotBody(), without(BODY_OF_HUSKY, HUSKY_URDF), "12.5 kg for each m3 of its shapes: an inertial is missing there"),
+        (SMALL, AXLE_AHEAD, "wheels is at x 0.08 y 0 in"),
+        (SMALL, changed('size="', 'size="-', URDF), "link base_link: a collision box is -"),
+        (SMALL, changed('<sphere radius="0.05"/>', "<sphere/>"), "link caster: a collision sphere has no radius"),
+        (SMALL, changed('xyz="0 0.155 0"', 'xyz="0 0.155"'), "joint left_wheel_joint: '0 0.155' is not three numbers"),
+        (SMALL, changed('xyz="0 0.155 0"', 'xyz="0 0.155 nan"'), "joint left_wheel_joint: '0 0.155 nan' is not three numbers"),
+        (SMALL, changed("</robot>", XACRO + "</robot>"), "it is a xacro: make a URDF of it with xacro FILE"),
     ],
     ids=lambda value: value if isinstance(value, str) and len(value) < 90 else "",
 )
