@@ -37,6 +37,7 @@ FILE_WALL_BELOW_M, FILE_WALL_ABOVE_M = 0.5, 1.5
 GENTLE_RAD = math.radians(6.0)
 SAME_LEVEL_M = 0.01
 FLOOR_THICK_M = 0.2
+FAR_START_M = 50.0  # from all that stands on a floor: nearly all of what would be explored is bare floor
 FLOOR_BEYOND_M = 2.0  # how far a floor without an end goes on beyond what stands on it: room to drive around all of that
 
 
@@ -133,8 +134,20 @@ def _bounds_of_floors(mesh: Mesh | None, by: Request) -> tuple[Array, Array]:
     low, high = corners.min(axis=0) - FLOOR_BEYOND_M, corners.max(axis=0) + FLOOR_BEYOND_M
     if by.start is not None:
         asked = by.start.relative_to(mesh.origin)
+        if by.area_xy is None:
+            _check_nearness(asked, corners)
         low, high = np.minimum(low, (asked.x, asked.y) - area / 2), np.maximum(high, (asked.x, asked.y) + area / 2)
     return low, high
+
+
+def _check_nearness(start: AskedStart, corners: Array) -> None:
+    """ValueError for a start that only an endless floor reaches: more than `FAR_START_M` beyond all (N, 2) that stands on it."""
+    beyond = np.maximum(corners.min(axis=0) - (start.x, start.y), (start.x, start.y) - corners.max(axis=0))
+    away_m = float(np.linalg.norm(np.maximum(beyond, 0.0)))
+    if away_m > FAR_START_M:
+        raise ValueError(
+            f"the robot cannot start at {start}: all that stands in the file is {away_m:.0f} m away; --area X Y explores the floor there"
+        )
 
 
 def _with_floors(mesh: Mesh | None, heights: tuple[float, ...], low: Array, high: Array) -> Mesh:

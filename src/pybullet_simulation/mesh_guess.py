@@ -1,5 +1,9 @@
-"""What a mesh may have meant in which no robot can stand: another unit, or another axis upwards. It is asked about, never assumed."""
+"""What a mesh may have meant that is large, or in which no robot can stand: another unit, or another axis upwards.
 
+It is asked about, never assumed.
+"""
+
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -7,10 +11,11 @@ from numpy.typing import NDArray
 
 from pybullet_simulation.start_pose import NoStartError, StandingTest, choose_start
 from robot_body import RobotBody
-from world_files import UPS, Mesh, MeshFrame, read_mesh
+from world_files import MESH_SUFFIXES, UPS, Mesh, MeshFrame, Surface, WorldDescription, read_mesh
 
 LARGEST_M, LARGEST_WITH_AREA_M = 1000.0, 5000.0  # of a mesh whose unit nobody gave: more than a robot explores; than an octree holds
 _LEAST_M, _TALLEST_M = 2.0, 200.0  # of a mesh that is a place to drive in
+_HIGH_M, _LONG_M = 30.0, 200.0  # of places that robots explore, few are higher or longer: the file of one may have another unit
 _UNITS = {1.0: "", 0.001: "in millimetres", 0.01: "in centimetres", 0.0254: "in inches", 0.3048: "in feet"}
 _TRIES, _SEED = 200, 1
 
@@ -23,6 +28,19 @@ def size_problem(path: Path, mesh: Mesh, frame: MeshFrame | None, has_area: bool
         return None
     area = "" if has_area else ", and --area X Y explores a part of it"
     return f"the mesh {path} is {size_text(mesh)} m large; --scale 1 says that its unit is the metre{area}"
+
+
+def unit_hint(about: WorldDescription, surfaces: Sequence[Surface]) -> str:
+    """What follows the size of a mesh world that is unusually high or long and whose scale nobody gave: its unit, and other ones."""
+    suffix = Path(about.world).suffix.lower()
+    if suffix not in MESH_SUFFIXES or about.scale is not None:
+        return ""
+    x, y, z = np.ptp(np.vstack([surface.vertices for surface in surfaces]), axis=0)
+    if z <= _HIGH_M and max(x, y) <= _LONG_M:
+        return ""
+    taken = "with the unit that the file names" if suffix == ".dae" else "one unit taken as one metre"
+    others = ", ".join(f"{scale:g} {unit.replace('in', 'for', 1)}" for scale, unit in sorted(_UNITS.items()) if unit)
+    return f", {taken} (--scale tells another: {others})"
 
 
 def too_large(size: NDArray[np.float64]) -> bool:

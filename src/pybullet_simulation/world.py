@@ -26,7 +26,7 @@ class World:
     `vertices` (V, 3) float64 and `triangles` (T, 3) int32 hold everything; the physics takes `solids` and `surfaces`.
     `extent` (2, 3) is the lowest and highest corner, walls included; `start_z` the height of the ground at the start; `origin` where the
     world's own lies in the coordinates of its file, 0 0 0 unless that is far away; `notes` what there is to say of its file. `movers` go
-    about in it; they are in no mesh.
+    about in it; they are in no mesh. `unit_hint`: what there is to say of the unit of its size.
     """
 
     name: str
@@ -41,13 +41,14 @@ class World:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     movers: tuple[MoverSpec, ...] = ()
     notes: tuple[str, ...] = ()
+    unit_hint: str = ""
 
     def about(self) -> str:
         """Its size and where the robot starts, in the coordinates of its file, in a few words."""
         x, y, yaw = self.start_xyyaw
         size = " x ".join(f"{v:.1f}" for v in self.extent[1] - self.extent[0])
         ox, oy, oz = self.origin
-        return f"{size} m; the robot starts at x {x + ox:.2f} y {y + oy:.2f} z {self.start_z + oz:.2f} yaw {yaw:.2f}"
+        return f"{size} m{self.unit_hint}; the robot starts at x {x + ox:.2f} y {y + oy:.2f} z {self.start_z + oz:.2f} yaw {yaw:.2f}"
 
     def write_mesh(self, path: Path) -> None:
         """Writes the joint mesh (.ply, .obj, .stl), for the judge, and beside it the origin of a far world; OSError when it cannot be."""

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pybullet_simulation import doors_world, ramp_world, rooms_world
 from pybullet_simulation.file_worlds import FILE_SUFFIXES, from_file, start_advice
+from pybullet_simulation.mesh_guess import unit_hint
 from pybullet_simulation.moon_world import SIDE_M as MOON_SIDE_M
 from pybullet_simulation.moon_world import moon
 from pybullet_simulation.start_pose import AskedStart, NoStartError, StandingTest, check_start, choose_start
@@ -107,4 +108,5 @@ def _with_start(about: WorldDescription, parts: Parts, by: Request) -> World:
         (x, y, z),
         movers=() if about.movers is None else specs_of(about.movers),
         notes=parts.notes,
+        unit_hint=unit_hint(about, parts.surfaces),
     )

@@ -1,5 +1,6 @@
 """Worlds from SDF files and descriptions: floors, walls, starts, and what is said of a file."""
 
+import dataclasses
 import math
 import sys
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+import trimesh.exchange.dae
 
 sys.path.append(str(Path(__file__).parents[1] / "world_files"))
 
@@ -39,6 +41,42 @@ def test_floor_reaches_the_start_and_an_area_takes_another_part(tmp_path: Path) 
     area = load_world(path, 1, start=(-9.0, 3.0, 0.0), area_xy=(8.0, 6.0))
     np.testing.assert_allclose(area.extent[:, :2], [[-13.2, -0.2], [-4.8, 6.2]], atol=1e-6)
     assert not area.notes
+
+
+def test_start_far_from_all_that_stands_on_a_floor_is_refused_unless_an_area_is_said(tmp_path: Path) -> None:
+    path = str(world_file(tmp_path, GROUND, PILLAR))
+    assert load_world(path, 1, start=(-48.0, 3.0, 0.0)).extent[0, 0] == pytest.approx(-50.2)
+    with pytest.raises(ValueError, match="^the robot cannot start at x 400 y 3: all that stands in the file is 398 m away; --area X Y"):
+        load_world(path, 1, start=(400.0, 3.0, 0.0))
+    assert load_world(path, 1, start=(400.0, 3.0, 0.0), area_xy=(8.0, 6.0)).start_xyyaw == (400.0, 3.0, 0.0)
+
+
+def slab(path: Path, size: tuple[float, float, float]) -> WorldDescription:
+    trimesh.creation.box(size).export(path)
+    return WorldDescription(str(path), start=(0.0, 0.0, 0.0))
+
+
+OTHERS = "0.001 for millimetres, 0.01 for centimetres, 0.0254 for inches, 0.3048 for feet"
+
+
+@pytest.mark.parametrize(
+    ("size", "said"), [((201, 9, 0.2), True), ((9, 201, 0.2), True), ((9, 9, 31), True), ((199, 9, 0.2), False), ((9, 9, 29), False)]
+)
+def test_mesh_that_is_unusually_long_or_high_is_told_with_its_unit(tmp_path: Path, size: tuple[float, float, float], said: bool) -> None:
+    about = slab(tmp_path / "hall.obj", size)
+    hint = f" m, one unit taken as one metre (--scale tells another: {OTHERS}); the robot starts at "
+    assert (hint in load_world(about, 1).about()) == said
+    assert "unit" not in load_world(dataclasses.replace(about, scale=1.0), 1).about()
+
+
+def test_mesh_whose_file_names_its_unit_is_told_so(tmp_path: Path) -> None:
+    (tmp_path / "hall.dae").write_bytes(trimesh.exchange.dae.export_collada(trimesh.creation.box((300.0, 0.2, 9.0))))
+    assert " m, with the unit that the file names (--scale tells another: " in load_world(str(tmp_path / "hall.dae"), 1).about()
+
+
+def test_unit_of_an_sdf_file_needs_no_word(tmp_path: Path) -> None:
+    world = load_world(str(world_file(tmp_path, GROUND, PILLAR, model("wall", collision(box("300 1 1")), pose=pose("0 9 0.5 0 0 0")))), 1)
+    assert "unit" not in world.about()
 
 
 def test_plane_only_asks_for_an_area(tmp_path: Path) -> None:
