@@ -12,7 +12,7 @@ from explore_command.parameters import COMMAND, ROBOT, all_overrides, chosen_map
 from rigid_geometry import origin_text
 from robot_body import PACKAGE_FOLDER, RobotBody, fixed_laser_problem, is_fixed, missing_visuals, robot_mapping, urdf_file
 from roslaunch_process import free_port, hand_on_signals, shown_lines, start_launch
-from simulated_movers import asked_movers
+from simulated_movers import MoverError, asked_movers
 from stage_config import ConfigError
 from whole_files import WaitingLines, write_whole
 
@@ -43,11 +43,18 @@ def world_problem(arguments: ExploreArguments, robot: RobotBody) -> str | None:
         print(f"{world.name}: {world.about()}", flush=True)
     try:
         crowd_in(replace(world, movers=world.movers + asked_movers(arguments.movers, arguments.seed)), robot, arguments.seed)
-    except ValueError as error:
-        return f"--movers: {error}"
+    except MoverError as error:
+        return _mover_problem(error, len(world.movers), arguments)
     if any(world.origin):
         print(f"{arguments.world}: {origin_text(world.origin)}, which world_origin.json keeps", flush=True)
     return None
+
+
+def _mover_problem(error: MoverError, of_world: int, arguments: ExploreArguments) -> str:
+    """Which mover cannot be, and why: the first `of_world` stand in the world's file, the rest were asked for."""
+    if error.index < of_world:
+        return f"--world {arguments.world}: mover {error.index + 1}: {error.sentence}"
+    return f"--movers {arguments.movers}: mover {error.index - of_world + 1}: {error.sentence}"
 
 
 def parameter_problem(arguments: ExploreArguments) -> str | None:

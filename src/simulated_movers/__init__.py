@@ -6,7 +6,7 @@ in as `OpenGround`. Nothing here is random but by the generators that are handed
 
 from simulated_movers.asked import asked_movers
 from simulated_movers.beams import MovingParts, joined_parts
-from simulated_movers.crowd import Crowd
+from simulated_movers.crowd import Crowd, MoverError
 from simulated_movers.drawn import drawn_movers
 from simulated_movers.ground import OpenGround, RobotSeen
 from simulated_movers.record import MOVERS_FILE, MoverRecord
@@ -16,6 +16,7 @@ from simulated_movers.specification import MoverSpec, read_movers, specs_of
 __all__ = [
     "MOVERS_FILE",
     "Crowd",
+    "MoverError",
     "MoverRecord",
     "MoverSpec",
     "MovingParts",

@@ -18,32 +18,46 @@ STARTS_FROM_ROBOT_M = 1.0  # of those whose start is drawn: room for the robot t
 _MOVERS = 18  # random stream of a seed, beside those of the simulation
 
 
+class MoverError(ValueError):
+    """A mover that cannot be: `index` in its list, from 0, and `sentence`, which begins with its name."""
+
+    def __init__(self, index: int, sentence: str) -> None:
+        super().__init__(f"mover {sentence}")
+        self.index, self.sentence = index, sentence
+
+
 class Crowd:
     """Movers in open ground, each with a random stream of its own."""
 
     def __init__(self, specs: Sequence[MoverSpec], ground: OpenGround, robot: RobotSeen, seed: int) -> None:
-        """ValueError in one line for a mover that cannot be where it starts or goes."""
+        """MoverError in one line for a mover that cannot be where it starts or goes, or that has another's name."""
         self._specs = tuple(specs)
         self._movers: list[Walker | Door] = []
-        for number, spec in enumerate(self._specs):
-            rng = np.random.default_rng([seed, _MOVERS, number])
-            self._movers.append(self._placed(spec, ground, robot, rng))
+        for index, spec in enumerate(self._specs):
+            rng = np.random.default_rng([seed, _MOVERS, index])
+            try:
+                self._movers.append(self._placed(spec, ground, robot, rng))
+            except ValueError as error:
+                raise MoverError(index, f"{spec.name}{error}") from error
+            if spec.name and spec.name in self.names[:index]:
+                raise MoverError(index, f"{spec.name} has the name of another one")
         self._parts = [parts_of(spec) for spec in self._specs]
 
     def _placed(self, spec: MoverSpec, ground: OpenGround, robot: RobotSeen, rng: np.random.Generator) -> Walker | Door:
+        """A mover where it starts. ValueError with what follows its name when it cannot be there."""
         if spec.kind == "door":
             door = Door(spec, ground, rng)
             if not math.isfinite(door.place[2]):
-                raise ValueError(f"mover {spec.name}: the door is inside a wall, or nothing open lies under its leaf")
+                raise ValueError(": the door is inside a wall, or nothing open lies under its leaf")
             return door
         radius_m = RADIUS_M[spec.kind]
         given = spec.start or spec.path[:2]
         start = np.array(given) if given else self._drawn_start(spec, ground, robot, rng)
         if problem := self._problem(start, radius_m, ground, robot):
-            raise ValueError(f"mover {spec.name} cannot start at x {start[0]:g} y {start[1]:g}: {problem}")
+            raise ValueError(f" cannot start at x {start[0]:g} y {start[1]:g}: {problem}")
         for begin, end in zip([start, *spec.places], spec.places, strict=False):
             if not ground.is_open(np.asarray(begin), np.array(end), radius_m):
-                raise ValueError(f"mover {spec.name} cannot go from {_text(begin)} to {_text(end)}: a wall or obstacle is in its way")
+                raise ValueError(f" cannot go from {_text(begin)} to {_text(end)}: a wall or obstacle is in its way")
         return Walker(spec, start, ground, rng)
 
     def _problem(self, start: Array, radius_m: float, ground: OpenGround, robot: RobotSeen) -> str | None:
@@ -63,7 +77,7 @@ class Crowd:
         for index in rng.permutation(np.flatnonzero(far)):
             if self._problem(places[index], RADIUS_M[spec.kind], ground, robot) is None:
                 return np.asarray(places[index])
-        raise ValueError(f"mover {spec.name}: there is no open ground left for it; fewer movers, or a start")
+        raise ValueError(": there is no open ground left for it; fewer movers, or a start")
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -45,8 +45,10 @@ class MoverSpec:
             found.append(f"path is {list(self.path)}, expected x, y, x, y ...")
         if (self.walk == "path") != bool(self.path):
             found.append("walk: path and a path go together")
-        elif self.walk == "path" and len(self.path) < 4:
-            found.append(f"path is {list(self.path)}, expected two places or more")
+        elif self.walk == "path" and len(self.path) == 2:
+            found.append(f"path has one place, [{list(self.path)}], expected two or more, as [[x, y], [x, y]]")
+        elif self.walk == "path" and len(set(self.places)) < 2:
+            found.append(f"path has {len(self.places)} places, all at {list(self.path[:2])}, expected two that differ")
         if self.kind == "door" and (self.walk != "random" or len(self.start) != 2):
             found.append("a door needs start, the x, y of its hinge, and has no walk")
         return found
@@ -70,7 +72,12 @@ def specs_of(entries: object) -> tuple[MoverSpec, ...]:
     """The movers of a list of mappings, as a world's YAML has them below `movers`. ValueError in one line for the first wrong one."""
     if not isinstance(entries, list):
         raise ValueError(f"movers is {type(entries).__name__}, expected a list")
-    return tuple(_spec(number, entry) for number, entry in enumerate(entries, 1))
+    specs = tuple(_spec(number, entry) for number, entry in enumerate(entries, 1))
+    first: dict[str, int] = {}
+    for number, spec in enumerate(specs, 1):
+        if first.setdefault(spec.name, number) != number:
+            raise ValueError(f"mover {number}: its name, {spec.name}, is that of mover {first[spec.name]}, too")
+    return specs
 
 
 def _spec(number: int, entry: object) -> MoverSpec:

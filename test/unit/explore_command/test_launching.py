@@ -162,6 +162,22 @@ def test_mesh_without_triangles_is_a_problem(tmp_path: Path) -> None:
     assert world_problem(parse(["--world", str(tmp_path / "empty.obj")]), RobotBody()) is not None
 
 
+def test_mover_that_cannot_be_is_told_with_the_file_that_names_it(tmp_path: Path) -> None:
+    world, movers = tmp_path / "w.yaml", tmp_path / "m.yaml"
+    in_a_wall = "{kind: person, start: [99, 99]}"
+    world.write_text(f"world: rooms\nmovers:\n- {{kind: cart}}\n- {in_a_wall}\n")
+    said = "person_2 cannot start at x 99 y 99: it is inside or too near"
+    problem = world_problem(parse(["--world", str(world)]), RobotBody())
+    assert problem is not None and problem.startswith(f"--world {world}: mover 2: {said}")
+    world.write_text("world: rooms\nmovers:\n- {kind: cart}\n")
+    movers.write_text(f"- {{kind: robot}}\n- {in_a_wall}\n")
+    problem = world_problem(parse(["--world", str(world), "--movers", str(movers)]), RobotBody())
+    assert problem is not None and problem.startswith(f"--movers {movers}: mover 2: {said}")
+    movers.write_text("- {kind: cart}\n")
+    problem = world_problem(parse(["--world", str(world), "--movers", str(movers)]), RobotBody())
+    assert problem == f"--movers {movers}: mover 1: cart_1 has the name of another one"
+
+
 @pytest.mark.parametrize("name", profile_names())
 def test_profiles_of_the_project_fit_the_nodes(name) -> None:
     assert override_problems(read_profile(name)) == []

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from simulated_movers import Crowd, MoverSpec, OpenGround, RobotSeen, drawn_movers
+from simulated_movers import Crowd, MoverError, MoverSpec, OpenGround, RobotSeen, drawn_movers
 
 DT_S = 0.05
 FAR = RobotSeen(50.0, 50.0, 0.0, 0.0, 0.5, 0.33)
@@ -121,6 +121,16 @@ def test_door_opens_and_shuts_and_stops_before_the_robot():
 def test_mover_that_cannot_be_where_it_starts_is_said_in_one_line(spec, said):
     with pytest.raises(ValueError, match=said):
         Crowd([spec], hall(), RobotSeen(0.0, 0.0, 0.0, 0.0, 0.5, 0.33), 1)
+
+
+def test_mover_that_cannot_be_is_told_with_its_place_in_the_list():
+    good = MoverSpec(name="a", start=(1.0, 1.0))
+    with pytest.raises(MoverError, match="^mover b cannot start at x 30 y 0: ") as refused:
+        Crowd([good, MoverSpec(name="b", start=(30.0, 0.0))], hall(), FAR, 1)
+    assert refused.value.index == 1 and refused.value.sentence.startswith("b cannot start")
+    with pytest.raises(MoverError, match="^mover a has the name of another one$") as refused:
+        Crowd([good, MoverSpec(name="a", start=(-1.0, 1.0))], hall(), FAR, 1)
+    assert refused.value.index == 1
 
 
 def test_two_movers_in_one_place_and_more_than_have_room_are_refused():

@@ -26,7 +26,8 @@ def test_places_of_a_far_world_are_brought_near_its_origin():
         ({"start": [1.0]}, r"start is \[1.0\], expected x and y"),
         ({"start": ["a", "b"]}, "expected x and y"),
         ({"walk": "path"}, "walk: path and a path go together"),
-        ({"walk": "path", "path": [[1, 1]]}, "expected two places or more"),
+        ({"walk": "path", "path": [[1, 2]]}, r"path has one place, \[\[1.0, 2.0\]\], expected two or more, as \[\[x, y\], \[x, y\]\]"),
+        ({"walk": "path", "path": [[1, 2], [1, 2]]}, r"path has 2 places, all at \[1.0, 2.0\], expected two that differ"),
         ({"walk": "path", "path": [1, 1, 2]}, "expected x, y, x, y"),
         ({"kind": "door"}, "a door needs start"),
         ("person", "mover 1 is 'person', expected fields such as kind"),
@@ -36,6 +37,19 @@ def test_what_is_wrong_with_a_mover_is_said_in_one_line(entry, said):
     with pytest.raises(ValueError, match=said) as error:
         specs_of([entry])
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [[{"name": "a"}, {"kind": "cart"}, {"kind": "cart", "name": "a"}], [{"kind": "person"}, {"kind": "cart"}, {"name": "person_1"}]],
+)
+def test_two_movers_of_one_name_are_refused(entries):
+    with pytest.raises(ValueError, match="^mover 3: its name, (a|person_1), is that of mover 1, too$"):
+        specs_of(entries)
+
+
+def test_path_may_come_by_a_place_twice():
+    assert specs_of([{"walk": "path", "path": [[0, 0], [1, 0], [1, 0], [0, 0]]}])[0].places[1] == (1.0, 0.0)
 
 
 @pytest.mark.parametrize(
