@@ -7,7 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from stage_config import ConfigError, check_ranges, load_config, parameter
+from stage_config import ConfigError, check_ranges, load_config, parameter, yaml_values
 
 KINDS = ("person", "cart", "robot", "door")
 WALKS = ("random", "path", "steps_in")
@@ -97,7 +97,7 @@ def _spec(number: int, entry: object) -> MoverSpec:
 def read_movers(path: Path) -> tuple[MoverSpec, ...]:
     """The movers of a YAML file, a list or one below `movers`. ValueError in one line with the file when it cannot be used."""
     try:
-        found = yaml.safe_load(path.read_text())
+        found = yaml_values(path.read_text())
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from error
     except (yaml.YAMLError, UnicodeDecodeError) as error:

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import yaml
 
+from stage_config import yaml_values
+
 DESCRIPTION_SUFFIXES = (".yaml", ".yml")
 
 
@@ -51,7 +53,7 @@ def described(given: WorldDescription) -> WorldDescription:
 def read_description(path: Path) -> WorldDescription:
     """The description in a YAML file; ValueError in one line, with file and key, for anything in it that is wrong."""
     try:
-        values = yaml.safe_load(path.read_bytes())
+        values = yaml_values(path.read_bytes())
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -26,7 +26,7 @@ ORDER: dict[str, set[str]] = {
     "visiting_order": set(),
     "map_zones": {"whole_files"},
     "node_life": {"whole_files"},
-    "world_files": {"rigid_geometry"},
+    "world_files": {"rigid_geometry", "stage_config"},
     # stages
     "simulated_movers": {"stage_config", "whole_files"},
     "pybullet_simulation": BASE | {"simulated_movers", "world_files"},

@@ -52,8 +52,11 @@ def test_path_may_come_by_a_place_twice():
     assert specs_of([{"walk": "path", "path": [[0, 0], [1, 0], [1, 0], [0, 0]]}])[0].places[1] == (1.0, 0.0)
 
 
+TWICE = ("- {name: a, name: b}", "no YAML: key name stands in line 1, and again in line 1")
+
+
 @pytest.mark.parametrize(
-    ("text", "said"), [("- [", "no YAML"), ("movers: 3", "movers is int, expected a list"), ("- kind: cat", "mover 1: kind")]
+    ("text", "said"), [("- [", "no YAML"), ("movers: 3", "movers is int, expected a list"), ("- kind: cat", "mover 1: kind"), TWICE]
 )
 def test_file_that_cannot_be_used_is_named(tmp_path, text, said):
     path = tmp_path / "movers.yaml"

@@ -55,6 +55,7 @@ def test_what_is_given_stands_over_what_the_file_says(tmp_path: Path) -> None:
         ("world: a.sdf\nscale: true", "scale: True"),
         ("world: a.sdf\nmodels: 3", "models: 3 is no list of folders"),
         ("world: a.sdf\nup: 3", "up: 3"),
+        ("world: a.sdf\nstart: [1, 2, 0]\nstart: [2, 1, 0]", "key start stands in line 2, and again in line 3"),
         ("world: b.yaml", "b.yaml is a description, too"),
     ],
 )
