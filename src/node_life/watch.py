@@ -15,7 +15,7 @@ class RevivalConfig:
     busy_s: float = 60.0  # without a beat it is hung though it works: no sweep of our worlds takes a node a third of that
     start_s: float = 60.0  # without work before its first beat; while it loads and compiles it works
     end_s: float = 60.0  # without work once it ends: it unsubscribes, and its process is taken down
-    unborn_s: float = 3.0  # of a node that is asked to end before its first beat: it has nothing to save, and may hang in an import
+    hears_s: float = 3.0  # until it says that it ends, once it is asked to: an import may swallow that, or hang in it
     delay_s: float = 0.5  # until it is started again: the master and the listeners have noticed by then
     deaths: int = 3  # so many within `within_s`, and it is given up (issue 42)
     within_s: float = 60.0

@@ -57,7 +57,7 @@ class Revival:
     def __init__(self, command: Sequence[str], memory: Path | None, config: RevivalConfig) -> None:
         self._command, self._memory, self._config = command, memory, config
         self._node = next((word[8:] for word in command if word.startswith("__name:=")), Path(command[0]).name)
-        self._asked_to_end, self._asked_s = False, math.inf
+        self._asked_to_end, self._asked_s, self._had_begun = False, math.inf, False
         self._full_name = f"{_namespace(command)}/{self._node}"
         self._master = _Master(self._full_name)
 
@@ -88,7 +88,7 @@ class Revival:
             time.sleep(self._config.delay_s)
 
     def _end(self, _number: int, _frame: object) -> None:
-        self._asked_to_end, self._asked_s = True, min(self._asked_s, time.monotonic())
+        self._asked_to_end = True
 
     def _say(self, text: str) -> None:
         sys.stderr.write(f"[explore] {self._full_name.lstrip('/')} {text}\n")
@@ -103,16 +103,16 @@ class Revival:
         watch, why = Watch(self._config, time.monotonic()), ""
         try:
             while process.poll() is None:
-                if select.select([reading], [], [], _LOOK_S)[0]:
-                    if ENDING in (beats := os.read(reading, 4096)):
+                if beats := bool(select.select([reading], [], [], _LOOK_S)[0]):
+                    if ENDING in (said := os.read(reading, 4096)):
                         watch.end(time.monotonic())
-                    elif beats:
-                        watch.beat(time.monotonic(), starts=BEAT not in beats)
+                    elif said:
+                        watch.beat(time.monotonic(), starts=BEAT not in said)
                     else:
                         time.sleep(0.01)  # it is about to have ended
-                elif not watch.has_beaten and time.monotonic() - self._asked_s > self._config.unborn_s:
-                    process.kill()
-                elif not self._asked_to_end:
+                if self._asked_to_end:
+                    self._ask_again(process, watch)
+                elif not beats:
                     why = why or watch.hung(time.monotonic(), processor_s(process.pid))
                     if why:
                         why += self._stacks(process)
@@ -120,6 +120,15 @@ class Revival:
         finally:
             os.close(reading)
         return process.returncode, why, watch.is_ending
+
+    def _ask_again(self, process: "subprocess.Popen[bytes]", watch: Watch) -> None:
+        """A node that does not say that it ends has not heard it. One that was not up yet has nothing to save."""
+        now_s = time.monotonic()
+        if self._asked_s == math.inf:
+            self._asked_s, self._had_begun = now_s, watch.has_beaten
+        elif now_s - self._asked_s > self._config.hears_s and not watch.is_ending:
+            self._asked_s = now_s
+            process.send_signal(signal.SIGINT if self._had_begun else signal.SIGKILL)
 
     def _stacks(self, process: "subprocess.Popen[bytes]") -> str:
         """Has a node that hangs say where, beside its log file; in words where that is, empty where it does not say."""

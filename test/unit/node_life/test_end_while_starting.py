@@ -39,6 +39,11 @@ def test_node_that_hangs_in_its_start_ends_with_the_launch(tmp_path: Path) -> No
     assert seconds_to_end(tmp_path, "", 100.0) < 50.0
 
 
+def test_node_that_was_up_and_did_not_hear_it_is_asked_again(tmp_path: Path) -> None:
+    begins = "life.beat(); asked = []; signal.signal(signal.SIGINT, lambda *_: asked.append(1) or len(asked) > 1 and os._exit(0))"
+    assert seconds_to_end(tmp_path, begins, 100.0) < 50.0
+
+
 @pytest.mark.parametrize("begins", ["life.beat()", "life.ends()"])
 def test_node_that_has_begun_or_says_that_it_ends_is_waited_for(tmp_path: Path, begins: str) -> None:
     assert seconds_to_end(tmp_path, begins, 6.0) > 5.0
