@@ -23,7 +23,7 @@ from robot_body import (
     simulation_problems,
     urdf_file,
 )
-from stage_config import ConfigError, load_config
+from stage_config import ConfigError, load_config, yaml_values
 
 PROFILES = PACKAGE_FOLDER / "config" / "profiles"
 
@@ -99,7 +99,7 @@ def read_profile(name: str) -> Overrides:
     if not path.is_file():
         raise ValueError(f"{name}: no such profile or file; profiles are {', '.join(profile_names())}")
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+        content = yaml_values(path.read_text(encoding="utf-8")) or {}
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{name}: cannot be read: {' '.join(str(error).split())}") from error
     if not isinstance(content, dict) or not all(isinstance(values, dict) for values in content.values()):

@@ -14,6 +14,7 @@ import yaml
 from numpy.typing import ArrayLike, NDArray
 
 from map_zones.polygon import Floats, distance_m, is_inside, polygon_problem, without_repeats
+from stage_config import yaml_values
 from whole_files import write_whole
 
 _KINDS = ("bounds", "no_go")
@@ -156,7 +157,7 @@ def _entry(zone: Zone) -> dict[str, object]:
 def read_zones(path: Path) -> Zones:
     """Of a YAML file; ValueError, with the file's name, for one that is none."""
     try:
-        return zones_from_mapping(yaml.safe_load(path.read_text(encoding="utf-8")) or {})
+        return zones_from_mapping(yaml_values(path.read_text(encoding="utf-8")) or {})
     except (OSError, yaml.YAMLError, UnicodeDecodeError, ValueError) as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from error
 

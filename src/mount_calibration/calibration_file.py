@@ -8,6 +8,7 @@ import numpy as np
 import yaml
 
 from mount_calibration.tilt_calibration import NOMINAL, PARAMETERS, TiltCalibration
+from stage_config import yaml_values
 from whole_files import write_whole
 
 SECTION = "mount_calibration"
@@ -30,7 +31,7 @@ def write_calibration(calibration: TiltCalibration, path: Path) -> None:
 def read_calibration(path: Path) -> TiltCalibration:
     """The calibration of a file; ValueError in one line that names file and field when it is none, OSError when it cannot be read."""
     try:
-        read = yaml.safe_load(path.read_text(encoding="utf-8"))
+        read = yaml_values(path.read_text(encoding="utf-8"))
     except (yaml.YAMLError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: no YAML: {' '.join(str(error).split())}") from error
     values = read.get(SECTION) if isinstance(read, dict) else None

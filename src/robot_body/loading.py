@@ -12,7 +12,7 @@ import yaml
 from robot_body.body import RobotBody
 from robot_body.mounts import read_mounts
 from robot_body.package_folder import PACKAGE_FOLDER
-from stage_config import ConfigError, load_config, to_mapping
+from stage_config import ConfigError, load_config, to_mapping, yaml_values
 
 _CONFIG = PACKAGE_FOLDER / "config"
 DEFAULT_ROBOT_FILE = _CONFIG / "robot.yaml"
@@ -37,7 +37,7 @@ def load_robot(path: Path | str = DEFAULT_ROBOT_FILE) -> RobotBody:
 def robot_values(path: Path | str) -> dict[str, object]:
     """What a robot's file says, unchecked, with the path of a description beside it. ConfigError when it cannot be read."""
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        content = yaml_values(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError as error:
         raise ConfigError(f"{path}: no such robot or file; robots are {', '.join(_ROBOTS)}, or a file like config/robot.yaml") from error
     except OSError as error:
@@ -56,6 +56,8 @@ def robot_values(path: Path | str) -> dict[str, object]:
 def robot_from_mapping(values: Mapping[str, object], where: str = "robot") -> RobotBody:
     """The robot that `values` of robot.yaml describe. ConfigError lists all violations, one a line behind `where`."""
     mounts, problems = read_mounts(values.get("mounts", {}))
+    if values.get("name") == "":
+        problems.append("name is empty")
     missing = [f.name for f in dataclasses.fields(RobotBody) if f.name not in values]
     unknown = {f.name: math.nan for f in dataclasses.fields(RobotBody) if f.name in missing and isinstance(f.default, float)}
     known = {name: value for name, value in values.items() if name != "mounts"} | unknown

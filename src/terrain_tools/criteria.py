@@ -18,7 +18,7 @@ from octomap_server_3dnav.octree.map_builder import MapConfig
 from octomap_server_3dnav.octree.octree import SensorModel
 from octomap_server_3dnav.terrain.classify import TerrainConfig
 from robot_body import DEFAULT_ROBOT_FILE, RobotBody, overlaid, robot_from_mapping, robot_values
-from stage_config import ConfigError, load_config
+from stage_config import ConfigError, load_config, yaml_values
 
 NODE = "octomap_server_3dnav_node"
 
@@ -97,7 +97,7 @@ def _of(cls: type, values: dict[str, Any]) -> dict[str, Any]:
 
 def _content(path: Path) -> dict[str, Any]:
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml_values(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ArgumentProblem(
             f"--profile {path}: cannot be read: {error.strerror or error}; profiles are {', '.join(profile_names())}"

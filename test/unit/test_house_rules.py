@@ -24,7 +24,7 @@ ORDER: dict[str, set[str]] = {
     "point_cloud2": set(),
     "sensor_checks": BASE,
     "visiting_order": set(),
-    "map_zones": {"whole_files"},
+    "map_zones": {"stage_config", "whole_files"},
     "node_life": {"whole_files"},
     "world_files": {"rigid_geometry", "stage_config"},
     # stages

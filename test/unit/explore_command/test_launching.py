@@ -194,7 +194,10 @@ def test_set_goes_over_the_profile() -> None:
     assert found["octomap_server_3dnav_node"]["terrain/inflation_shape"] == "square"
 
 
-@pytest.mark.parametrize(("content", "text"), [("- a\n", "maps nodes"), ("a: 3\n", "maps nodes"), ("a: [1,\n", "cannot be read")])
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [("- a\n", "maps nodes"), ("a: 3\n", "maps nodes"), ("a: [1,\n", "cannot be read"), ("a: {}\na: {}", "key a stands in line 1")],
+)
 def test_profile_that_is_none_is_refused(tmp_path: Path, content, text) -> None:
     (tmp_path / "p.yaml").write_text(content)
     with pytest.raises(ValueError, match=text):

@@ -161,7 +161,13 @@ def test_zones_that_are_none_are_refused_in_one_line(values: object, said: str, 
     with pytest.raises(ValueError, match=said) as problem:
         zones_from_mapping(values)
     assert "\n" not in str(problem.value)
-    (tmp_path / "bad.yaml").write_text("bounds: [")
-    with pytest.raises(ValueError, match=r"bad\.yaml") as problem:
+
+
+@pytest.mark.parametrize(
+    ("text", "said"), [("bounds: [", "bad.yaml: "), ("no_go: []\nno_go: []", "bad.yaml: key no_go stands in line 1, and again")]
+)
+def test_file_that_holds_no_zones_or_some_twice_is_refused_in_one_line(text: str, said: str, tmp_path: Path) -> None:
+    (tmp_path / "bad.yaml").write_text(text)
+    with pytest.raises(ValueError, match=said) as problem:
         read_zones(tmp_path / "bad.yaml")
     assert "\n" not in str(problem.value)

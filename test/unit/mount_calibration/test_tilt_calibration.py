@@ -114,6 +114,7 @@ def test_what_is_no_calibration_is_not_written(tmp_path: Path) -> None:
     ("text", "said"),
     [
         ("{", "no YAML"),
+        ("a: 1\na: 2", "key a stands in line 1, and again in line 2"),
         ("", "no section mount_calibration"),
         ("mount_calibration: 3", "no section"),
         ("mount_calibration: {ofset_rad: 0.1}", "unknown ofset_rad"),

@@ -71,6 +71,7 @@ def test_every_missing_value_is_named() -> None:
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
+        ({"name": ""}, "name is empty"),
         ({"max_stp_m": 0.1}, "unknown parameter max_stp_m, did you mean max_step_m?"),
         ({"width_m": -0.67}, "width_m = -0.67 is below 0.1"),
         ({"height_m": math.nan}, "height_m = nan is not finite"),
@@ -114,7 +115,12 @@ def test_all_violations_come_at_once_one_a_line() -> None:
 
 @pytest.mark.parametrize(
     ("text", "expected"),
-    [("[1, 2", "is no YAML"), ("- a", "expected the robot's values"), (None, "no such robot or file; robots are husky, ")],
+    [
+        ("[1, 2", "is no YAML"),
+        ("name: a\nname: b", "key name stands in line 1, and again in line 2"),
+        ("- a", "expected the robot's values"),
+        (None, "no such robot or file; robots are husky, "),
+    ],
 )
 def test_file_that_is_none_is_told(tmp_path: Path, text: str | None, expected: str) -> None:
     path = tmp_path / "robot.yaml"
