@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from explore_command.parameters import ROBOT_NODES
+from robot_body.package_folder import PACKAGE_FOLDER
+
 IGNORES = """
 import os, signal, sys, pathlib, time
 from node_life import Life
@@ -47,3 +50,15 @@ def test_node_that_was_up_and_did_not_hear_it_is_asked_again(tmp_path: Path) -> 
 @pytest.mark.parametrize("begins", ["life.beat()", "life.ends()"])
 def test_node_that_has_begun_or_says_that_it_ends_is_waited_for(tmp_path: Path, begins: str) -> None:
     assert seconds_to_end(tmp_path, begins, 6.0) > 5.0
+
+
+def test_interrupt_that_a_library_would_swallow_ends_a_node_that_loads_it() -> None:
+    swallows = "import os, signal, time\ntry:\n    os.kill(os.getpid(), signal.SIGINT); time.sleep(1.0)\nexcept BaseException:\n    pass"
+    for first, code in (("", 0), ("import node_life.early_interrupt\n", -signal.SIGINT)):
+        assert subprocess.run([sys.executable, "-c", first + swallows], check=False, timeout=60.0).returncode == code
+
+
+@pytest.mark.parametrize("node", ["pybullet_sim_node", *ROBOT_NODES])
+def test_node_is_interrupted_at_once_while_it_loads(node: str) -> None:
+    imports = [line for line in (PACKAGE_FOLDER / "nodes" / node).read_text().splitlines() if line.startswith(("import ", "from "))]
+    assert imports[0].startswith("import node_life.early_interrupt ")
