@@ -79,7 +79,7 @@ class Description:
     def housing(self, frame: str) -> set[str]:
         """The links that a sensor looks out of: its own, and those around it that it is fixed to, but for the body."""
         above = [joint.child for joint in self.chain(frame) if frame in self.firm(joint.child)]
-        return {frame, *(link for link in self.around(frame) if link in above)}
+        return {frame, *(link for link in self.around(frame) if link in above)} - {BASE}
 
     def T_base_link(self, link: str) -> Array:
         """Pose of a link in base_link, all joints at zero. ValueError when no chain of joints leads there."""

@@ -128,6 +128,12 @@ def test_lidar_looks_out_of_its_housing_and_not_out_of_the_body(tmp_path: Path) 
     assert found == ["mounts/laser: laser lies inside a collision shape of tower, and would see nothing else"]
 
 
+def test_laser_in_the_middle_of_the_body_sees_nothing() -> None:
+    inside = replace(JACKAL, mounts=(replace(JACKAL.mount("laser"), frame="base_link"), JACKAL.mount("imu")))
+    found = problems_of(inside, JACKAL_URDF, Path("/"))
+    assert found == ["mounts/laser: base_link lies inside a collision shape of base_link, and would see nothing else"]
+
+
 @pytest.mark.parametrize("shape", ["box", "cylinder", "sphere", "mesh"])
 def test_shape_holds_what_is_inside_wherever_it_stands(shape: str, tmp_path: Path) -> None:
     trimesh.creation.box((0.2, 0.2, 0.2)).export(tmp_path / "box.stl")
