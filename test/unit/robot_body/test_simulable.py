@@ -129,8 +129,8 @@ def test_lidar_looks_out_of_its_housing_and_not_out_of_the_body(tmp_path: Path) 
 
 
 def test_laser_in_the_middle_of_the_body_sees_nothing() -> None:
-    inside = replace(JACKAL, mounts=(replace(JACKAL.mount("laser"), frame="base_link"), JACKAL.mount("imu")))
-    found = problems_of(inside, JACKAL_URDF, Path("/"))
+    inside = replace(SMALL, mounts=(replace(SMALL.mount("laser"), frame="base_link"), SMALL.mount("imu")))
+    found = problems_of(inside, URDF, Path("/"))
     assert found == ["mounts/laser: base_link lies inside a collision shape of base_link, and would see nothing else"]
 
 
