@@ -32,7 +32,7 @@ class ExplorationPause:
         self._goals: GoalAction | None = None
         self.reason = ""  # why exploration is paused; empty: it is not
         self.recalled = ""  # why a sweep is to decide anew; empty: nobody asked for one
-        self.now_s = self.asked_s = -math.inf  # the newest stamp, and when a sweep was asked for last
+        self.now_s = self.asked_s = -math.inf  # the newest stamp, and when people asked for something last
 
     def serve(self, goals: "GoalAction") -> None:
         """Begins to answer; `goals` are the user's."""
@@ -58,8 +58,8 @@ class ExplorationPause:
             self._recall(why)
 
     def is_outdated(self, stamp_s: float) -> bool:
-        """Whether a plan of a sweep, 0 for none, was decided before a newer sweep was asked for. A clock may have been set back."""
-        return bool(self.recalled) and 0.0 < stamp_s <= self.asked_s <= self.now_s
+        """Whether a plan of a sweep, 0 for none, was decided before something else was asked for. A clock may have been set back."""
+        return 0.0 < stamp_s <= self.asked_s <= self.now_s
 
     def plan_came(self) -> None:
         """What a recall asked for is here."""
@@ -116,6 +116,7 @@ class ExplorationPause:
 
     def _answer_replan(self) -> TriggerResponse:
         with self._node.lock:
+            self.asked_s = self.now_s  # also of a robot that stands: a plan may be on its way
             if self._drives():
                 self._recall("where the robot may drive has changed")
                 self._stand(self.recalled)

@@ -124,6 +124,21 @@ def test_what_was_decided_before_a_sweep_was_asked_for_takes_no_effect(driven: D
     assert driven.pause.state_of_idle() != before
 
 
+def test_plan_of_before_new_zones_takes_no_effect_for_a_robot_that_stands(driven: DrivenPlan) -> None:
+    node: Any = driven._node
+    driven.goals.is_active = False  # type: ignore[misc]
+    driven._stand("no plan")
+    driven.robot_is(100.0, None)
+    node.call("~replan")
+    request = StorePlanRequest(plan=a_path())
+    request.plan.header.stamp = rospy.Time(99.5)
+    node.served["storePlan"](request)
+    assert driven._follower.state is FollowerState.IDLE
+    request.plan.header.stamp = rospy.Time(100.5)
+    node.served["storePlan"](request)
+    assert driven._follower.state is FollowerState.FOLLOWING
+
+
 def test_clock_that_was_set_back_leaves_no_plan_outdated(driven: DrivenPlan) -> None:
     node: Any = driven._node
     driven.robot_is(100.0, None)
