@@ -24,8 +24,8 @@ from terrain_tools.analysis import Analysis, analyse
 from terrain_tools.criteria import Criteria, read_criteria
 from terrain_tools.ground import Point
 from terrain_tools.map_source import CLOUDS, OCTREES, ORIGINS, read_map
-from terrain_tools.results import CLASSES, NUMBERS, PATH, PICTURE, csv_bytes, json_bytes, numbers, ply_bytes, prepare_folder
-from whole_files import write_whole
+from terrain_tools.results import CLASSES, FILES, NUMBERS, PATH, PICTURE, csv_bytes, json_bytes, numbers, ply_bytes, write_results
+from whole_files import check_folder
 
 Array = NDArray[np.float64]
 
@@ -89,10 +89,12 @@ def parser() -> argparse.ArgumentParser:
 
 
 def classify_map(options: argparse.Namespace) -> int:
-    """Reads, classifies, plans, writes and prints; the exit code. ArgumentProblem, ValueError and OSError for code 2."""
+    """Reads, classifies, plans, and only then writes and prints; the exit code.
+
+    ArgumentProblem, ValueError and OSError for code 2: then the folder is as it was.
+    """
     _check(options)
     by = read_criteria(options.robot, options.profile)
-    prepare_folder(options.out)
     for module in (octree_survey, first_decision):
         module.compile_kernels()  # loads them: the times are those of the map
     begun = time.perf_counter()
@@ -101,7 +103,8 @@ def classify_map(options: argparse.Namespace) -> int:
     start, goal = (_near(point, found_map.origin) for point in (options.start, options.goal))
     assert start is not None
     found = analyse(found_map.octree, by, start, goal, options.goal_tolerance)
-    _write(options, by, found, Asked(start, goal, found_map.origin.tolist()), {"reading": round(read_s, 4)})
+    asked = Asked(start, goal, found_map.origin.tolist())
+    write_results(options.out, _content(options, by, found, asked, {"reading": round(read_s, 4)}))
     if found.terrain is not None:
         print(summary(found, found.terrain))
     if found.problem:
@@ -133,6 +136,8 @@ def _check(options: argparse.Namespace) -> None:
     for name, value in (("goal-tolerance", options.goal_tolerance), ("max-memory", options.max_memory)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise ArgumentProblem(f"--{name} {value:g}: expected a positive number")
+    named = (options.robot, options.profile and Path(options.profile))
+    check_folder("--out", options.out, [options.map, *(path for path in named if path)], FILES)
 
 
 def _allowed_bytes(max_memory_gb: float | None) -> float:
@@ -147,20 +152,22 @@ def _allowed_bytes(max_memory_gb: float | None) -> float:
     return _USABLE_SHARE * 1024 * free_kib
 
 
-def _write(options: argparse.Namespace, by: Criteria, found: Analysis, asked: Asked, time_s: dict[str, float]) -> None:
+def _content(options: argparse.Namespace, by: Criteria, found: Analysis, asked: Asked, time_s: dict[str, float]) -> dict[str, bytes]:
+    """What is written, by file."""
+    files: dict[str, bytes] = {}
     if found.terrain is not None:
         from terrain_tools.picture import png_bytes  # loads matplotlib: only where there is something to draw
 
-        write_whole(options.out / CLASSES, ply_bytes(found.terrain, asked.origin))
+        files[CLASSES] = ply_bytes(found.terrain, asked.origin)
         begun = time.perf_counter()
-        write_whole(options.out / PICTURE, png_bytes(found, found.terrain, options.map.name, asked.start, asked.goal))
+        files[PICTURE] = png_bytes(found, found.terrain, options.map.name, asked.start, asked.goal)
         time_s["picture"] = round(time.perf_counter() - begun, 4)
     if found.path is not None:
-        write_whole(options.out / PATH, csv_bytes(found.path))
+        files[PATH] = csv_bytes(found.path)
     places = {"origin_m": asked.origin, "start_m": asked.start, "goal_m": asked.goal}
     content: dict[str, Any] = {"file": str(options.map), **places, **numbers(found, by)}
     content["time_s"] = {**time_s, **content["time_s"]}
-    write_whole(options.out / NUMBERS, json_bytes(content))
+    return files | {NUMBERS: json_bytes(content)}
 
 
 def summary(found: Analysis, terrain: Terrain) -> str:

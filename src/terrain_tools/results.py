@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,19 +18,28 @@ from robot_body import robot_mapping
 from stage_config import to_mapping
 from terrain_tools.analysis import Analysis
 from terrain_tools.criteria import Criteria
+from whole_files import write_all
 
 CLASSES, PATH, NUMBERS, PICTURE = "terrain.ply", "path.csv", "terrain.json", "terrain.png"
 FILES = (CLASSES, PATH, NUMBERS, PICTURE)
 
 
-def prepare_folder(folder: Path) -> None:
-    """Makes the folder and takes an earlier map's files out of it; OSError when that cannot be done."""
-    folder.mkdir(parents=True, exist_ok=True)
-    for name in FILES:
+def write_results(folder: Path, content: Mapping[str, bytes]) -> None:
+    """Writes files of FILES by name, all or none, and takes an earlier map's others out of the folder, which is made where it is not there.
+
+    OSError when that cannot be done; an earlier map is then as it was.
+    """
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_all({folder / name: data for name, data in content.items()})
+    except BaseException:
+        with contextlib.suppress(OSError):
+            for place in made:
+                place.rmdir()
+        raise
+    for name in set(FILES) - content.keys():
         (folder / name).unlink(missing_ok=True)
-    probe = folder / ".writable"
-    probe.touch()
-    probe.unlink()
 
 
 def ply_bytes(terrain: Terrain, origin: Sequence[float] = (0.0, 0.0, 0.0)) -> bytes:

@@ -2,7 +2,9 @@
 
 import contextlib
 import os
-from collections.abc import Iterator
+import signal
+import threading
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from whole_files.refusals import RefusedError
@@ -37,6 +39,29 @@ def written_whole(path: Path) -> Iterator[Path]:
         if isinstance(error, OSError):
             raise RefusedError.of(error, path) from error
         raise
+
+
+def write_all(files: Mapping[Path, bytes]) -> None:
+    """Replaces all of these files, or none: each is on disk under another name before the first gets its own.
+
+    Ctrl-C is not heard meanwhile. RefusedError as of `write_whole`.
+    """
+    with _no_interrupt(), contextlib.ExitStack() as stack:
+        for path, content in files.items():
+            stack.enter_context(written_whole(path)).write_bytes(content)
+
+
+@contextlib.contextmanager
+def _no_interrupt() -> Iterator[None]:
+    """Passes over an interrupt; other threads than the first hear none anyway."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.SIG_DFL if before is None else before)
 
 
 def sync_folder(folder: Path) -> None:

@@ -400,3 +400,47 @@ def test_path_along_the_corridor_of_a_real_storey(tmp_path):
 def test_octrees_of_the_tests_are_what_they_are_drawn_as():
     for states in (floor(), two_storeys()):
         assert np.array_equal(octree_of(states).column_runs().to_dense(), states)
+
+
+# -- what is in the folder before
+
+
+def content_of(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize(
+    "name, more",
+    [("absent.bt", []), ("room.bt", ["--resolution", "0.2"]), ("noise.bt", []), ("room.bt", ["--max-memory", "1e-9"])],
+)
+def test_refused_map_leaves_the_results_of_an_earlier_one(tmp_path, capsys, name, more):
+    room = octree_file(tmp_path / "room.bt", floor())
+    (tmp_path / "noise.bt").write_bytes(b"no octree")
+    run(tmp_path, room, *START, "--goal", 3, 3, 0)
+    before = content_of(tmp_path / "out")
+    assert len(before) == len(FILES) and run(tmp_path, tmp_path / name, *START, *more)[0] == 2
+    assert content_of(tmp_path / "out") == before
+
+
+def test_result_of_an_earlier_map_is_no_map_for_its_own_folder(tmp_path, room, capsys):
+    run(tmp_path, room, *START)
+    before = content_of(tmp_path / "out")
+    capsys.readouterr()
+    assert run(tmp_path, tmp_path / "out" / "terrain.ply", *START)[0] == 2
+    assert content_of(tmp_path / "out") == before
+    said = capsys.readouterr().err
+    assert "--out" in said and "terrain.ply" in said and "only read" in said and said.count("\n") == 1
+
+
+def test_disk_that_takes_not_all_leaves_the_earlier_results(tmp_path, storeys, files_of_at_most):
+    run(tmp_path, storeys, "--start", 4, 5, 0, "--goal", 4, 5, 2)
+    before = content_of(tmp_path / "out")
+    with files_of_at_most(20_000):
+        assert run(tmp_path, storeys, "--start", 4, 5, 0)[0] == 2
+        assert main([str(storeys), "--start", "4", "5", "0", "--out", str(tmp_path / "new" / "out")]) == 2
+    assert content_of(tmp_path / "out") == before and not (tmp_path / "new").exists()
+
+
+def test_refused_map_makes_no_folder(tmp_path):
+    assert main([str(tmp_path / "absent.bt"), *START, "--out", str(tmp_path / "new")]) == 2
+    assert not (tmp_path / "new").exists()

@@ -2,13 +2,14 @@
 
 import errno
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from whole_files import RefusedError, WaitingLines, refusal, remove_unfinished, write_whole, written_whole
+from whole_files import RefusedError, WaitingLines, refusal, remove_unfinished, write_all, write_whole, written_whole
 
 BIG = b"x" * 20_000
 
@@ -125,3 +126,24 @@ def test_words_on_a_full_disk_end_nobody(code: int, tmp_path: Path) -> None:
         path = os.pathsep.join(p for p in sys.path if p)
         done = subprocess.run(command, stdout=full, stderr=full, env={**os.environ, "PYTHONPATH": path}, check=False)
     assert (done.returncode, (tmp_path / "log").read_text()) == (code, "lived")
+
+
+def test_several_files_are_replaced_all_or_none(tmp_path: Path, files_of_at_most) -> None:
+    a, b = tmp_path / "a", tmp_path / "b"
+    write_all({a: b"old a", b: b"old b"})
+    assert (a.read_bytes(), b.read_bytes()) == (b"old a", b"old b")
+    with files_of_at_most(8192), pytest.raises(RefusedError, match=str(b)):
+        write_all({a: b"new a", b: BIG})
+    assert (a.read_bytes(), b.read_bytes()) == (b"old a", b"old b") and sorted(tmp_path.iterdir()) == [a, b]
+
+
+def test_interrupt_does_not_part_several_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    replace, before = os.replace, signal.getsignal(signal.SIGINT)
+
+    def interrupted(source: Path, target: Path) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", interrupted)
+    write_all({tmp_path / name: b"new" for name in "ab"})
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"] and signal.getsignal(signal.SIGINT) == before
