@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.raw_sweeps import RawSweeps
-from mapping_tools.recorded_sources import add_raw_arguments, raw_topics, robot_of
+from mapping_tools.recorded_sources import ROBOT_FILE, add_raw_arguments, raw_topics, robot_of
 from mapping_tools.recording import Recording, bags_of
 from mapping_tools.sensor_chain import SensorConfig
 from mount_calibration import MountCalibrationConfig, Place, estimate_mount, estimate_table, joined_places, write_calibration
-from robot_body import RobotBody
+from robot_body import DESCRIPTION, RobotBody, urdf_file
 
 _DESCRIPTION = """Calibrates the tilting mount from a bag of what a robot's drivers sent, as ./map_bag maps it: the sweeps that were made
 while the robot stood. Sweeps at one place count together; the more headings, the better."""
@@ -43,6 +43,24 @@ def places_of(sweeps: RawSweeps) -> list[Place]:
     return found
 
 
+def _check_written(out: Path, read: Iterable[Path]) -> None:
+    """ArgumentProblem where the file that is to be written is a folder, or one that is read."""
+    if out.is_dir():
+        raise ArgumentProblem(f"--out {out}: is a folder; a file is to be written")
+    for path in read:
+        if out.exists() and path.exists() and out.samefile(path):
+            raise ArgumentProblem(f"--out {out}: would replace {path}, which is read")
+
+
+def _read_files(recording: Path, bags: Sequence[Path], robot_file: Path | None, body: RobotBody) -> Iterator[Path]:
+    """Everything that a calibration reads."""
+    for bag in bags:
+        yield bag
+        yield from bag.iterdir() if bag.is_dir() else ()
+    path = robot_file or (recording if recording.is_dir() else recording.parent) / ROBOT_FILE
+    yield from (path, path.parent / DESCRIPTION, urdf_file(body))
+
+
 def calibrate(a: argparse.Namespace) -> int:
     """The exit code of a run; ArgumentProblem for code 2."""
     if not a.recording.exists():
@@ -52,8 +70,11 @@ def calibrate(a: argparse.Namespace) -> int:
         raise ArgumentProblem(f"{a.recording}: no bag in this folder")
     try:
         robot = robot_of(a.recording, a.robot, "")
+        _check_written(a.out, _read_files(a.recording, bags, a.robot, robot.body))
         sweeps = RawSweeps(Recording(bags), raw_topics(a, a.odom_topic), robot, SensorConfig())
         places = places_of(sweeps)
+    except ArgumentProblem:
+        raise
     except (ValueError, OSError) as error:
         raise ArgumentProblem(f"{a.recording}: {error}") from error
     for note in (*sweeps.notes, *([sweeps.problem] if sweeps.problem else [])):

@@ -1,0 +1,39 @@
+"""./calibrate_mount --from writes over nothing that it reads, and says so before it works."""
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from mapping_tools import calibrate_mount
+from robot_body import RobotBody, robot_mapping
+from whole_files import write_whole
+
+
+@pytest.fixture
+def recording(tmp_path: Path) -> Path:
+    """A file that is no bag: who opens it says so, and it is not to be opened."""
+    write_whole(tmp_path / "robot.yaml", yaml.safe_dump(robot_mapping(RobotBody()), sort_keys=False))
+    write_whole(tmp_path / "run.bag", "what was recorded")
+    return tmp_path / "run.bag"
+
+
+def refusal(capsys: pytest.CaptureFixture[str], recording: Path, out: Path) -> str:
+    assert calibrate_mount.main(["--from", str(recording), "--out", str(out)]) == 2
+    text = capsys.readouterr().err
+    assert text.startswith("./calibrate_mount: ") and text.count("\n") == 1
+    return text
+
+
+def test_output_that_is_read_is_refused_by_whatever_path(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = recording.parent
+    (folder / "link.yaml").symlink_to(recording)
+    (folder / "hard.yaml").hardlink_to(recording)
+    for out in (recording, folder / ".." / folder.name / "run.bag", folder / "link.yaml", folder / "hard.yaml", folder / "robot.yaml"):
+        for read in (recording, folder):
+            assert f"--out {out}: would replace " in refusal(capsys, read, out)
+    assert recording.read_text() == "what was recorded" and "would replace" not in refusal(capsys, recording, folder / "mount.yaml")
+
+
+def test_output_that_is_a_folder_is_refused_before_the_bag_is_read(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "is a folder" in refusal(capsys, recording, recording.parent)
