@@ -32,7 +32,7 @@ from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import origin_text, transform_from_rpy
 from stage_config import to_mapping
-from whole_files import write_whole
+from whole_files import check_folder, is_same, write_whole
 
 Array = NDArray[np.float64]
 
@@ -92,6 +92,7 @@ def recorded(a: argparse.Namespace, config: SensorConfig) -> SweepSource:
     """The recording that the arguments name; ArgumentProblem when it is none."""
     if not a.recording.exists():
         raise ArgumentProblem(f"{a.recording}: no such bag or folder")
+    _check_out(a)
     odometry = None if a.no_odometry else a.odom_topic
     raw = raw_topics(a, odometry)
     T_base_cloud = None if a.mount is None else np.asarray(transform_from_rpy(a.mount[:3], tuple(a.mount[3:])))
@@ -102,6 +103,15 @@ def recorded(a: argparse.Namespace, config: SensorConfig) -> SweepSource:
         )
     except (ValueError, OSError) as error:
         raise ArgumentProblem(f"{a.recording}: {'; '.join(str(error).splitlines())}") from error
+
+
+def _check_out(a: argparse.Namespace) -> None:
+    """ArgumentProblem where the session would replace the recording, or what lies beside it."""
+    if is_same(a.out, a.recording):
+        raise ArgumentProblem(f"--out {a.out}: is the recording, which is only read; name another folder")
+    if a.recording.is_file() and is_same(a.out, a.recording.absolute().parent):
+        raise ArgumentProblem(f"--out {a.out}: {a.recording.name} itself lies there; name another folder")
+    check_folder("--out", a.out)
 
 
 def open_session(a: argparse.Namespace, config: ToolConfig, match: Match) -> tuple[SessionStore, PoseGraphMapper, tuple[str, ...]]:

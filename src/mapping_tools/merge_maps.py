@@ -20,7 +20,7 @@ from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import SessionStore, copy_session
-from whole_files import write_whole
+from whole_files import check_folder, lies_in, write_whole
 
 SUMMARY = "merge_summary.json"
 _TOLD = ("run.json", "robot.yaml", "robot.urdf", "mount_calibration.yaml", "world_origin.json", "map_origin.json")
@@ -63,6 +63,10 @@ def merge(a: argparse.Namespace) -> int:
     match = create_registration(config.registration).match
     opened(a.first)
     second = opened(a.second)
+    check_folder("--out", a.out)
+    for folder in (a.first, a.second):
+        if lies_in(a.out, folder):
+            raise ArgumentProblem(f"--out {a.out}: lies in {folder}, which is only read; name another folder")
     if a.out.exists() and any(a.out.iterdir()):
         raise ArgumentProblem(f"{a.out}: is not empty; name another folder")
     store = _copied(a.first, a.out)

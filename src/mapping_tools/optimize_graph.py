@@ -17,7 +17,7 @@ from mapping_tools.graph_solving import NumberedGraph, SolvedGraph, numbered, so
 from mapping_tools.sesync_error import isotropic
 from pose_graph_mapping.graph.graph_files import GraphFile, g2o_text, read_graph_file
 from pose_graph_mapping.graph.graph_measurements import GraphNotSolvable
-from whole_files import RefusedError, write_whole
+from whole_files import RefusedError, check_files, write_all, write_whole
 
 SOLVED, NOT_SOLVABLE, BAD_INPUT = 0, 1, 2
 
@@ -68,9 +68,8 @@ def optimize(options: argparse.Namespace) -> int:
         solved = solve_robust(graph.problem, options.outlier_chi2, _say, graph.freedom)
     content = report(file, graph, solved, options.plain)
     content["time_s"] = round(time.monotonic() - start, 3)
-    write_whole(options.out, output(file, graph, solved).encode("ascii"))
-    if options.json:
-        _write_json(options.json, content)
+    files = {options.out: output(file, graph, solved).encode("ascii")}
+    write_all(files | ({options.json: _json_bytes(content)} if options.json else {}))
     print(summary(content))
     return SOLVED
 
@@ -85,13 +84,12 @@ def output(file: GraphFile, graph: NumberedGraph, solved: SolvedGraph) -> str:
 def _check(options: argparse.Namespace) -> None:
     if not (math.isfinite(options.outlier_chi2) and options.outlier_chi2 > 0):
         raise ArgumentProblem(f"--outlier-chi2 {options.outlier_chi2:g}: expected a positive number")
-    for path in (options.out, options.json):
-        if path is not None and not path.parent.is_dir():
-            raise ArgumentProblem(f"{path}: there is no folder {path.parent}")
+    json_file = [] if options.json is None else [("--json", options.json)]
+    check_files([("--out", options.out), *json_file], [options.graph])
 
 
-def _write_json(path: Path, content: Mapping[str, object]) -> None:
-    write_whole(path, (json.dumps(content, indent=1) + "\n").encode("ascii"))
+def _json_bytes(content: Mapping[str, object]) -> bytes:
+    return (json.dumps(content, indent=1) + "\n").encode("ascii")
 
 
 def _say(text: str) -> None:
@@ -107,7 +105,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except GraphNotSolvable as error:
         _say(f"./optimize_graph: not solvable: {error}")
         if options is not None and options.json:
-            _write_json(options.json, {"solved": False, "reason": str(error)})
+            write_whole(options.json, _json_bytes({"solved": False, "reason": str(error)}))
         return NOT_SOLVABLE
     except OSError as error:
         of = "" if isinstance(error, RefusedError) else f"{error.filename or (options and options.graph)}: "

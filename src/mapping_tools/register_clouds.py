@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -32,7 +31,7 @@ from rigid_geometry import (
     transform_from_rpy,
 )
 from stage_config import load_config
-from whole_files import write_whole
+from whole_files import check_files, write_whole
 
 Array = NDArray[np.float64]
 
@@ -186,17 +185,11 @@ def _numbers(values: Array) -> str:
     return " ".join(f"{v:.3g}" for v in values)
 
 
-def _check_writable(path: Path) -> None:
-    """ArgumentProblem when a file cannot be written there, before anything is matched."""
-    if path.is_dir() or not path.absolute().parent.is_dir() or not os.access(path.absolute().parent, os.W_OK):
-        raise ArgumentProblem(f"--out {path}: cannot be written: expected a file in a folder that is there and may be written to")
-
-
 def register(options: argparse.Namespace) -> int:
     """Reads, matches, writes and prints; the exit code."""
     config = configured(options.set)
     if options.out:
-        _check_writable(options.out)
+        check_files([("--out", options.out)], [options.reference, options.reading, *([options.guess_file] if options.guess_file else [])])
     T_guess, covariance = guess_of(options)
     reference, reading = (
         prepared(path, options.origins, options.min_range, config.voxel_m) for path in (options.reference, options.reading)

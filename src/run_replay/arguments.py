@@ -9,6 +9,7 @@ from pathlib import Path
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from run_replay.bag_topics import bag_problem
+from whole_files import check_files
 
 PLAYED_FILES = ("trajectory.txt", "sweeps/index.json")
 COMPARED_FILES = ("trajectory.txt", "cloud.ply")
@@ -68,9 +69,14 @@ def _to_export(source: Path | None, target: Path, speed: float | None) -> Replay
         raise ArgumentProblem("--export: expected the folder of a run; bags can be opened as they are")
     if speed is not None:
         raise ArgumentProblem("--speed: an export has the run's own times, without --speed")
-    if target.suffix != ".mcap" or target.is_dir() or not target.absolute().parent.is_dir():
-        raise ArgumentProblem(f"--export {target}: expected a file that ends with .mcap, in a folder that is there")
-    return ReplayArguments(_run_folder(source, PLAYED_FILES), None, None, 0.0, True, target.absolute())
+    if target.suffix != ".mcap":
+        raise ArgumentProblem(f"--export {target}: expected a file that ends with .mcap")
+    run = _run_folder(source, PLAYED_FILES)
+    try:
+        check_files([("--export", target)], [run])
+    except ValueError as error:
+        raise ArgumentProblem(str(error)) from error
+    return ReplayArguments(run, None, None, 0.0, True, target.absolute())
 
 
 def _found(source: Path, compared: Sequence[Path] | None, speed: float, headless: bool) -> ReplayArguments:

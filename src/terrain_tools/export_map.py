@@ -24,7 +24,7 @@ from rigid_geometry import read_origin
 from robot_body import robot_file
 from terrain_tools.criteria import Criteria, read_criteria
 from terrain_tools.storey_maps import StoreyMap, pgm_bytes, read_classified, storey_maps, tif_bytes, yaml_bytes
-from whole_files import write_whole
+from whole_files import check_files, write_all
 
 OCTREES, CLASSES, CLOUD, ORIGIN = ("map.ot", "map.bt"), "terrain.npz", "cloud.pcd", "world_origin.json"
 _ROBOT = "robot.yaml"
@@ -118,7 +118,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def exported(source: FinishedMap, target: Path, *, voxels: bool) -> Files:
-    """Files, their content and what they are in words. ValueError for a suffix that is none of FORMATS."""
+    """Files, their content and what they are in words. target: its suffix is one of FORMATS."""
     suffix = target.suffix.lower()
     if suffix == ".ot":
         return [(target, source.octree.ot_bytes(), f"{source.octree.leaf_count:,} leaves")]
@@ -127,9 +127,7 @@ def exported(source: FinishedMap, target: Path, *, voxels: bool) -> Files:
     if suffix in (".pcd", ".ply"):
         points = source.points(voxels=voxels)
         return [(target, (pcd_bytes if suffix == ".pcd" else ply_bytes)(points), f"{len(points):,} points")]
-    if suffix in (".pgm", ".tif"):
-        return [file for number, storey in enumerate(source.storeys) for file in _drawn(source, storey, _named(source, target, number))]
-    raise ArgumentProblem(f"--out {target}: expected a file that ends in {', '.join(FORMATS)}")
+    return [file for number, storey in enumerate(source.storeys) for file in _drawn(source, storey, _named(source, target, number))]
 
 
 def _named(source: FinishedMap, target: Path, number: int) -> Path:
@@ -154,16 +152,23 @@ def export_map(options: argparse.Namespace) -> None:
     if not options.map.is_dir() and options.map.suffix.lower() not in (".bt", ".ot"):
         raise ArgumentProblem(f"{options.map}: expected a run's folder, or a file that ends in .bt or .ot")
     for target in options.out:
-        if not target.parent.is_dir():
-            raise ArgumentProblem(f"--out {target}: no such folder: {target.parent}")
+        if target.suffix.lower() not in FORMATS:
+            raise ArgumentProblem(f"--out {target}: expected a file that ends in {', '.join(FORMATS)}")
+    _check_outputs(options, options.out)
     beside = options.map / _ROBOT
     source = FinishedMap(
         options.map, read_criteria(beside if options.robot is None and beside.is_file() else options.robot, options.profile)
     )
     files = [file for target in options.out for file in exported(source, target, voxels=options.voxels)]
-    for path, content, what in files:
-        write_whole(path, content)
+    _check_outputs(options, [path for path, _, _ in files])
+    write_all({path: content for path, content, _ in files})
+    for path, _, what in files:
         print(f"{path}: {what}")
+
+
+def _check_outputs(options: argparse.Namespace, paths: Sequence[Path]) -> None:
+    named = (options.robot, options.profile and Path(options.profile))
+    check_files([("--out", path) for path in paths], [options.map, *(path for path in named if path)])
 
 
 def main(argv: Sequence[str] | None = None) -> int:

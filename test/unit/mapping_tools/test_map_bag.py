@@ -162,10 +162,15 @@ def test_wrong_recordings_and_arguments_are_refused_with_the_reason(tmp_path, cl
         ((bag, *out, "--set", "vertex_voxel=1"), "did you mean vertex_voxel_m?"),
         ((bag, *out, "--set", "vertex_voxel_m=-1"), "is below"),
         ((bag, *out, "--resume"), "holds no session"),
-        ((bag, "--out", tmp_path / "text.bag" / "x"), "Not a directory"),
+        ((bag, "--out", tmp_path / "text.bag" / "x"), "text.bag is a file, expected a folder"),
+        ((bag, "--out", tmp_path / "text.bag"), "--out"),
+        ((bag, "--out", bag), "is the recording, which is only read"),
+        ((bag, "--out", bag.parent), "run.bag itself lies there"),
+        ((write_folder(tmp_path / "scans", clouds[:1]), "--out", tmp_path / "scans"), "is the recording"),
     ]
     for words, reason in cases:
         assert reason in refusal(capsys, *words, "--quiet"), words
+    assert [path.name for path in bag.parent.iterdir()] == ["run.bag"] and not (tmp_path / "scans" / "sweeps").exists()
 
 
 def test_session_that_is_there_is_not_overwritten(tmp_path, bag, clouds, capsys):
@@ -283,7 +288,8 @@ def test_run_that_is_interrupted_saves_what_it_has(tmp_path, bag, monkeypatch, n
 
 
 def test_other_recording_of_the_same_place_goes_on_where_it_is_found(tmp_path, bag):
-    mapped(bag, tmp_path, *FAST)
+    out = tmp_path / "out"
+    mapped(bag, out, *FAST)
     truth = [pose(-0.5, 0.5, 2.0), pose(-1.5, 0.8, 2.4)]
     poses = [transform_from_rpy((40.0, 0.0, 0.0)) @ T for T in truth]
     later = [
@@ -291,8 +297,8 @@ def test_other_recording_of_the_same_place_goes_on_where_it_is_found(tmp_path, b
         *(("/sweep_cloud", cloud_message(1000.0 + 10 * k, *cloud)) for k, cloud in enumerate(recordings.sweeps(truth))),
         ("/odom", odometry_message(1010.0, poses[1])),
     ]
-    code, summary = mapped(write_bag(tmp_path / "later.bag", later), tmp_path, "--resume", "--moved")
-    assert (code, summary["vertices"]) == (0, 7) and error_of(tmp_path, [*TRUTH, *truth]) < 0.05
+    code, summary = mapped(write_bag(tmp_path / "later.bag", later), out, "--resume", "--moved")
+    assert (code, summary["vertices"]) == (0, 7) and error_of(out, [*TRUTH, *truth]) < 0.05
 
 
 def test_full_disk_is_said_and_ends_with_code_1(tmp_path, bag, monkeypatch, capsys):

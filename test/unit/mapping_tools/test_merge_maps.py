@@ -96,9 +96,11 @@ def test_wrong_folders_are_named_in_one_line(sessions: tuple[Path, Path], tmp_pa
         (sessions[0], tmp_path / "empty", tmp_path / "both", "empty: no session there"),
         (tmp_path / "absent", sessions[1], tmp_path / "both", "absent: no session there"),
         (*sessions, tmp_path / "full", "full: is not empty"),
+        (*sessions, tmp_path / "full" / "a.txt", "a.txt is a file, expected a folder"),
+        (*sessions, sessions[1] / "both", "--out"),
     ):
         assert merged(first, second, out) == 2
         said = capsys.readouterr().err.splitlines()
         assert len(said) == 1 and reason in said[0]
-    assert not (tmp_path / "both").exists() and not list((tmp_path / "empty").iterdir())
+    assert not (tmp_path / "both").exists() and not list((tmp_path / "empty").iterdir()) and not (sessions[1] / "both").exists()
     assert [path.name for path in (tmp_path / "full").iterdir()] == ["a.txt"]

@@ -122,7 +122,7 @@ CHAIN = [edge(k, k + 1, transform_from_rpy((1, 0, 0))) for k in range(3)]
         (["# nothing"], [], 2, "neither a vertex nor an edge"),
         (CHAIN, ["--outlier-chi2", "-1"], 2, "--outlier-chi2 -1: expected a positive number"),
         (CHAIN, ["--outlier-chi2", "many"], 2, "outlier-chi2"),
-        (CHAIN, ["--out", "/nowhere/at/all.g2o"], 2, "there is no folder"),
+        (CHAIN, ["--out", "/nowhere/at/all.g2o"], 2, "no such folder"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(tmp_path, capsys, lines, options, code, message):
@@ -154,3 +154,29 @@ def test_help_names_formats_and_exit_codes(capsys):
     text = " ".join(capsys.readouterr().out.split())
     assert end.value.code == 0
     assert all(word in text for word in ("EDGE_SE3:QUAT", "EDGE3", "--strict", "--plain", "Exit code: 0 solved"))
+
+
+@pytest.mark.parametrize(
+    ("out", "report", "said"),
+    [
+        ("graph.g2o", "x.json", "--out"),
+        ("x.g2o", "graph.g2o", "--json"),
+        ("x", "x", "the same file as --out"),
+        (".", "x.json", "is a folder, expected a file"),
+        ("x.g2o", ".", "is a folder, expected a file"),
+    ],
+)
+def test_output_is_looked_at_before_the_graph_is_read_and_nothing_is_written(tmp_path, capsys, monkeypatch, out, report, said):
+    graph = tmp_path / "graph.g2o"
+    graph.write_text("\n".join(CHAIN) + "\n")
+    monkeypatch.setattr("mapping_tools.optimize_graph.read_graph_file", lambda _: pytest.fail("the graph was read"))
+    assert main([str(graph), "--out", str(tmp_path / out), "--json", str(tmp_path / report)]) == 2
+    text = capsys.readouterr().err
+    assert said in text and text.startswith("./optimize_graph: --") and text.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["graph.g2o"] and graph.read_text().splitlines() == list(CHAIN)
+
+
+def test_disk_that_takes_the_graph_but_not_the_report_gets_neither(tmp_path, monkeypatch, files_of_at_most):
+    monkeypatch.setattr("mapping_tools.optimize_graph._json_bytes", lambda _: bytes(10_000))
+    with files_of_at_most(8192):
+        assert run(tmp_path, CHAIN) == (2, None, None)

@@ -134,6 +134,16 @@ def test_place_for_the_result_is_looked_at_before_the_match(tmp_path, scans, cap
     assert text.startswith("./register_clouds: --out") and text.count("\n") == 1
 
 
+@pytest.mark.parametrize("at", [0, 1, 2])
+def test_input_is_not_replaced_by_the_result(tmp_path, scans, capsys, at):
+    guess = tmp_path / "guess.json"
+    guess.write_text(json.dumps(np.eye(4).tolist()))
+    out = (*scans, guess)[at]
+    assert main([*scans, "--guess-file", str(guess), "--out", str(out)]) == 2
+    text = capsys.readouterr().err
+    assert text.startswith(f"./register_clouds: --out {out}: is the input") and text.count("\n") == 1
+
+
 def test_another_room_is_refused_and_leaves_no_transform(tmp_path, scans, capsys):
     other = written(tmp_path / "other.ply", scan(room((3.1, 2.7, 2.2)), transform_from_rpy((0.5, 0.4, 0.9), (0, 0, 2.0))))
     code, found = outcome(tmp_path, scans[0], other)

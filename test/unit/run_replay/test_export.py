@@ -117,7 +117,8 @@ def test_command_writes_the_file_and_says_so(tmp_path: Path, capsys: pytest.Capt
     [
         (["--export", "{}/run.mcap"], "folder of a run"),
         (["{}/run", "--export", "{}/run.bag"], "ends with .mcap"),
-        (["{}/run", "--export", "{}/nowhere/run.mcap"], "in a folder that is there"),
+        (["{}/run", "--export", "{}/nowhere/run.mcap"], "no such folder"),
+        (["{}/run", "--export", "{}/run/own.mcap"], "only read"),
         (["{}/run", "--export", "{}/run.mcap", "--speed", "3"], "--speed"),
         (["{}/empty", "--export", "{}/run.mcap"], "not the folder of a run"),
         (["{}/damaged", "--export", "{}/run.mcap"], "sweeps"),
@@ -129,6 +130,7 @@ def test_what_cannot_be_exported_is_told_in_a_line_and_leaves_nothing(
     write_run(tmp_path / "run")
     damaged = write_run(tmp_path / "damaged")
     (damaged / "sweeps" / "000002.npz").write_bytes(b"no sweep")
+    (tmp_path / "run" / "own.mcap").write_text("of the run")
     (tmp_path / "empty").mkdir()
     monkeypatch.setattr("sys.argv", ["./replay", *(word.format(tmp_path) for word in words)])
     assert main() == 2

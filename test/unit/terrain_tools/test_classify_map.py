@@ -369,8 +369,11 @@ def test_file_that_cannot_be_read_is_named(tmp_path, capsys, name):
 
 def test_folder_that_cannot_be_written_is_named(tmp_path, room, capsys):
     (tmp_path / "out").write_text("in the way")
-    assert main([room, *START, "--out", str(tmp_path / "out")]) == 2
-    assert "out" in capsys.readouterr().err
+    assert main([str(room), *START, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert (
+        said.startswith(f"./classify_map: --out {tmp_path / 'out'}:") and "is a file, expected a folder" in said and said.count("\n") == 1
+    )
 
 
 def test_memory_that_ends_is_said(tmp_path, room, capsys, monkeypatch):

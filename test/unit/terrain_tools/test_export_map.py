@@ -1,5 +1,7 @@
 """./export_map: what it writes is what others read of it: octomap's tree, clouds, map_server's images and a GeoTIFF's heights."""
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +18,7 @@ from pose_graph_mapping.session.session_files import pcd_bytes
 from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import origin_bytes, transform_from_rpy
-from robot_body import RobotBody
+from robot_body import DEFAULT_ROBOT_FILE, RobotBody
 from terrain_tools.criteria import Criteria
 from terrain_tools.export_map import main
 from terrain_tools.ground import pose_on
@@ -172,3 +174,37 @@ def test_octree_alone_is_not_classified(tmp_path: Path, capsys: pytest.CaptureFi
     run_folder(tmp_path / "run", floor(), (2, 2, 0))
     assert main([str(tmp_path / "run" / "map.ot"), "--out", str(tmp_path / "a.pgm")]) == 2
     assert "give a run's folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["cloud.ply", "robot.pgm", "link/cloud.ply"])
+def test_files_of_the_run_itself_are_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str) -> None:
+    run = tmp_path / "run"
+    run_folder(run, floor(), (2, 2, 0))
+    (run / "cloud.ply").write_text("of the run")
+    (run / "robot.yaml").write_bytes(DEFAULT_ROBOT_FILE.read_bytes())
+    (run / "link").symlink_to(run)
+    before = {path: path.read_bytes() for path in run.iterdir() if path.is_file()}
+    assert main([str(run), "--voxels", "--out", str(run / "a.ply"), str(run / name)]) == 2
+    said = capsys.readouterr()
+    assert "only read" in said.err and said.err.count("\n") == 1 and said.out == ""
+    assert {path: path.read_bytes() for path in run.iterdir() if path.is_file()} == before
+
+
+def test_second_output_that_is_a_folder_is_told_before_the_first_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    (tmp_path / "d.ply").mkdir()
+    assert main([str(tmp_path / "run"), "--out", str(tmp_path / "z.bt"), str(tmp_path / "d.ply")]) == 2
+    assert "is a folder, expected a file" in capsys.readouterr().err and not (tmp_path / "z.bt").exists()
+
+
+def test_octree_is_not_replaced_by_its_own_copy(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    octree_of(floor()).write_ot(tmp_path / "map.ot")
+    assert main([str(tmp_path / "map.ot"), "--out", str(tmp_path / "map.ot")]) == 2
+    assert "is the input" in capsys.readouterr().err
+
+
+def test_disk_that_takes_not_all_leaves_nothing(tmp_path: Path, files_of_at_most: Callable[[int], AbstractContextManager[None]]) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    with files_of_at_most(1000):
+        assert main([str(tmp_path / "run"), "--out", str(tmp_path / "a.pcd"), str(tmp_path / "a.ot")]) == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
