@@ -14,6 +14,7 @@ from mapping_tools.recording import Recording, bags_of
 from mapping_tools.sensor_chain import SensorConfig
 from mount_calibration import MountCalibrationConfig, Place, estimate_mount, estimate_table, joined_places, write_calibration
 from robot_body import DESCRIPTION, RobotBody, urdf_file
+from whole_files import is_same
 
 _DESCRIPTION = """Calibrates the tilting mount from a bag of what a robot's drivers sent, as ./map_bag maps it: the sweeps that were made
 while the robot stood. Sweeps at one place count together; the more headings, the better."""
@@ -48,7 +49,7 @@ def _check_written(out: Path, read: Iterable[Path]) -> None:
     if out.is_dir():
         raise ArgumentProblem(f"--out {out}: is a folder; a file is to be written")
     for path in read:
-        if out.exists() and path.exists() and out.samefile(path):
+        if path.exists() and is_same(out, path):
             raise ArgumentProblem(f"--out {out}: would replace {path}, which is read")
 
 
@@ -105,8 +106,9 @@ def _say(text: str) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code for arguments, sys.argv's by default."""
+    words = list(sys.argv[1:] if argv is None else argv)
     try:
-        return calibrate(parser().parse_args(argv))
+        return calibrate(parser().parse_args(["--help"] if {"-h", "--help"} & set(words) else words))
     except (ValueError, OSError, MemoryError) as error:  # ArgumentProblem is a ValueError
         _say(f"./calibrate_mount: {' '.join((str(error) or type(error).__name__).split())}")
         return 2

@@ -1,7 +1,7 @@
 """The tilting mount calibrates itself: from sweeps to its offset, scale, backlash and roll, which `TiltGeometry` applies."""
 
 from mount_calibration.calibration_file import DEFAULT_FILE, RECORDED_FILE, named_calibration, read_calibration, write_calibration
-from mount_calibration.config import MountCalibrationConfig
+from mount_calibration.config import MountCalibrationConfig, asked_sweeps
 from mount_calibration.estimate import MountEstimate, estimate_mount
 from mount_calibration.geometry import TiltGeometry
 from mount_calibration.report import estimate_table
@@ -24,6 +24,7 @@ __all__ = [
     "TiltDirection",
     "TiltGeometry",
     "TiltedBeams",
+    "asked_sweeps",
     "estimate_mount",
     "estimate_table",
     "joined_places",

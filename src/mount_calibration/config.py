@@ -4,6 +4,16 @@ from dataclasses import dataclass
 
 from stage_config import check_ranges, parameter
 
+LEAST_SWEEPS, MOST_SWEEPS = 1, 100  # of a calibration at one place; a hundred take half an hour
+
+
+def asked_sweeps(value: object) -> int:
+    """How many sweeps are asked for, as a number or a text; ValueError for what is no whole number in the range."""
+    text = str(value).strip()
+    if isinstance(value, bool) or not text.isdecimal() or not LEAST_SWEEPS <= int(text) <= MOST_SWEEPS:
+        raise ValueError(f"sweeps:={text}: expected a whole number from {LEAST_SWEEPS} to {MOST_SWEEPS}")
+    return int(text)
+
 
 @dataclass(frozen=True)
 class MountCalibrationConfig:

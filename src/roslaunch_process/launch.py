@@ -41,8 +41,8 @@ def free_port(among: Iterable[int] = ROS_PORTS) -> int:
 def start_launch(
     file: str,
     arguments: Mapping[str, object],
-    port: int,
-    log_folder: Path,
+    port: int | None,
+    log_folder: Path | None,
     sigint_timeout_s: int,
     sigterm_timeout_s: int = 2,
     kept_open: Sequence[int] = (),
@@ -51,12 +51,14 @@ def start_launch(
 
     Nothing of it outlives it, and when the caller dies it ends (`keeper`). Its exit code is 128 and the signal when it was killed.
     The descriptors `kept_open` are open until all of it has ended.
+    A port of None joins the master that runs; a log folder of None is ROS's.
     """
+    of_master = [] if port is None else ["--port", str(port)]
     timeouts = [f"--sigint-timeout={sigint_timeout_s}", f"--sigterm-timeout={sigterm_timeout_s}"]
-    command = [sys.executable, "-m", "roslaunch_process.keeper", "roslaunch", "--port", str(port), *timeouts, _PACKAGE, file]
+    command = [sys.executable, "-m", "roslaunch_process.keeper", "roslaunch", *of_master, *timeouts, _PACKAGE, file]
     return subprocess.Popen(
         [*command, *(f"{name}:={value}" for name, value in arguments.items())],
-        env=dict(os.environ, ROS_MASTER_URI=f"http://localhost:{port}", ROS_LOG_DIR=str(log_folder)),
+        env=_environment(port, log_folder),
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -65,6 +67,12 @@ def start_launch(
         pass_fds=kept_open,
         preexec_fn=partial(end_with_parent, signal.SIGTERM),
     )
+
+
+def _environment(port: int | None, log_folder: Path | None) -> dict[str, str]:
+    """The caller's, with the master and the log folder that are not as there."""
+    of_master = {} if port is None else {"ROS_MASTER_URI": f"http://localhost:{port}"}
+    return {**os.environ, **of_master, **({} if log_folder is None else {"ROS_LOG_DIR": str(log_folder)})}
 
 
 def hand_on_signals(launch: "subprocess.Popen[str]") -> list[int]:

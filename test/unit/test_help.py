@@ -18,6 +18,7 @@ import mapping_tools.register_clouds
 import run_replay.arguments
 import terrain_tools.classify_map
 import terrain_tools.export_map
+from mapping_tools.live_arguments import live_arguments
 
 ROOT = Path(__file__).resolve().parents[2]
 PARSERS: dict[str, Callable[[], argparse.ArgumentParser]] = {
@@ -68,8 +69,10 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 @pytest.mark.parametrize("page", PAGES, ids=[page.name for page in PAGES])
 def test_commands_of_a_page_are_ones_that_the_tools_take(page: Path) -> None:
     for tool, *words in commands_of(page):
-        if tool != "./calibrate_mount" or "--from" in words:  # else it is roslaunch's
+        if tool != "./calibrate_mount" or "--from" in words:
             PARSERS[tool[2:]]().parse_args(words)
+        else:
+            live_arguments([word for word in words if not word.endswith(":=FILE")])
 
 
 def test_tutorial_and_readme_have_commands() -> None:

@@ -1,4 +1,4 @@
-"""./calibrate_mount --from writes over nothing that it reads, and says so before it works."""
+"""./calibrate_mount --from writes over nothing that it reads, and says so before it works; its help is there after --from, too."""
 
 from pathlib import Path
 
@@ -37,3 +37,10 @@ def test_output_that_is_read_is_refused_by_whatever_path(recording: Path, capsys
 
 def test_output_that_is_a_folder_is_refused_before_the_bag_is_read(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "is a folder" in refusal(capsys, recording, recording.parent)
+
+
+def test_help_stands_behind_from_as_well(capsys: pytest.CaptureFixture[str]) -> None:
+    for words in (["--from", "--help"], ["--from", "run.bag", "--help"], ["-h"]):
+        with pytest.raises(SystemExit) as ended:
+            calibrate_mount.main(words)
+        assert ended.value.code == 0 and capsys.readouterr().out.startswith("usage: ./calibrate_mount --from BAG|FOLDER")

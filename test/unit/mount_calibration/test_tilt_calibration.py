@@ -13,6 +13,7 @@ from mount_calibration import (
     TiltCalibration,
     TiltDirection,
     TiltGeometry,
+    asked_sweeps,
     named_calibration,
     read_calibration,
     tilt_directions,
@@ -149,3 +150,10 @@ def test_calibration_is_named_by_its_path_by_auto_or_not_at_all(tmp_path: Path, 
     assert [named_calibration(name).offset_rad for name in ("", "auto", "~/mine.yaml")] == [0.0, 0.01, 0.02]
     with pytest.raises(ValueError, match="none.yaml cannot be read: No such file or directory; calibrate_mount writes it"):
         named_calibration(str(tmp_path / "none.yaml"))
+
+
+def test_sweeps_are_a_whole_number_from_one_to_a_hundred() -> None:
+    assert [asked_sweeps(value) for value in (1, "3", 100)] == [1, 3, 100]
+    for value in (0, -1, 101, 2.5, True, "nan", "", None):
+        with pytest.raises(ValueError, match=f"^sweeps:={value}: expected a whole number from 1 to 100"):
+            asked_sweeps(value)

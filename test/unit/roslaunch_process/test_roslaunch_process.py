@@ -57,6 +57,14 @@ def test_launch_gets_file_arguments_port_and_log_folder(roslaunch, tmp_path):
     assert second == f"http://localhost:11399 {tmp_path}"
 
 
+def test_launch_without_a_port_joins_the_master_that_runs(roslaunch, tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_MASTER_URI", "http://robot:11311")
+    monkeypatch.setenv("ROS_LOG_DIR", "logs")
+    roslaunch('echo "[explore] $@"; echo "[explore] $ROS_MASTER_URI $ROS_LOG_DIR"')
+    first, second = list(shown_lines(start_launch("explore.launch", {}, None, None, 60), "[explore]"))
+    assert "--port" not in first and second == "[explore] http://robot:11311 logs"
+
+
 def test_only_what_is_marked_and_not_hidden_is_shown(roslaunch, tmp_path, capsys):
     roslaunch("echo noise; echo '[explore] SUCCESS'; echo '[explore] hide me'; echo 'x [explore]  t=3 s'")
     launch = start_launch("explore.launch", {}, 11399, tmp_path, 60)
