@@ -1,6 +1,9 @@
-"""./calibrate_mount NAME:=VALUE: what is wrong with its arguments is one line at once."""
+"""./calibrate_mount NAME:=VALUE: it replaces nobody's nodes, and what is wrong with its arguments is one line at once."""
 
+import threading
+from collections.abc import Iterator
 from pathlib import Path
+from xmlrpc.server import SimpleXMLRPCServer
 
 import pytest
 
@@ -8,6 +11,32 @@ from mapping_tools import live_calibration
 from mapping_tools.live_arguments import HELP, live_arguments
 
 ROOT = Path(__file__).resolve().parents[3]
+RUNNING, KILLED = "/scan_filter_node", "/odometry_fusion_node"
+
+
+class Master:
+    """Knows one node that runs, itself, and one that was killed."""
+
+    uri = ""
+
+    def lookupNode(self, _caller: str, name: str) -> tuple[int, str, str]:
+        uri = {RUNNING: self.uri, KILLED: "http://localhost:9/"}.get(name)
+        return (1, "", uri) if uri else (-1, "unknown node", "")
+
+    def getPid(self, _caller: str) -> tuple[int, str, int]:
+        return 1, "", 1
+
+
+@pytest.fixture
+def master(monkeypatch: pytest.MonkeyPatch) -> Iterator[Master]:
+    with SimpleXMLRPCServer(("localhost", 0), logRequests=False) as server:
+        known = Master()
+        known.uri = f"http://localhost:{server.server_address[1]}/"
+        server.register_instance(known)
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        monkeypatch.setenv("ROS_MASTER_URI", known.uri)
+        yield known
+        server.shutdown()
 
 
 class Launch:
@@ -30,6 +59,7 @@ def launched(monkeypatch: pytest.MonkeyPatch) -> list[int | None]:
 
     monkeypatch.setattr(live_calibration, "start_launch", start)
     monkeypatch.setattr(live_calibration, "hand_on_signals", lambda _: [])
+    monkeypatch.setattr(live_calibration, "free_port", lambda: 13100)
     return ports
 
 
@@ -38,6 +68,30 @@ def refusal(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     text = capsys.readouterr().err
     assert text.startswith("./calibrate_mount: ") and text.count("\n") == 1
     return text
+
+
+def test_nodes_of_a_running_exploration_are_not_replaced(
+    master: Master, launched: list[int | None], capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = refusal(capsys)
+    assert RUNNING in text and "end the exploration" in text and KILLED not in text and launched == []
+
+
+def test_nodes_of_another_robot_s_namespace_are_others(master: Master, launched: list[int | None], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_NAMESPACE", "left")
+    assert live_calibration.main([]) == 0 and launched == [None]
+
+
+def test_simulation_has_a_master_of_its_own(master: Master, launched: list[int | None]) -> None:
+    assert live_calibration.main(["sim:=true"]) == 0 and launched == [13100]
+
+
+def test_without_a_master_there_are_no_drivers(
+    launched: list[int | None], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for uri in ("http://localhost:9", ""):
+        monkeypatch.setenv("ROS_MASTER_URI", uri)
+        assert f"no ROS master at {uri}" in refusal(capsys) and launched == []
 
 
 @pytest.mark.parametrize(
