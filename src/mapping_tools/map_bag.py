@@ -47,7 +47,7 @@ the last one. Every sweep should be taken while the sensor stands, or be de-skew
 gets an origin of its own ({ORIGIN}). Points at 0 0 0, or where their beam starts, are beams without an echo."""
 _EPILOG = f"""DIR then holds sweeps/, graph.g2o, trajectory.txt (TUM), cloud.ply, cloud.pcd and {SUMMARY}. A run that was killed goes on
 with --resume. Example: ./map_bag run.bag --out session. Exit code: 0 mapped, 1 some sweeps could not be placed, the recording
-breaks off, or it was stopped, 2 wrong file or argument."""
+breaks off, or it was stopped, 2 wrong file or argument, 130 interrupted before or after mapping."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -114,9 +114,13 @@ def _check_out(a: argparse.Namespace) -> None:
     check_folder("--out", a.out)
 
 
+def _holds_session(folder: Path) -> bool:
+    return (folder / "sweeps").is_dir() and any((folder / "sweeps").iterdir())
+
+
 def open_session(a: argparse.Namespace, config: ToolConfig, match: Match) -> tuple[SessionStore, PoseGraphMapper, tuple[str, ...]]:
     """The session's store and mapper, and what is damaged in it; ArgumentProblem when there is none to open, or one to be kept."""
-    existing = (a.out / "sweeps").is_dir() and any((a.out / "sweeps").iterdir())
+    existing = _holds_session(a.out)
     if existing != a.resume:
         wrong = "holds a session; --resume goes on with it" if existing else "holds no session to go on with"
         raise ArgumentProblem(f"{a.out}: {wrong}")
@@ -218,7 +222,11 @@ def _say(text: str) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code for arguments, sys.argv's by default."""
     try:
-        return map_recording(parser().parse_args(argv))
+        a = parser().parse_args(argv)
+        try:
+            return map_recording(a)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(f"{a.out} holds a session; --resume goes on with it" if _holds_session(a.out) else "") from None
     except ArgumentProblem as error:
         problem = str(error)
     except (ValueError, OSError, MemoryError) as error:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
-from mapping_tools.configuration import configured
+from mapping_tools.configuration import ToolConfig, configured
 from mapping_tools.map_origin import MapOrigin
 from mapping_tools.mapping_run import MappingRun, NotPlaced
 from mapping_tools.session_sweeps import SessionSweeps
@@ -30,7 +30,7 @@ _DESCRIPTION = """Merges two sessions of the same place, as ./explore and ./map_
 each sweep of B is mapped onto it, the first of them found in A without a guess. What lies before it is mapped backwards from there."""
 _EPILOG = f"""DIR then holds sweeps/, graph.g2o, trajectory.txt, cloud.ply, cloud.pcd and {SUMMARY}: ./explore --map DIR starts in it.
 Example: ./merge_maps runs/monday runs/tuesday --out runs/both. Exit code: 0 merged, 1 some sweeps of B, or all, were not found in A (with
-all there is no DIR), 2 wrong folder or argument."""
+all there is no DIR), 2 wrong folder or argument, 130 interrupted, and then nothing is written."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -60,7 +60,6 @@ def opened(folder: Path) -> SessionStore:
 def merge(a: argparse.Namespace) -> int:
     """The exit code; ArgumentProblem for code 2."""
     config = configured(a.set)
-    match = create_registration(config.registration).match
     opened(a.first)
     second = opened(a.second)
     check_folder("--out", a.out)
@@ -69,18 +68,40 @@ def merge(a: argparse.Namespace) -> int:
             raise ArgumentProblem(f"--out {a.out}: lies in {folder}, which is only read; name another folder")
     if a.out.exists() and any(a.out.iterdir()):
         raise ArgumentProblem(f"{a.out}: is not empty; name another folder")
+    is_new = not a.out.exists()
+    try:
+        return _merged(a, config, second)
+    except (Exception, KeyboardInterrupt) as error:
+        _take_back(a.out, is_new)
+        if not isinstance(error, NothingFound):
+            raise
+        _say(f"./merge_maps: {error}")
+        return 1
+
+
+class NothingFound(Exception):
+    """No sweep of the second session was found in the first."""
+
+
+def _take_back(folder: Path, is_new: bool) -> None:
+    """Removes what was written, so that the same command can be given again."""
+    for path in folder.iterdir() if folder.is_dir() else ():
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    if is_new and folder.is_dir():
+        folder.rmdir()
+
+
+def _merged(a: argparse.Namespace, config: ToolConfig, second: SessionStore) -> int:
+    match = create_registration(config.registration).match
     store = _copied(a.first, a.out)
     try:
         resumed = resume(store, config.mapping, match)
     except ValueError as error:
-        shutil.rmtree(a.out)
         raise ArgumentProblem(f"{a.first}: {error}") from error
     before = len(store.sweeps)
     not_placed = _mapped_onto(resumed.mapper, match, store, second, a)
     if len(not_placed) == len(second.sweeps):
-        shutil.rmtree(a.out)
-        _say(f"./merge_maps: no sweep of {a.second} was found in {a.first}: {not_placed[0].reason}")
-        return 1
+        raise NothingFound(f"no sweep of {a.second} was found in {a.first}: {not_placed[0].reason}")
     resumed.mapper.graph.solve()
     damaged = store.save(resumed.mapper.graph, config.mapping.map_voxel_m, resumed.mapper.gone())
     summary = {

@@ -34,7 +34,7 @@ def parser() -> argparse.ArgumentParser:
         epilog="Without FIX and priors the vertex of the lowest id keeps its pose. OUT holds the vertices, priors and kept edges, in g2o's "
         "format. Example: ./optimize_graph graph.g2o --out solved.g2o. "
         "Exit code: 0 solved, 1 not solvable (parts without an edge between them, poses that nothing holds), 2 a file or argument "
-        "is wrong.",
+        "is wrong, 130 interrupted.",
     )
     p.add_argument("graph", type=Path, metavar="GRAPH", help="the graph to be solved; it is only read")
     p.add_argument("--out", type=Path, required=True, metavar="OUT.g2o", help="the graph with its new poses")
@@ -112,9 +112,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say(f"./optimize_graph: {of}{error.strerror or error}")
     except (ArgumentProblem, ValueError) as error:
         _say(f"./optimize_graph: {' '.join(str(error).split())}")
-    except KeyboardInterrupt:
-        _say("./optimize_graph: interrupted, nothing was written")
-        return NOT_SOLVABLE
     return BAD_INPUT
 
 

@@ -49,7 +49,7 @@ def parser() -> argparse.ArgumentParser:
         epilog="Without a guess the reading is looked for within a few metres of where it lies, at every heading; so it is with a guess of "
         "which no sigma is given. Example: ./register_clouds map.pcd scan.pcd --out T.json. "
         "Exit code: 0 there is a transform to use, 1 refused or ambiguous (the reason is printed, and FILE has "
-        "no transform), 2 a file or argument is wrong.",
+        "no transform), 2 a file or argument is wrong, 130 interrupted.",
     )
     p.add_argument("reference", type=Path, metavar="REFERENCE", help="the cloud that stays: a map, or a scan")
     p.add_argument("reading", type=Path, metavar="READING", help="the cloud to be placed: a scan, in the frame of its sensor or robot")

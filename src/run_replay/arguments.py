@@ -36,7 +36,8 @@ def parser() -> argparse.ArgumentParser:
         description="Shows a finished run in rviz as it happened: the robot, its path, and the map as it grew sweep by sweep, at the end "
         "classified. No simulator runs, and the run's folder is only read.",
         epilog="What was played stays on screen until Ctrl-C or until rviz is closed. "
-        "Example: ./replay runs/ramp-1 --speed 20. Exit code: 0 shown, 1 it broke off, 2 wrong argument or a run that cannot be read.",
+        "Example: ./replay runs/ramp-1 --speed 20. Exit code: 0 shown, 1 it broke off, 2 wrong argument or a run that cannot be read, "
+        "130 an export that was interrupted.",
     )
     p.add_argument("source", nargs="?", type=Path, metavar="DIR|BAG", help="folder of a run of ./explore, or a bag of one, like run.bag")
     p.add_argument("--speed", type=float, metavar="X", help=f"times real time; default {_DEFAULT_SPEED:g}; 0: as fast as it goes")

@@ -40,7 +40,8 @@ _DESCRIPTION = """Writes a finished map as other programs read it. MAP is the fo
 made anew of its sweeps; or an octomap octree (.bt .ot) for .bt, .ot, .pcd and .ply. 2-D maps and heights are of classified ground, one a
 storey: where there are several they are FILE-1, FILE-2, .. from below."""
 _EPILOG = f"""Formats: {"; ".join(f"{suffix} {what}" for suffix, what in FORMATS.items())}.
-Example: ./export_map runs/ramp-1 --out ramp.pgm ramp.tif. Exit code: 0 all is written, 2 a file or argument is wrong, and nothing is."""
+Example: ./export_map runs/ramp-1 --out ramp.pgm ramp.tif. Exit code: 0 all is written, 2 a file or argument is wrong, and nothing is, 130
+interrupted, nor is it then."""
 
 Files = list[tuple[Path, bytes, str]]
 

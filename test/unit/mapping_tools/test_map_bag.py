@@ -287,6 +287,18 @@ def test_run_that_is_interrupted_saves_what_it_has(tmp_path, bag, monkeypatch, n
     assert summary["problems"] == ["stopped after 40 % of it"] and summary["vertices"] == 2 and (tmp_path / "cloud.pcd").exists()
 
 
+@pytest.mark.parametrize("at, said", [("recorded", ""), ("_saved", "holds a session; --resume goes on with it")])
+def test_interrupt_before_or_after_mapping_says_what_is_there(tmp_path, bag, monkeypatch, at, said):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(map_bag, at, interrupted)
+    with pytest.raises(KeyboardInterrupt) as found:
+        map_bag.main([str(bag), "--out", str(tmp_path / "out"), "--quiet", *FAST])
+    assert str(found.value) == (f"{tmp_path / 'out'} {said}" if said else "")
+    assert (tmp_path / "out").exists() == bool(said)
+
+
 def test_other_recording_of_the_same_place_goes_on_where_it_is_found(tmp_path, bag):
     out = tmp_path / "out"
     mapped(bag, out, *FAST)

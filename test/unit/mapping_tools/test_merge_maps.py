@@ -104,3 +104,23 @@ def test_wrong_folders_are_named_in_one_line(sessions: tuple[Path, Path], tmp_pa
         assert len(said) == 1 and reason in said[0]
     assert not (tmp_path / "both").exists() and not list((tmp_path / "empty").iterdir()) and not (sessions[1] / "both").exists()
     assert [path.name for path in (tmp_path / "full").iterdir()] == ["a.txt"]
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError("odd"), OSError("full")], ids=str)
+@pytest.mark.parametrize("is_there", [False, True])
+def test_merge_that_does_not_come_to_its_end_leaves_nothing(
+    sessions: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: BaseException, is_there: bool
+) -> None:
+    def ended(*_: object, **__: object) -> None:
+        assert (tmp_path / "both" / "sweeps").is_dir()
+        raise error
+
+    if is_there:
+        (tmp_path / "both").mkdir()
+    monkeypatch.setattr(merge_maps.MappingRun, "map", ended)
+    if error is KeyboardInterrupt:
+        with pytest.raises(KeyboardInterrupt):
+            merged(*sessions, tmp_path / "both")
+    else:
+        assert merged(*sessions, tmp_path / "both") == 2
+    assert [path.name for path in tmp_path.rglob("*")] == (["both"] if is_there else [])
