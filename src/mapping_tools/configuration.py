@@ -64,4 +64,7 @@ def _parsed(text: str) -> tuple[str, Any]:
     name, equals, value = text.partition("=")
     if not equals:
         raise ArgumentProblem(f"--set {text}: expected PARAMETER=VALUE, for example vertex_voxel_m=0.2")
-    return name, yaml.safe_load(value)
+    try:
+        return name, yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise ArgumentProblem(f"--set {text}: {value!r} is no value") from error

@@ -20,6 +20,7 @@ from mapping_tools.cloud_files import SUFFIXES
 from mapping_tools.configuration import ToolConfig, configured
 from mapping_tools.map_origin import ORIGIN, MapOrigin
 from mapping_tools.mapping_run import MappingRun
+from mapping_tools.number_options import check_finite, check_not_negative
 from mapping_tools.pose_files import FORMS
 from mapping_tools.recorded_sources import Wanted, add_raw_arguments, raw_topics, source_of
 from mapping_tools.sensor_chain import SensorConfig
@@ -105,6 +106,12 @@ def recorded(a: argparse.Namespace, config: SensorConfig) -> SweepSource:
         raise ArgumentProblem(f"{a.recording}: {'; '.join(str(error).splitlines())}") from error
 
 
+def _check_numbers(a: argparse.Namespace) -> None:
+    check_finite("--mount", a.mount)
+    check_finite("--sensor", a.sensor)
+    check_not_negative("--min-travel", a.min_travel)
+
+
 def _check_out(a: argparse.Namespace) -> None:
     """ArgumentProblem where the session would replace the recording, or what lies beside it."""
     if is_same(a.out, a.recording):
@@ -137,6 +144,7 @@ def open_session(a: argparse.Namespace, config: ToolConfig, match: Match) -> tup
 def map_recording(a: argparse.Namespace) -> int:
     """The exit code of a run; ArgumentProblem for code 2."""
     begun = time.monotonic()
+    _check_numbers(a)
     config = configured(a.set, use_gravity=not a.no_gravity)
     source, match = recorded(a, config.sensors), create_registration(config.registration).match
     store, mapper, notes = open_session(a, config, match)

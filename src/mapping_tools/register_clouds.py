@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.centred_match import carried, centre_of, match_centred
 from mapping_tools.cloud_files import VIEWPOINT_FIELDS
+from mapping_tools.number_options import check_finite, check_not_negative
 from mapping_tools.prepared_cloud import prepared
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
@@ -97,8 +98,8 @@ def guess_of(options: argparse.Namespace) -> tuple[Array, Array | None]:
     try:
         as_transform(T)
     except ValueError as error:
-        where = f"--guess-file {options.guess_file}: " if options.guess_file else ""
-        raise ArgumentProblem(f"{where}the guess is {' '.join(str(error).split())}") from error
+        where = f"--guess-file {options.guess_file}" if options.guess_file else f"--guess {' '.join(f'{v:g}' for v in options.guess)}"
+        raise ArgumentProblem(f"{where}: expected a transform: four rows of four finite numbers, a rotation, and 0 0 0 1") from error
     if options.guess_sigma:
         if not all(math.isfinite(s) and s > 0 for s in options.guess_sigma):
             raise ArgumentProblem("--guess-sigma: expected two positive numbers, in m and rad")
@@ -187,6 +188,8 @@ def _numbers(values: Array) -> str:
 
 def register(options: argparse.Namespace) -> int:
     """Reads, matches, writes and prints; the exit code."""
+    check_finite("--guess", options.guess)
+    check_not_negative("--min-range", options.min_range)
     config = configured(options.set)
     if options.out:
         check_files([("--out", options.out)], [options.reference, options.reading, *([options.guess_file] if options.guess_file else [])])

@@ -217,7 +217,9 @@ def test_points_that_are_not_finite_are_left_out(tmp_path, scans, capsys):
 @pytest.mark.parametrize(
     "more, said",
     [
-        (["--guess", "0", "0", "nan", "0", "0", "0"], "transform"),
+        (["--guess", "0", "0", "nan", "0", "0", "0"], "--guess 0 0 nan 0 0 0: expected 6 finite numbers"),
+        (["--min-range", "-1"], "--min-range -1: expected 0 or more"),
+        (["--min-range", "nan"], "--min-range"),
         (["--guess", "0", "0"], "--guess"),
         (["--guess-file", "absent.json"], "absent.json"),
         (["--guess-sigma", "0", "1"], "--guess-sigma"),
@@ -234,14 +236,27 @@ def test_points_that_are_not_finite_are_left_out(tmp_path, scans, capsys):
 )
 def test_wrong_argument_is_named(scans, capsys, more, said):
     assert main([*scans, *more]) == 2
-    assert said in capsys.readouterr().err
+    text = capsys.readouterr().err
+    assert said in text and text.splitlines()[-1].startswith("./register_clouds: ")
 
 
-@pytest.mark.parametrize("content", ["", "[1, 2, 3]", '{"transform": null}', '{"pose": 1}', json.dumps((2 * np.eye(4)).tolist()), "[[1, 2"])
+@pytest.mark.parametrize(
+    "content",
+    [
+        "",
+        "[1, 2, 3]",
+        '{"transform": null}',
+        '{"pose": 1}',
+        json.dumps((2 * np.eye(4)).tolist()),
+        "[[1, 2",
+        "[[NaN,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]",
+    ],
+)
 def test_guess_file_that_holds_no_transform_is_named(tmp_path, scans, capsys, content):
     (tmp_path / "guess.json").write_text(content)
     assert main([*scans, "--guess-file", str(tmp_path / "guess.json")]) == 2
-    assert "transform" in capsys.readouterr().err
+    text = capsys.readouterr().err
+    assert "--guess-file" in text and "transform" in text and "array" not in text
 
 
 @pytest.mark.parametrize(
