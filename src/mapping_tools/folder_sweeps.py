@@ -15,6 +15,7 @@ from mapping_tools.sweep_sources import Mount, SourceSweep, Unreadable
 Array = NDArray[np.float64]
 
 POSES = "poses.txt"
+_OF_A_RUN = ("run.json", "sweeps/index.json")
 
 
 class FolderSweeps:
@@ -25,8 +26,10 @@ class FolderSweeps:
     def __init__(self, folder: Path, T_base_cloud: Array, sensor: Array | None) -> None:
         """sensor (3,): where beams start that files do not tell of, in the clouds' frame; None: where each file says it was seen from.
 
-        ValueError when there are no sweeps, or poses.txt does not fit them.
+        ValueError when there are no sweeps, or poses.txt does not fit them, or the folder is a run's.
         """
+        if any((folder / name).is_file() for name in _OF_A_RUN):
+            raise ValueError("is the folder of a run or session, whose clouds are finished maps; give its sweeps/, or run.bag where it was recorded")
         self._T_base_cloud, self._sensor = T_base_cloud, sensor
         self._files = sorted((path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES), key=naturally)
         self._read = self._no_returns = 0

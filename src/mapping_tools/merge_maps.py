@@ -20,7 +20,7 @@ from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import SessionStore, copy_session
-from whole_files import check_folder, lies_in, write_whole
+from whole_files import check_folder, is_same, lies_in, write_whole
 
 SUMMARY = "merge_summary.json"
 _TOLD = ("run.json", "robot.yaml", "robot.urdf", "mount_calibration.yaml", "world_origin.json", "map_origin.json")
@@ -60,6 +60,8 @@ def opened(folder: Path) -> SessionStore:
 def merge(a: argparse.Namespace) -> int:
     """The exit code; ArgumentProblem for code 2."""
     config = configured(a.set)
+    if is_same(a.first, a.second):
+        raise ArgumentProblem(f"{a.second}: is the same session as {a.first}; name two")
     opened(a.first)
     second = opened(a.second)
     check_folder("--out", a.out)

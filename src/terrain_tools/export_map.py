@@ -152,6 +152,8 @@ def export_map(options: argparse.Namespace) -> None:
         raise ArgumentProblem(f"{options.map}: no such file or folder")
     if not options.map.is_dir() and options.map.suffix.lower() not in (".bt", ".ot"):
         raise ArgumentProblem(f"{options.map}: expected a run's folder, or a file that ends in .bt or .ot")
+    if options.map.is_dir() and not any((options.map / name).is_file() for name in (*OCTREES, CLASSES, CLOUD, SWEEPS)):
+        raise ArgumentProblem(f"{options.map}: no run or session there: none of {', '.join((*OCTREES, CLASSES, CLOUD, SWEEPS))}")
     for target in options.out:
         if target.suffix.lower() not in FORMATS:
             raise ArgumentProblem(f"--out {target}: expected a file that ends in {', '.join(FORMATS)}")

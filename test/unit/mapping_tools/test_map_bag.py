@@ -178,6 +178,16 @@ def test_wrong_recordings_and_arguments_are_refused_with_the_reason(tmp_path, cl
     assert [path.name for path in bag.parent.iterdir()] == ["run.bag"] and not (tmp_path / "scans" / "sweeps").exists()
 
 
+@pytest.mark.parametrize("own", ["run.json", "sweeps/index.json"])
+def test_folder_of_a_run_is_no_folder_of_sweeps_and_its_sweeps_are(tmp_path, clouds, capsys, own):
+    run = write_folder(tmp_path / "run", clouds[:1])
+    (run / own).parent.mkdir(exist_ok=True)
+    (run / own).write_text("{}")
+    assert "is the folder of a run or session" in refusal(capsys, run, "--out", tmp_path / "out", "--quiet")
+    SessionStore(tmp_path / "session").add_sweep(0, 0.0, *clouds[0])
+    assert mapped(tmp_path / "session" / "sweeps", tmp_path / "again", *FAST)[0] == 0
+
+
 def test_session_that_is_there_is_not_overwritten(tmp_path, bag, clouds, capsys):
     SessionStore(tmp_path).add_sweep(0, 0.0, *clouds[0])
     assert "--resume goes on with it" in refusal(capsys, bag, "--out", tmp_path)

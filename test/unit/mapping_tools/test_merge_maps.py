@@ -92,10 +92,12 @@ def test_wrong_folders_are_named_in_one_line(sessions: tuple[Path, Path], tmp_pa
     (tmp_path / "empty").mkdir()
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "a.txt").write_text("mine")
+    (tmp_path / "link").symlink_to(sessions[0])
     for first, second, out, reason in (
         (sessions[0], tmp_path / "empty", tmp_path / "both", "empty: no session there"),
         (tmp_path / "absent", sessions[1], tmp_path / "both", "absent: no session there"),
         (*sessions, tmp_path / "full", "full: is not empty"),
+        (sessions[0], tmp_path / "full" / ".." / "link", tmp_path / "both", "link: is the same session as"),
         (*sessions, tmp_path / "full" / "a.txt", "a.txt is a file, expected a folder"),
         (*sessions, sessions[1] / "both", "--out"),
     ):

@@ -208,3 +208,9 @@ def test_disk_that_takes_not_all_leaves_nothing(tmp_path: Path, files_of_at_most
     with files_of_at_most(1000):
         assert main([str(tmp_path / "run"), "--out", str(tmp_path / "a.pcd"), str(tmp_path / "a.ot")]) == 2
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_folder_without_a_run_is_said_to_be_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "empty").mkdir()
+    assert main([str(tmp_path / "empty"), "--out", str(tmp_path / "a.ply")]) == 2
+    assert "empty: no run or session there" in capsys.readouterr().err
