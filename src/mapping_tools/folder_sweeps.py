@@ -29,7 +29,7 @@ class FolderSweeps:
         ValueError when there are no sweeps, or poses.txt does not fit them, or the folder is a run's.
         """
         if any((folder / name).is_file() for name in _OF_A_RUN):
-            raise ValueError("is the folder of a run or session, whose clouds are finished maps; give its sweeps/, or run.bag where it was recorded")
+            raise ValueError("is the folder of a run or session, whose clouds are finished maps; give its sweeps/, or its run.bag")
         self._T_base_cloud, self._sensor = T_base_cloud, sensor
         self._files = sorted((path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES), key=naturally)
         self._read = self._no_returns = 0

@@ -65,6 +65,7 @@ def parser() -> argparse.ArgumentParser:
         help=f"of calibrate_mount; auto: the one it writes by default; '' for none; default {RECORDED_FILE} beside robot.yaml, where it is",
     )
     add_raw_arguments(p)
+    p.set_defaults(odom_topic=None)  # to see whether it was given
     p.add_argument("--no-odometry", action="store_true", help="a bag without odometry: look for each sweep around the last one")
     p.add_argument(
         "--mount",
@@ -94,7 +95,7 @@ def recorded(a: argparse.Namespace, config: SensorConfig) -> SweepSource:
     if not a.recording.exists():
         raise ArgumentProblem(f"{a.recording}: no such bag or folder")
     _check_out(a)
-    odometry = None if a.no_odometry else a.odom_topic
+    odometry = None if a.no_odometry else a.odom_topic or BagTopics.odometry
     raw = raw_topics(a, odometry)
     T_base_cloud = None if a.mount is None else np.asarray(transform_from_rpy(a.mount[:3], tuple(a.mount[3:])))
     sensor = None if a.sensor is None else np.array(a.sensor)
@@ -110,6 +111,15 @@ def _check_numbers(a: argparse.Namespace) -> None:
     check_finite("--mount", a.mount)
     check_finite("--sensor", a.sensor)
     check_not_negative("--min-travel", a.min_travel)
+
+
+def _check_effects(a: argparse.Namespace) -> None:
+    if a.moved and not a.resume:
+        raise ArgumentProblem("--moved: has no effect without --resume")
+    if a.no_odometry and a.odom_topic is not None:
+        raise ArgumentProblem("--odom-topic: has no effect with --no-odometry")
+    if a.no_odometry and a.min_travel:
+        raise ArgumentProblem("--min-travel: has no effect with --no-odometry, which tells of no travel")
 
 
 def _check_out(a: argparse.Namespace) -> None:
@@ -145,6 +155,7 @@ def map_recording(a: argparse.Namespace) -> int:
     """The exit code of a run; ArgumentProblem for code 2."""
     begun = time.monotonic()
     _check_numbers(a)
+    _check_effects(a)
     config = configured(a.set, use_gravity=not a.no_gravity)
     source, match = recorded(a, config.sensors), create_registration(config.registration).match
     store, mapper, notes = open_session(a, config, match)

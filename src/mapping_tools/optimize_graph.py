@@ -19,6 +19,7 @@ from pose_graph_mapping.graph.graph_files import GraphFile, g2o_text, read_graph
 from pose_graph_mapping.graph.graph_measurements import GraphNotSolvable
 from whole_files import RefusedError, check_files, write_all, write_whole
 
+_OUTLIER_CHI2 = 30.0
 SOLVED, NOT_SOLVABLE, BAD_INPUT = 0, 1, 2
 
 
@@ -40,8 +41,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("--out", type=Path, required=True, metavar="OUT.g2o", help="the graph with its new poses")
     p.add_argument("--plain", action="store_true", help="believe every edge: least squares without leaving any out")
     p.add_argument("--isotropic", action="store_true", help="one weight for turns and one for shifts an edge, as SE-Sync has them")
-    limit = "squared Mahalanobis distance beyond which an edge contradicts the rest, by the noise that the graph shows; default %(default)g"
-    p.add_argument("--outlier-chi2", type=float, default=30.0, metavar="X", help=limit)
+    limit = "squared Mahalanobis distance beyond which an edge contradicts the rest, by the noise that the graph shows"
+    p.add_argument("--outlier-chi2", type=float, metavar="X", help=f"{limit}; default {_OUTLIER_CHI2:g}")
     p.add_argument("--strict", action="store_true", help="an edge to a vertex without a line of its own is an error")
     p.add_argument("--json", type=Path, metavar="FILE", help="errors, counts and the edges that were left out, for other programs")
     return p
@@ -65,7 +66,7 @@ def optimize(options: argparse.Namespace) -> int:
     if options.plain:
         solved = solve_plain(graph.problem)
     else:
-        solved = solve_robust(graph.problem, options.outlier_chi2, _say, graph.freedom)
+        solved = solve_robust(graph.problem, _OUTLIER_CHI2 if options.outlier_chi2 is None else options.outlier_chi2, _say, graph.freedom)
     content = report(file, graph, solved, options.plain)
     content["time_s"] = round(time.monotonic() - start, 3)
     files = {options.out: output(file, graph, solved).encode("ascii")}
@@ -82,7 +83,9 @@ def output(file: GraphFile, graph: NumberedGraph, solved: SolvedGraph) -> str:
 
 
 def _check(options: argparse.Namespace) -> None:
-    if not (math.isfinite(options.outlier_chi2) and options.outlier_chi2 > 0):
+    if options.plain and options.outlier_chi2 is not None:
+        raise ArgumentProblem("--outlier-chi2: has no effect with --plain, which leaves no edge out")
+    if options.outlier_chi2 is not None and not (math.isfinite(options.outlier_chi2) and options.outlier_chi2 > 0):
         raise ArgumentProblem(f"--outlier-chi2 {options.outlier_chi2:g}: expected a positive number")
     json_file = [] if options.json is None else [("--json", options.json)]
     check_files([("--out", options.out), *json_file], [options.graph])

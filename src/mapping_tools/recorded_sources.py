@@ -46,12 +46,30 @@ def source_of(wanted: Wanted, config: SensorConfig) -> SweepSource:
     """The sweeps of a recording. ValueError when it is none that can be mapped, OSError when it cannot be opened."""
     bags = bags_of(wanted.recording)
     if not bags:
+        _refuse(wanted, "clouds of a folder", "--cloud-topic", "--raw", "--robot", "--mount-calibration", "--no-odometry")
         return FolderSweeps(wanted.recording, np.eye(4) if wanted.T_base_cloud is None else wanted.T_base_cloud, wanted.sensor)
     recording = Recording(bags)
     if wanted.from_raw or (wanted.cloud is None and _is_raw(recording, wanted.raw)):
+        _refuse(wanted, "messages of the drivers", "--mount", "--sensor")
         return RawSweeps(recording, wanted.raw, robot_of(wanted.recording, wanted.robot, wanted.calibration), config)
+    _refuse(wanted, "finished clouds", "--robot", "--mount-calibration")
     topics = BagTopics(wanted.cloud or BagTopics.cloud, wanted.odometry).tracked(recording.topics)
     return BagSweeps(recording, topics, wanted.T_base_cloud, wanted.sensor)
+
+
+def _refuse(wanted: Wanted, mapped: str, *options: str) -> None:
+    """ValueError for an option that says nothing of what is mapped."""
+    given = {
+        "--cloud-topic": wanted.cloud is not None,
+        "--no-odometry": wanted.odometry is None,
+        "--raw": wanted.from_raw,
+        "--robot": wanted.robot is not None,
+        "--mount-calibration": bool(wanted.calibration),
+        "--mount": wanted.T_base_cloud is not None,
+        "--sensor": wanted.sensor is not None,
+    }
+    if found := [option for option in options if given[option]]:
+        raise ValueError(f"{found[0]}: has no effect on {mapped}, which are mapped here")
 
 
 def add_raw_arguments(p: argparse.ArgumentParser) -> None:

@@ -31,6 +31,7 @@ Array = NDArray[np.float64]
 FOUND, NOT_FOUND, BAD_INPUT = 0, 1, 2
 _USABLE_SHARE = 0.8  # of the memory that is free
 _FARTHEST_M = 1e8  # what no place on earth is away
+_GOAL_TOLERANCE_M = 0.5
 _DEFAULTS = Criteria()
 _DESCRIPTION = f"""Tells the ground that a robot can drive on from obstacles, cliffs and what was not seen, in a map that is a file,
 and finds a way over it. FILE is an octomap octree ({" ".join(OCTREES)}), or a cloud ({" ".join(CLOUDS)}) whose points are put into
@@ -58,7 +59,7 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument("--goal", nargs=3, type=float, metavar=point, help="on the ground, as --start is, on any storey; without it, no path")
     p.add_argument(
-        "--goal-tolerance", type=float, default=0.5, metavar="M", help="how far from the goal a path may end; default %(default)g m"
+        "--goal-tolerance", type=float, metavar="M", help=f"how far from the goal a path may end; default {_GOAL_TOLERANCE_M:g} m"
     )
     p.add_argument("--robot", type=robot_file, metavar="R", help="the robot, by name or FILE as in ./explore; default husky")
     p.add_argument(
@@ -101,7 +102,7 @@ def classify_map(options: argparse.Namespace) -> int:
     read_s = time.perf_counter() - begun
     start, goal = (_near(point, found_map.origin) for point in (options.start, options.goal))
     assert start is not None
-    found = analyse(found_map.octree, by, start, goal, options.goal_tolerance)
+    found = analyse(found_map.octree, by, start, goal, _GOAL_TOLERANCE_M if options.goal_tolerance is None else options.goal_tolerance)
     asked = Asked(start, goal, found_map.origin.tolist())
     write_results(options.out, _content(options, by, found, asked, {"reading": round(read_s, 4)}))
     if found.terrain is not None:
@@ -135,6 +136,8 @@ def _check(options: argparse.Namespace) -> None:
     for name, value in (("goal-tolerance", options.goal_tolerance), ("max-memory", options.max_memory)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise ArgumentProblem(f"--{name} {value:g}: expected a positive number")
+    if options.goal_tolerance is not None and options.goal is None:
+        raise ArgumentProblem("--goal-tolerance: has no effect without --goal")
     named = (options.robot, options.profile and Path(options.profile))
     check_folder("--out", options.out, [options.map, *(path for path in named if path)], FILES)
 

@@ -27,7 +27,7 @@ from terrain_tools.storey_maps import StoreyMap, pgm_bytes, read_classified, sto
 from whole_files import check_files, write_all
 
 OCTREES, CLASSES, CLOUD, ORIGIN = ("map.ot", "map.bt"), "terrain.npz", "cloud.pcd", "world_origin.json"
-_ROBOT = "robot.yaml"
+_ROBOT, _CLOUDS = "robot.yaml", (".pcd", ".ply")
 FORMATS = {
     ".ot": "the octree with its log-odds",
     ".bt": "the octree, free and occupied",
@@ -91,6 +91,11 @@ class FinishedMap:
         return storey_maps(navigable_terrain(builder.tree.column_runs(), T_map_base, self.by.settings, None, builder.heights))
 
     @property
+    def is_made_anew(self) -> bool:
+        """Whether something of it that was asked for was made of its sweeps, by `by`."""
+        return "_session" in self.__dict__
+
+    @property
     def origin(self) -> NDArray[np.float64]:
         """(3,) where the map's origin lies in the world."""
         path = self._first((ORIGIN, MAP_ORIGIN))
@@ -113,7 +118,12 @@ def parser() -> argparse.ArgumentParser:
         "--out", type=Path, nargs="+", required=True, metavar="FILE", help=f"the suffix tells the format: {' '.join(FORMATS)}; replaced"
     )
     p.add_argument("--voxels", action="store_true", help="as a cloud, the centres of occupied voxels in place of the run's merged cloud")
-    p.add_argument("--robot", type=robot_file, metavar="R", help=f"as in ./explore; default {_ROBOT} of the folder, else husky")
+    p.add_argument(
+        "--robot",
+        type=robot_file,
+        metavar="R",
+        help=f"of what is made of sweeps, as in ./explore; default {_ROBOT} of the folder, else husky",
+    )
     p.add_argument("--profile", metavar="P", help="parameters of a session's octree and ground, as in ./classify_map")
     return p
 
@@ -125,7 +135,7 @@ def exported(source: FinishedMap, target: Path, *, voxels: bool) -> Files:
         return [(target, source.octree.ot_bytes(), f"{source.octree.leaf_count:,} leaves")]
     if suffix == ".bt":
         return [(target, source.octree.bt_bytes(), f"{source.octree.leaf_count:,} leaves")]
-    if suffix in (".pcd", ".ply"):
+    if suffix in _CLOUDS:
         points = source.points(voxels=voxels)
         return [(target, (pcd_bytes if suffix == ".pcd" else ply_bytes)(points), f"{len(points):,} points")]
     return [file for number, storey in enumerate(source.storeys) for file in _drawn(source, storey, _named(source, target, number))]
@@ -157,12 +167,17 @@ def export_map(options: argparse.Namespace) -> None:
     for target in options.out:
         if target.suffix.lower() not in FORMATS:
             raise ArgumentProblem(f"--out {target}: expected a file that ends in {', '.join(FORMATS)}")
+    if options.voxels and not any(target.suffix.lower() in _CLOUDS for target in options.out):
+        raise ArgumentProblem(f"--voxels: has no effect on {options.out[0]}; it is for {' and '.join(_CLOUDS)}")
     _check_outputs(options, options.out)
     beside = options.map / _ROBOT
     source = FinishedMap(
         options.map, read_criteria(beside if options.robot is None and beside.is_file() else options.robot, options.profile)
     )
     files = [file for target in options.out for file in exported(source, target, voxels=options.voxels)]
+    for option, value in (("--robot", options.robot), ("--profile", options.profile)):
+        if value is not None and not source.is_made_anew:
+            raise ArgumentProblem(f"{option}: has no effect: what is written of {options.map} is there, and not made anew of its sweeps")
     _check_outputs(options, [path for path, _, _ in files])
     write_all({path: content for path, content, _ in files})
     for path, _, what in files:

@@ -166,6 +166,11 @@ def test_wrong_recordings_and_arguments_are_refused_with_the_reason(tmp_path, cl
         ((bag, *out, "--sensor", 0, 0, "inf"), "--sensor 0 0 inf: expected 3 finite numbers"),
         ((bag, *out, "--min-travel", -1), "--min-travel -1: expected 0 or more"),
         ((bag, *out, "--min-travel", "nan"), "--min-travel nan"),
+        ((bag, *out, "--moved"), "--moved: has no effect without --resume"),
+        ((bag, *out, "--no-odometry", "--odom-topic", "/odom"), "--odom-topic: has no effect"),
+        ((bag, *out, "--no-odometry", "--min-travel", 1), "--min-travel: has no effect"),
+        ((bag, *out, "--robot", "husky"), "--robot: has no effect on finished clouds"),
+        ((bag, *out, "--mount-calibration", "auto"), "--mount-calibration: has no effect"),
         ((bag, *out, "--resume"), "holds no session"),
         ((bag, "--out", tmp_path / "text.bag" / "x"), "text.bag is a file, expected a folder"),
         ((bag, "--out", tmp_path / "text.bag"), "--out"),
@@ -237,6 +242,15 @@ def test_file_in_a_folder_that_is_damaged_is_named_and_the_others_mapped(tmp_pat
     path.write_bytes(path.read_bytes()[:2000])
     code, summary = mapped(folder, tmp_path / "out", *FAST)
     assert (code, summary["vertices"], [entry["sweep"] for entry in summary["not_placed"]]) == (1, 2, ["scan_01.pcd"])
+
+
+@pytest.mark.parametrize(
+    "words", [("--raw",), ("--cloud-topic", "/c"), ("--robot", "husky"), ("--mount-calibration", "auto"), ("--no-odometry",)]
+)
+def test_option_that_says_nothing_of_a_folder_is_refused(tmp_path, clouds, capsys, words):
+    folder = write_folder(tmp_path / "scans", clouds[:1])
+    assert f"{words[0]}: has no effect on clouds of a folder" in refusal(capsys, folder, "--out", tmp_path / "out", *words)
+    assert not (tmp_path / "out").exists()
 
 
 def test_poses_that_do_not_fit_are_refused(tmp_path, clouds, capsys):

@@ -121,6 +121,7 @@ CHAIN = [edge(k, k + 1, transform_from_rpy((1, 0, 0))) for k in range(3)]
         ([*CHAIN, "FIX 8"], [], 2, "FIX 8: there is no such vertex"),
         (["# nothing"], [], 2, "neither a vertex nor an edge"),
         (CHAIN, ["--outlier-chi2", "-1"], 2, "--outlier-chi2 -1: expected a positive number"),
+        (CHAIN, ["--plain", "--outlier-chi2", "30"], 2, "--outlier-chi2: has no effect with --plain"),
         (CHAIN, ["--outlier-chi2", "many"], 2, "outlier-chi2"),
         (CHAIN, ["--out", "/nowhere/at/all.g2o"], 2, "no such folder"),
     ],

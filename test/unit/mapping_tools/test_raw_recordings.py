@@ -293,6 +293,14 @@ def test_calibration_that_is_none_is_refused(tmp_path: Path, off_bag: Path, caps
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("words", [("--mount", 0, 0, 1, 0, 0, 0), ("--sensor", 0, 0, 0)], ids=lambda words: words[0])
+def test_option_for_finished_clouds_is_refused(
+    tmp_path: Path, off_bag: Path, capsys: pytest.CaptureFixture[str], words: tuple[object, ...]
+) -> None:
+    said = refusal(capsys, off_bag, "--out", tmp_path / "out", *words)
+    assert f"{words[0]}: has no effect on messages of the drivers" in said and not (tmp_path / "out").exists()
+
+
 def test_mount_is_calibrated_from_the_sweeps_of_a_recording(tmp_path: Path, off_bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert calibrate_mount.main(["--from", str(off_bag), "--out", str(tmp_path / "found.yaml")]) == 0
     assert "tilt offset" in capsys.readouterr().out

@@ -326,6 +326,7 @@ def test_cloud_above_the_allowed_memory_is_refused(tmp_path, capsys):
         (["--start", "0", "1e300", "0"], "--start"),
         (["--start", "a", "0", "0"], "--start"),
         (["--goal", "inf", "0", "0"], "--goal"),
+        (["--goal-tolerance", "0.5"], "--goal-tolerance: has no effect without --goal"),
         (["--goal-tolerance", "nan"], "--goal-tolerance"),
         (["--goal-tolerance", "-1"], "--goal-tolerance"),
         (["--max-memory", "nan"], "--max-memory"),

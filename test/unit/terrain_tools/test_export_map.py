@@ -214,3 +214,14 @@ def test_folder_without_a_run_is_said_to_be_one(tmp_path: Path, capsys: pytest.C
     (tmp_path / "empty").mkdir()
     assert main([str(tmp_path / "empty"), "--out", str(tmp_path / "a.ply")]) == 2
     assert "empty: no run or session there" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("more", "out"),
+    [(("--robot", "small"), "a.pgm"), (("--profile", "thesis"), "a.pgm"), (("--profile", "thesis"), "a.ply"), (("--voxels",), "a.bt")],
+)
+def test_option_without_effect_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], more: tuple[str, ...], out: str) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    assert main([str(tmp_path / "run"), *more, "--out", str(tmp_path / out)]) == 2
+    said = capsys.readouterr().err
+    assert f"{more[0]}: has no effect" in said and said.count("\n") == 1 and not (tmp_path / out).exists()
