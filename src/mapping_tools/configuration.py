@@ -31,10 +31,10 @@ class ToolConfig:
 _CLASSES = (RegistrationConfig, MappingConfig, ScanFilterConfig, LidarConfig, SweepAssemblyConfig, OdometryConfig, ImuLimits)
 
 
-def configured(texts: Sequence[str], *, use_gravity: bool = True) -> ToolConfig:
+def configured(texts: Sequence[str], *, use_gravity: bool = True, of_sensors: bool = True) -> ToolConfig:
     """Defaults, and what the texts say; ArgumentProblem for what is no NAME=VALUE, no parameter, or no value of it.
 
-    A name that several stages have is set in all of them.
+    A name that several stages have is set in all of them. of_sensors: whether parameters of the sensors' nodes have an effect.
     """
     values = dict(_parsed(text) for text in texts)
     names = {c: {f.name for f in dataclasses.fields(c)} for c in _CLASSES}
@@ -43,6 +43,8 @@ def configured(texts: Sequence[str], *, use_gravity: bool = True) -> ToolConfig:
         if name not in known:
             near = difflib.get_close_matches(name, known, n=1)
             raise ArgumentProblem(f"--set {name}: no such parameter" + (f", did you mean {near[0]}?" if near else ""))
+        if not of_sensors and name not in names[RegistrationConfig] | names[MappingConfig]:
+            raise ArgumentProblem(f"--set {name}: has no effect on sweeps that are made already")
     own = {c: {k: v for k, v in values.items() if k in names[c]} for c in _CLASSES}
     try:
         return ToolConfig(

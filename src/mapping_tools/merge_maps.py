@@ -59,7 +59,7 @@ def opened(folder: Path) -> SessionStore:
 
 def merge(a: argparse.Namespace) -> int:
     """The exit code; ArgumentProblem for code 2."""
-    config = configured(a.set)
+    config = configured(a.set, of_sensors=False)
     if is_same(a.first, a.second):
         raise ArgumentProblem(f"{a.second}: is the same session as {a.first}; name two")
     opened(a.first)

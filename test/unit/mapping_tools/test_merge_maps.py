@@ -126,3 +126,9 @@ def test_merge_that_does_not_come_to_its_end_leaves_nothing(
     else:
         assert merged(*sessions, tmp_path / "both") == 2
     assert [path.name for path in tmp_path.rglob("*")] == (["both"] if is_there else [])
+
+
+def test_parameter_of_the_sensors_is_refused(sessions: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = [*map(str, sessions), "--out", str(tmp_path / "both"), "--set", "windows=turning_points"]
+    assert merge_maps.main(words) == 2
+    assert "--set windows: has no effect" in capsys.readouterr().err and not (tmp_path / "both").exists()
