@@ -5,6 +5,7 @@ made anew. So a campaign that was killed goes on with the same command.
 """
 
 import json
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -15,6 +16,7 @@ from exploration_evaluation import read_json, write_json
 FORMAT = 1
 BY_PROFILE = "by_profile"  # every run maps as its profile and robot say
 CAMPAIGN_FILE, OUTCOME_FILE = "campaign.json", "outcome.json"
+MOST_SEEDS = 10_000  # a year of runs
 _IDENTITY = ("format", "worlds", "seeds", "profiles", "sensor", "realism", "mapping", "movers", "movers_every", "limits", "robot", "chaos")
 _EXTENSIBLE = ("worlds", "seeds", "profiles")
 _SINCE_FORMAT_1 = {
@@ -111,6 +113,8 @@ def parse_seeds(text: str) -> tuple[int, ...]:
         low, high = int(first), int(last or first)
         if low > high:
             raise CampaignProblem(f"--seeds {text}: {low}-{high} runs backwards")
+        if high - low + len(seeds) >= MOST_SEEDS:
+            raise CampaignProblem(f"--seeds {text}: expected {MOST_SEEDS} seeds at most")
         seeds.update(dict.fromkeys(range(low, high + 1)))
     return tuple(seeds)
 
@@ -150,17 +154,35 @@ def _identity(campaign: Campaign) -> dict[str, object]:
 
 
 def _check_extends(campaign: Campaign, found: Mapping[str, object]) -> None:
-    asked = _identity(campaign)
+    asked, differing = _identity(campaign), []
     for key in _IDENTITY:
         was, now = found.get(key, _SINCE_FORMAT_1.get(key)), asked[key]
         is_extended = key in _EXTENSIBLE and isinstance(was, list) and isinstance(now, list) and set(was) <= set(now)
         if was != now and not is_extended:
-            raise CampaignProblem(
-                f"--out {campaign.out}: holds another campaign, of {key} {_shown(was)}, not {_shown(now)}; choose another folder"
-            )
+            differing.append(f"of {key} {shown(was)}, not {shown(now)}")
+    if differing:
+        raise CampaignProblem(f"--out {campaign.out}: holds another campaign, {'; '.join(differing)}; choose another folder")
 
 
-def _shown(value: object) -> str:
+def stored_campaign(out: Path) -> Campaign:
+    """The campaign that a folder holds. CampaignProblem in one line when there is none, or its file says something else."""
+    if not (out / CAMPAIGN_FILE).is_file():
+        raise CampaignProblem(f"--out {out}: no campaign is there to report of: it has no {CAMPAIGN_FILE}")
+    try:
+        found = {**_SINCE_FORMAT_1, **read_json(out / CAMPAIGN_FILE)}
+        if found.get("format") != FORMAT:
+            raise ValueError(f"{CAMPAIGN_FILE} has format {found.get('format')}, not {FORMAT}")
+        limits = Limits(**{name: math.nan if value is None else float(value) for name, value in found["limits"].items()})
+        others = {key: found[key] for key in _IDENTITY if key in found and key not in ("format", "limits", *_EXTENSIBLE)}
+        return Campaign(out, tuple(found["worlds"]), tuple(found["seeds"]), tuple(found["profiles"]), limits=limits, **others)
+    except (ValueError, OSError) as error:
+        raise CampaignProblem(f"--out {out}: {error}") from error
+    except (KeyError, TypeError, AttributeError) as error:
+        raise CampaignProblem(f"--out {out}: {CAMPAIGN_FILE} does not say what was asked for: {error}") from error
+
+
+def shown(value: object) -> str:
+    """A value as it is told: a list with commas, nothing as none."""
     if isinstance(value, Sequence) and not isinstance(value, str):
         return ",".join(str(v) for v in value)
-    return str(value)
+    return "none" if value in (None, "") else str(value)

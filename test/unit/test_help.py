@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-import evaluation_campaign.__main__
+import evaluation_campaign.arguments
 import explore_command.arguments
 import mapping_tools.calibrate_mount
 import mapping_tools.map_bag
@@ -24,7 +24,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PARSERS: dict[str, Callable[[], argparse.ArgumentParser]] = {
     "calibrate_mount": mapping_tools.calibrate_mount.parser,
     "classify_map": terrain_tools.classify_map.parser,
-    "evaluate": evaluation_campaign.__main__.parser,
+    "evaluate": evaluation_campaign.arguments.parser,
     "explore": explore_command.arguments.parser,
     "export_map": terrain_tools.export_map.parser,
     "map_bag": mapping_tools.map_bag.parser,

@@ -1,13 +1,16 @@
 """./evaluate's command line: what it asks for, and what it refuses in one line."""
 
+import json
 import signal
 from pathlib import Path
 
 import pytest
 import yaml
 
-from evaluation_campaign.__main__ import main, parse
-from evaluation_campaign.plan import BY_PROFILE, CampaignProblem, Limits
+from evaluation_campaign.__main__ import main
+from evaluation_campaign.arguments import parse, parser
+from evaluation_campaign.plan import BY_PROFILE, CampaignProblem, Limits, open_campaign
+from explore_command.parameters import profile_names
 from robot_body import RobotBody, robot_mapping
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -28,21 +31,39 @@ def test_soak_takes_as_many_seeds_as_it_needs_and_movers_go_about_in_every_third
     assert {spec.seed for spec in campaign.specs if campaign.movers_of(spec)} == {3, 6}
 
 
+@pytest.fixture
+def no_runs(monkeypatch):
+    """Who would make runs all the same makes none."""
+    monkeypatch.setattr("evaluation_campaign.__main__.run_campaign", lambda *_: pytest.fail("runs would be made"))
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
         (["--worlds", "romms"], "romms"),
         (["--profile", "ours,config/profiles/ours.yaml"], "--profile ours and config/profiles/ours.yaml have the same name"),
-        (["--profile", "thessis"], "profiles are mount_off, nearest, ours, thesis"),
+        (["--profile", "thessis"], f"profiles are {', '.join(profile_names())}"),
         (["--seeds", "5-1"], "runs backwards"),
         (["--worlds", "docs/ramp.png"], "a height map has no size of its own"),
-        (["--jobs", "0"], "must be positive"),
-        (["--soak", "-1"], "must be positive"),
+        (["--jobs", "0"], "--jobs 0: expected 1 to 1000"),
+        (["--jobs", "nan"], "invalid int value: 'nan'"),
+        (["--soak", "-1"], "--soak -1: expected 1 to 10000"),
+        (["--soak", "0"], "--soak 0: expected 1 to 10000"),
+        (["--chaos", "-1"], "--chaos -1: expected 0 to "),
+        (["--seeds", "1-99999999999"], "expected 10000 seeds at most"),
+        (["--seeds", "1-6000,7000-12000"], "expected 10000 seeds at most"),
+        (["--max-sim-time", "nan"], "--max-sim-time nan: expected 1 to 1000000"),
+        (["--max-sim-time", "inf"], "--max-sim-time inf: expected 1 to 1000000"),
+        (["--max-sim-time", "0"], "--max-sim-time 0.0: expected 1 to 1000000"),
+        (["--max-wall-time", "nan"], "--max-wall-time nan: expected 1 to 1000000"),
+        (["--sensor", "sonar"], "argument --sensor: invalid choice: 'sonar'"),
+        (["--sedes", "1"], "unrecognized arguments: --sedes 1"),
+        (["--movers", "0"], "--movers 0: expected 1 or more"),
         (["--movers", "many"], "--movers many is neither a number nor a file of movers"),
-        (["--max-wall-time", "-1"], "must be positive"),
+        (["--max-wall-time", "-1"], "--max-wall-time -1.0: expected 1 to 1000000"),
     ],
 )
-def test_what_cannot_be_run_is_one_line_and_exit_code_2(tmp_path, capsys, monkeypatch, arguments, text):
+def test_what_cannot_be_run_is_one_line_and_exit_code_2(tmp_path, capsys, monkeypatch, no_runs, arguments, text):
     monkeypatch.chdir(ROOT)
     assert main([*arguments, "--out", str(tmp_path / "c")]) == 2
     lines = capsys.readouterr().err.strip().splitlines()
@@ -111,3 +132,76 @@ def test_fixed_lidar_decides_for_sensor_and_mapping_of_all_runs(tmp_path, capsys
     assert (campaign.sensor, campaign.mapping) == ("tilting", BY_PROFILE)
     assert main([*robot, "--mapping", "stop_and_go"]) == 2
     assert "set it to driving" in capsys.readouterr().err and not (tmp_path / "c").exists()
+
+
+def test_help_lists_the_profiles_that_an_error_does():
+    assert ", ".join(profile_names()) in " ".join(parser().format_help().split())
+
+
+@pytest.fixture
+def reported(tmp_path, monkeypatch, no_runs):
+    """A folder with a campaign of worlds that are gone, and the folders of which reports were written."""
+    folders = []
+
+    def write_report(out):
+        folders.append(out)
+        return []
+
+    monkeypatch.setattr("evaluation_report.write_report", write_report)
+    (tmp_path / "gone.obj").touch()
+    words = ["--worlds", f"rooms,{tmp_path}/gone.obj", "--seeds", "1-2", "--max-sim-time", "50", "--sensor", "spinning", "--chaos", "3"]
+    campaign, _ = parse([*words, "--out", str(tmp_path / "c")])
+    open_campaign(campaign, {})
+    (tmp_path / "gone.obj").unlink()
+    for spec in campaign.specs[:3]:
+        (campaign.out / spec.folder).mkdir(parents=True)
+        (campaign.out / spec.folder / "outcome.json").write_text('{"status": "finished"}')
+    return campaign, folders, words
+
+
+def test_report_alone_is_of_the_campaign_that_the_folder_holds(reported, capsys):
+    campaign, folders, words = reported
+    alone = ["--out", str(campaign.out), "--report-only"]
+    before = (campaign.out / "campaign.json").read_bytes()
+    for more in ([], words):
+        assert parse([*alone, *more])[0] == campaign
+        assert main([*alone, *more]) == 1 and "missing: " in capsys.readouterr().out
+    assert folders == [campaign.out] * 2 and (campaign.out / "campaign.json").read_bytes() == before
+
+
+def test_report_alone_tells_all_that_differs_at_once(reported, capsys):
+    campaign, folders, _ = reported
+    assert main(["--out", str(campaign.out), "--report-only", "--seeds", "1-3", "--sensor", "tilting", "--realism", "hardware"]) == 2
+    text = capsys.readouterr().err
+    assert "--seeds 1,2, not 1,2,3; --sensor spinning, not tilting; --report-only needs none" in text and text.count("\n") == 1
+    assert folders == []
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_report_of_a_folder_without_a_campaign_is_one_line_and_writes_nothing(tmp_path, capsys, no_runs, there):
+    folder = tmp_path / "c"
+    if there:
+        folder.mkdir()
+    assert main(["--out", str(folder), "--report-only"]) == 2
+    text = capsys.readouterr().err
+    assert "no campaign is there to report of" in text and text.count("\n") == 1
+    assert folder.exists() == there and not list(tmp_path.rglob("*.*"))
+
+
+@pytest.mark.parametrize(
+    "changed", [{"limits": 3}, {"worlds": None}, {"format": 2}, {"limits": {"sim_s": "long", "wall_s": 1}}, {"limits": {"wall": 1}}]
+)
+def test_campaign_that_does_not_say_what_was_asked_is_one_line(reported, capsys, changed):
+    campaign, folders, _ = reported
+    path = campaign.out / "campaign.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **changed}))
+    assert main(["--out", str(campaign.out), "--report-only"]) == 2
+    text = capsys.readouterr().err
+    assert text.startswith(f"./evaluate: --out {campaign.out}: ") and text.count("\n") == 1 and folders == []
+
+
+def test_folder_whose_limit_was_no_number_has_a_report_all_the_same(reported):
+    campaign, folders, _ = reported
+    path = campaign.out / "campaign.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "limits": {"sim_s": None, "wall_s": 1.0}}))
+    assert main(["--out", str(campaign.out), "--report-only"]) == 1 and folders == [campaign.out]

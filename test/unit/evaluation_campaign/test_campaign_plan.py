@@ -81,6 +81,12 @@ def test_folder_of_another_campaign_is_refused_with_what_differs(tmp_path, chang
         open_campaign(campaign(tmp_path, **changed), {})
 
 
+def test_all_that_differs_is_told_at_once(tmp_path):
+    open_campaign(campaign(tmp_path), {})
+    with pytest.raises(CampaignProblem, match="of seeds 1,2, not 1; of sensor tilting, not spinning; of movers none, not 3; choose"):
+        open_campaign(campaign(tmp_path, seeds=(1,), sensor="spinning", movers="3"), {})
+
+
 def test_campaign_from_before_there_was_a_choice_of_sensors_had_the_tilting_one(tmp_path):
     open_campaign(campaign(tmp_path), {})
     path = tmp_path / "campaign.json"
