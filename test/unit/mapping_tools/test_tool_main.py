@@ -2,6 +2,7 @@
 
 import os
 import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -58,11 +59,17 @@ def main():
 """
 
 
+def hears_interrupts() -> None:
+    """Also where the tests run in the background, for which a shell has interrupts ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def outcome(folder: Path, body: str, *words: str) -> subprocess.CompletedProcess[str]:
     (folder / "a_tool.py").write_text("import os, signal, sys, time\n" + body)
     path = os.pathsep.join([str(folder), *(p for p in sys.path if p)])
     command = [sys.executable, "-m", "mapping_tools.tool_main", "the_tool", "a_tool", *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=30, env={**os.environ, "PYTHONPATH": path})
+    environment = {**os.environ, "PYTHONPATH": path}
+    return subprocess.run(command, capture_output=True, text=True, timeout=30, env=environment, preexec_fn=hears_interrupts)
 
 
 @pytest.mark.parametrize(
