@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
@@ -14,7 +14,7 @@ from mapping_tools.recording import Recording, bags_of
 from mapping_tools.sensor_chain import SensorConfig
 from mount_calibration import MountCalibrationConfig, Place, estimate_mount, estimate_table, joined_places, write_calibration
 from robot_body import DESCRIPTION, RobotBody, urdf_file
-from whole_files import is_same
+from whole_files import check_not_read
 
 _DESCRIPTION = """Calibrates the tilting mount from a bag of what a robot's drivers sent, as ./map_bag maps it: the sweeps that were made
 while the robot stood. Sweeps at one place count together; the more headings, the better."""
@@ -44,15 +44,6 @@ def places_of(sweeps: RawSweeps) -> list[Place]:
     return found
 
 
-def _check_written(out: Path, read: Iterable[Path]) -> None:
-    """ArgumentProblem where the file that is to be written is a folder, or one that is read."""
-    if out.is_dir():
-        raise ArgumentProblem(f"--out {out}: is a folder; a file is to be written")
-    for path in read:
-        if path.exists() and is_same(out, path):
-            raise ArgumentProblem(f"--out {out}: would replace {path}, which is read")
-
-
 def _read_files(recording: Path, bags: Sequence[Path], robot_file: Path | None, body: RobotBody) -> Iterator[Path]:
     """Everything that a calibration reads."""
     for bag in bags:
@@ -69,13 +60,11 @@ def calibrate(a: argparse.Namespace) -> int:
     bags = bags_of(a.recording)
     if not bags:
         raise ArgumentProblem(f"{a.recording}: no bag in this folder")
+    robot = robot_of(a.recording, a.robot, "")
+    check_not_read("--out", a.out, _read_files(a.recording, bags, a.robot, robot.body))
     try:
-        robot = robot_of(a.recording, a.robot, "")
-        _check_written(a.out, _read_files(a.recording, bags, a.robot, robot.body))
         sweeps = RawSweeps(Recording(bags), raw_topics(a, a.odom_topic), robot, SensorConfig())
         places = places_of(sweeps)
-    except ArgumentProblem:
-        raise
     except (ValueError, OSError) as error:
         raise ArgumentProblem(f"{a.recording}: {error}") from error
     for note in (*sweeps.notes, *([sweeps.problem] if sweeps.problem else [])):

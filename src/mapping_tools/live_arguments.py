@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from explore_command.arguments import NAMED_WORLDS, REALISMS, UPS, ArgumentProblem
-from whole_files import is_same
+from whole_files import check_not_read
 
 HELP = """usage: ./calibrate_mount [robot_file:=FILE urdf:=FILE] [sweeps:=N] [mount_calibration:=FILE]
        ./calibrate_mount sim:=true [world:=W] [seed:=N] [...]
@@ -107,13 +107,9 @@ def _with_files(found: dict[str, str]) -> dict[str, str]:
 
 
 def _check_written(found: dict[str, str]) -> None:
-    """ArgumentProblem where the file that is to be written is a folder, or one that is read."""
+    """ValueError where the file that is to be written is a folder, or one that is read."""
     text = found.get("mount_calibration", "")
     if not text:
         return
-    out = Path(text)
-    if out.is_dir():
-        raise ArgumentProblem(f"mount_calibration:={text}: is a folder; a file is to be written")
-    for name in (*_READ, "world", "movers"):
-        if name in found and Path(found[name]).is_file() and is_same(out, Path(found[name])):
-            raise ArgumentProblem(f"mount_calibration:={text}: would replace {name}, which is read")
+    read = [Path(found[name]) for name in (*_READ, "world", "movers") if name in found]
+    check_not_read("mount_calibration:=", Path(text), filter(Path.is_file, read))

@@ -1,7 +1,7 @@
 """Files that are whole or not there, lines that wait for the disk, and what a person is told of a disk that takes nothing."""
 
 from whole_files.lines import WaitingLines
-from whole_files.outputs import check_files, check_folder, is_same, lies_in
+from whole_files.outputs import check_files, check_folder, check_not_read, is_same, lies_in
 from whole_files.refusals import RefusedError, refusal
 from whole_files.streams import words_end_nobody
 from whole_files.whole import remove_unfinished, sync_folder, write_all, write_whole, written_whole
@@ -11,6 +11,7 @@ __all__ = [
     "WaitingLines",
     "check_files",
     "check_folder",
+    "check_not_read",
     "is_same",
     "lies_in",
     "refusal",

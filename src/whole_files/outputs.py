@@ -1,7 +1,7 @@
 """What a tool is told to write, looked at before it works: no output is an input, another output, or where nothing can be written."""
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 Output = tuple[str, Path]
@@ -18,8 +18,15 @@ def check_files(outputs: Sequence[Output], inputs: Sequence[Path] = ()) -> None:
         for other, taken in outputs[:k]:
             if is_same(path, taken):
                 raise ValueError(f"{option} {path}: the same file as {other} {taken}: name two files")
-        for source in inputs:
-            _check_not_of(option, path, source)
+        check_not_read(option, path, inputs)
+
+
+def check_not_read(option: str, path: Path, inputs: Iterable[Path]) -> None:
+    """ValueError, one line, for a file to be written that is a folder, an input, or a file of a folder that is one."""
+    if path.is_dir():
+        raise ValueError(f"{option} {path}: is a folder, expected a file")
+    for source in inputs:
+        _check_not_of(option, path, source)
 
 
 def check_folder(option: str, folder: Path, inputs: Sequence[Path] = (), names: Sequence[str] = ()) -> None:
@@ -51,8 +58,7 @@ def _places(path: Path) -> Iterator[Path]:
 
 
 def _check_place(option: str, path: Path) -> None:
-    if path.is_dir():
-        raise ValueError(f"{option} {path}: is a folder, expected a file")
+    check_not_read(option, path, ())
     folder = path.absolute().parent
     if not folder.is_dir():
         raise ValueError(f"{option} {path}: cannot be written: no such folder: {path.parent}")

@@ -31,8 +31,9 @@ def test_output_that_is_read_is_refused_by_whatever_path(recording: Path, capsys
     (folder / "hard.yaml").hardlink_to(recording)
     for out in (recording, folder / ".." / folder.name / "run.bag", folder / "link.yaml", folder / "hard.yaml", folder / "robot.yaml"):
         for read in (recording, folder):
-            assert f"--out {out}: would replace " in refusal(capsys, read, out)
-    assert recording.read_text() == "what was recorded" and "would replace" not in refusal(capsys, recording, folder / "mount.yaml")
+            text = refusal(capsys, read, out)
+            assert f"--out {out}: is " in text and "which is only read" in text
+    assert recording.read_text() == "what was recorded" and "only read" not in refusal(capsys, recording, folder / "mount.yaml")
 
 
 def test_output_that_is_a_folder_is_refused_before_the_bag_is_read(recording: Path, capsys: pytest.CaptureFixture[str]) -> None:
