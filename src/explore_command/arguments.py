@@ -168,7 +168,10 @@ def parser() -> argparse.ArgumentParser:
         help="the robot: husky, the name of a file in config/robots/, or a FILE like config/robot.yaml, with its URDF; default husky",
     )
     p.add_argument(
-        "--profile", default="ours", metavar="P", help="parameters to explore with: the name of a file in config/profiles/, or a YAML FILE; default ours"
+        "--profile",
+        default="ours",
+        metavar="P",
+        help="parameters to explore with: the name of a file in config/profiles/, or a YAML FILE; default ours",
     )
     p.add_argument(
         "--set",

@@ -17,6 +17,7 @@ from finished_maps import SWEEPS, LoadedMap, load_map
 from mapping_tools.cloud_files import read_cloud
 from mapping_tools.map_origin import ORIGIN as MAP_ORIGIN
 from octomap_server_3dnav.navigation.passages import navigable_terrain
+from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.map_builder import MapBuilder
 from octomap_server_3dnav.octree.octree import OctreeMap
 from pose_graph_mapping.session.session_files import pcd_bytes, ply_bytes
@@ -31,7 +32,7 @@ _ROBOT, _CLOUDS = "robot.yaml", (".pcd", ".ply")
 FORMATS = {
     ".ot": "the octree with its log-odds",
     ".bt": "the octree, free and occupied",
-    ".pcd": "the merged cloud; of an octree's file, or with --voxels, the centres of its occupied voxels",
+    ".pcd": "the merged cloud, without points in free space; of an octree's file, or with --voxels, the centres of its occupied voxels",
     ".ply": "the same",
     ".pgm": "a 2-D map for map_server, with its .yaml",
     ".tif": "the ground's height as a GeoTIFF of float32, in the world's coordinates",
@@ -67,14 +68,18 @@ class FinishedMap:
         except OSError as error:
             raise ValueError(f"{path}: {error.strerror or error}") from error
 
-    def points(self, *, voxels: bool) -> NDArray[np.float64]:
-        """(N, 3) in map: the merged cloud of a run, or the centres of occupied voxels."""
+    def points(self, *, voxels: bool) -> tuple[NDArray[np.float64], int]:
+        """(N, 3) in map: the merged cloud of a run, or the centres of occupied voxels; how many points the octree says are none."""
         if voxels or not self.path.is_dir():
-            return self.octree.occupied_voxels()[0].astype(np.float64)
+            return self.octree.occupied_voxels()[0].astype(np.float64), 0
         path = self._first((CLOUD,))
         if path is None:
             raise ValueError(f"{self.path}: {CLOUD} is missing; with --voxels the centres of occupied voxels are written")
-        return read_cloud(path).points
+        points = read_cloud(path).points
+        if self._first(OCTREES) is None:
+            return points, 0
+        has_gone = in_free_space(self.octree, points)
+        return points[~has_gone], int(has_gone.sum())
 
     @cached_property
     def storeys(self) -> list[StoreyMap]:
@@ -109,6 +114,15 @@ class FinishedMap:
         return next((self.path / name for name in names if (self.path / name).is_file()), None)
 
 
+def in_free_space(octree: OctreeMap, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """(N,) whether a point (N, 3) lies in a voxel that is free, with no occupied one beside it: somebody stood there, and has gone."""
+    is_free = octree.states_at(points) == VoxelState.FREE
+    for step in np.ndindex(3, 3, 3):
+        at = np.flatnonzero(is_free)
+        is_free[at] = octree.states_at(points[at] + (np.array(step) - 1) * octree.resolution) != VoxelState.OCCUPIED
+    return np.asarray(is_free)
+
+
 def parser() -> argparse.ArgumentParser:
     """The command line."""
     usage = "./export_map MAP --out FILE [FILE ...] [--voxels]"
@@ -136,8 +150,9 @@ def exported(source: FinishedMap, target: Path, *, voxels: bool) -> Files:
     if suffix == ".bt":
         return [(target, source.octree.bt_bytes(), f"{source.octree.leaf_count:,} leaves")]
     if suffix in _CLOUDS:
-        points = source.points(voxels=voxels)
-        return [(target, (pcd_bytes if suffix == ".pcd" else ply_bytes)(points), f"{len(points):,} points")]
+        points, left_out = source.points(voxels=voxels)
+        told = f"{len(points):,} points" + (f"; {left_out:,} in free space are left out" if left_out else "")
+        return [(target, (pcd_bytes if suffix == ".pcd" else ply_bytes)(points), told)]
     return [file for number, storey in enumerate(source.storeys) for file in _drawn(source, storey, _named(source, target, number))]
 
 

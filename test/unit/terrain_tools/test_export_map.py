@@ -11,6 +11,7 @@ from PIL import Image
 from terrain_maps import RESOLUTION, floor, octree_of, two_storeys
 
 from mapping_tools.cloud_files import read_cloud
+from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
 from pose_graph_mapping.graph.pose_graph import PoseGraph
@@ -24,7 +25,7 @@ from terrain_tools.export_map import main
 from terrain_tools.ground import pose_on
 from terrain_tools.storey_maps import FREE, OCCUPIED, UNKNOWN, ClassifiedVoxels, storey_maps
 
-CLOUD = np.array([[0.5, 1.0, 0.25], [2.0, -1.0, 0.5]])
+CLOUD = np.array([[0.5, 1.0, 0.15], [2.0, -1.0, 0.5]])
 
 
 def run_folder(path: Path, states: np.ndarray, start: tuple[float, float, float]) -> Terrain:
@@ -102,6 +103,18 @@ def test_octrees_and_clouds_are_those_of_the_run(tmp_path: Path) -> None:
     assert OctreeMap.read(tmp_path / "a.ot").to_full() == tree.to_full()
     assert OctreeMap.read(tmp_path / "a.bt").to_binary() == tree.to_binary()
     assert all(read_cloud(tmp_path / name).points == pytest.approx(CLOUD) for name in names[2:])
+
+
+def test_a_cloud_is_without_what_lies_in_free_space(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A person who was seen once, and through whose place later beams went."""
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    voxels = np.array([[2.0, 2.0, k * RESOLUTION] for k in (0, 1, 5)]) + RESOLUTION / 2
+    tree, unseen = OctreeMap.read(tmp_path / "run" / "map.ot"), [2.0, 2.0, -3.0]
+    assert tree.states_at([*voxels, unseen]).tolist() == [VoxelState.OCCUPIED, VoxelState.FREE, VoxelState.FREE, VoxelState.UNKNOWN]
+    (tmp_path / "run" / "cloud.pcd").write_bytes(pcd_bytes(np.array([*voxels, unseen])))
+    assert main([str(tmp_path / "run"), "--out", str(tmp_path / "a.ply")]) == 0
+    assert read_cloud(tmp_path / "a.ply").points == pytest.approx(np.array([*voxels[:2], unseen]))
+    assert "3 points; 1 in free space are left out" in capsys.readouterr().out
 
 
 def session_of_a_room(folder: Path) -> None:
