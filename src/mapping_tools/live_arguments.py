@@ -20,7 +20,7 @@ robot and world are simulated, under a ROS master of its own. With --from it rea
 
 arguments:
   robot_file:=FILE         the robot; default config/robot.yaml
-  urdf:=FILE               its description; default urdf/husky.urdf
+  urdf:=FILE               its description; default the one that its drivers have loaded, with sim:=true urdf/husky.urdf
   sweeps:=N                how many sweeps are made, 1 to 100; default 3
   mount_calibration:=FILE  the file to write; default ~/.ros/explore_3dnav/mount_calibration.yaml, of a simulated robot
                            simulated_mount_calibration.yaml beside it

@@ -41,9 +41,9 @@ def robot_mount(node: str, robot: RobotBody) -> tuple[str | None, Transform, Tra
     """
     urdf = robot_description()
     if not urdf:
-        _refuse(node, f"{rospy.resolve_name('robot_description')} is not set")
+        _refuse(node, f"{rospy.resolve_name('robot_description')} is not set: load it with the robot's drivers, or name it, urdf:=FILE")
     if rospy.has_param("robot") and (found := contradictions(robot, urdf)):
-        _refuse(node, f"robot.yaml contradicts robot_description: {'; '.join(found)}")
+        _refuse(node, f"robot.yaml contradicts robot_description: {'; '.join(found)}; both can be named, robot_file:=FILE urdf:=FILE")
     mount = laser_mount(urdf, robot.mount("laser"))
     if mount[0] is None:
         _check_fixed(node, robot)

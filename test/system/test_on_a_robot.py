@@ -24,7 +24,9 @@ def roslaunch(port: int, arguments: str) -> ExploreRun:
 def test_robot_that_is_not_simulated_explores_in_real_time(tmp_path: Path) -> None:
     port = free_port()
     with (
-        roslaunch(port, f"explore.launch sim:=false out:={tmp_path} max_sim_time:={DRIVEN_S} required:=true") as run,
+        roslaunch(
+            port, f"explore.launch sim:=false urdf:={PACKAGE}/urdf/husky.urdf out:={tmp_path} max_sim_time:={DRIVEN_S} required:=true"
+        ) as run,
         roslaunch(port, "simulation.launch --wait world:=rooms rate:=1 clock_start:=now"),
     ):
         run.wait_for_first_sweep(LIMIT_S)

@@ -50,7 +50,9 @@ def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ExploreRun
         return ExploreRun("-c", command, command="/bin/bash", environment={"ROS_MASTER_URI": f"http://localhost:{port}"})
 
     with (
-        roslaunch(f"explore_3dnav explore.launch sim:=false check:=false out:={out} max_sim_time:=600") as nodes,
+        roslaunch(
+            f"explore_3dnav explore.launch sim:=false urdf:={PACKAGE}/urdf/husky.urdf check:=false out:={out} max_sim_time:=600"
+        ) as nodes,
         roslaunch(f"--wait {PACKAGE}/test/system/relayed_robot.launch world:=ramp seed:=901 clock_start:=now") as hardware,
     ):
         nodes.wait_for_first_sweep(150.0)

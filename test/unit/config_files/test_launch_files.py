@@ -6,7 +6,8 @@ from roslaunch.config import load_config_default
 
 from explore_command.parameters import NODE_CONFIGS
 
-LAUNCH = Path(__file__).resolve().parents[3] / "launch"
+PACKAGE = Path(__file__).resolve().parents[3]
+LAUNCH, URDF = PACKAGE / "launch", PACKAGE / "urdf" / "jackal.urdf"
 
 
 def parameter(file: str, name: str, *args: str) -> str:
@@ -35,3 +36,12 @@ def test_every_node_that_reads_a_lidar_loads_the_one_file() -> None:
     config = load_config_default([(str(LAUNCH / "explore.launch"), ["sensor:=spinning"])], None)
     loaded = {name.split("/")[1] for name in config.params if name.endswith("/lidar/rings")}
     assert loaded == {node for node, sections in NODE_CONFIGS.items() if "lidar" in sections}
+
+
+def test_description_that_a_robots_drivers_loaded_is_not_replaced_by_the_huskys() -> None:
+    """Else another robot would drive with the Husky's outline, and nothing would contradict."""
+    for file in ("explore.launch", "calibrate_mount.launch"):
+        for arguments, is_loaded in ((["sim:=false"], False), (["sim:=false", f"urdf:={URDF}"], True), (["sim:=true"], True)):
+            config = load_config_default([(str(LAUNCH / file), arguments)], None)
+            assert ("/robot_description" in config.params) == is_loaded, (file, arguments)
+            assert "robot_state_publisher" not in {node.name for node in config.nodes} or is_loaded
