@@ -48,7 +48,7 @@ class Arc:
         if left < _ARC_DONE_M:
             return False
         poses = arc_poses(pose, math.copysign(1.0, self.motion.v), self.motion.w / self.motion.v, left)
-        return around.is_free(poses, Unknown.NOT_UNDER_THE_CENTRE)
+        return around.is_free(poses, Unknown.NOT_UNDER_THE_FOOTPRINT)
 
 
 def make_room(config: FollowerConfig, around: Surroundings, pose: Pose, error: float, *, drifting: bool, far: bool = False) -> Arc | None:
@@ -64,7 +64,7 @@ def make_room(config: FollowerConfig, around: Surroundings, pose: Pose, error: f
                 x, y, yaw = around.slide.along(poses)[-1]
                 end = (float(x), float(y), float(yaw))
                 left = angle_difference(pose[2] + error, end[2])
-                if around.is_free(poses, Unknown.NOT_UNDER_THE_CENTRE) and around.is_free_turn(end, left, drifting=drifting):
+                if around.is_free(poses, Unknown.NOT_UNDER_THE_FOOTPRINT) and around.is_free_turn(end, left, drifting=drifting):
                     return Arc(Motion(sign * config.back_off_speed_mps, sign * config.back_off_speed_mps * curvature), pose, length)
     return None
 
@@ -94,7 +94,7 @@ def _detour_cost(config: FollowerConfig, around: Surroundings, poses: NDArray[np
     gained = min(at.s, path.length) - s
     if gained < 0.25 * config.check_ahead_m or abs(at.off_path) > config.max_detour_m:
         return None
-    if not around.is_free(poses, Unknown.NOT_UNDER_THE_CENTRE):
+    if not around.is_free(poses, Unknown.NOT_UNDER_THE_FOOTPRINT):
         return None
     askew = abs(angle_difference(float(end[2]), path.heading_at(at.s)))
     return abs(at.off_path) - gained + 0.3 * askew + 0.5 * around.mean_cost(poses)

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
-from drive_simulation import TICK_S, Robot, World, drive
+from drive_simulation import TICK_S, Grid, Robot, World, drive
 
 from path_following import FollowerConfig, FollowerState, PathFollower
+from path_following.manoeuvres import make_room
 from path_following.surroundings import Surroundings, footprint_lattice
 from robot_body import RobotBody
 
@@ -87,3 +88,15 @@ def test_way_leads_to_where_it_says():
             x, y = x + math.cos(yaw) * metres / 100, y + math.sin(yaw) * metres / 100
     assert around.has_room((x, y, yaw)) and not world.touches(x, y, yaw)
     assert y == pytest.approx(WALL_Y + BODY.turning_radius_m, abs=0.25) and np.isfinite([x, yaw]).all()
+
+
+@pytest.mark.parametrize(("known_from", "has_room"), [(-9.0, True), (-0.60, True), (-0.52, False)])
+def test_room_is_not_made_over_ground_that_nobody_saw(known_from: float, has_room: bool) -> None:
+    """Its centre stays on known ground in all three, its rear does not: an edge may be there."""
+    cost = np.zeros((125, 125), dtype=np.uint8)
+    for x, y in ((0.45, 0.5), (0.6, 0.0)):  # one bars the turn, one the way ahead
+        cost[math.floor((y + 5) / 0.08), math.floor((x + 5) / 0.08)] = 254
+    cost[:, np.arange(125) * 0.08 - 4.96 < known_from] = 255
+    outline = footprint_lattice(BODY.length_m, BODY.width_m, 0.05)
+    arc = make_room(FollowerConfig(), Surroundings(Grid(cost, (-5.0, -5.0)), outline, outline), (0.0, 0.0, 0.0), 1.5, drifting=False)
+    assert (arc is not None) == has_room
