@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from octomap_server_3dnav.exploration.frontier_gain import unknown_area_m2
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
-from octomap_server_3dnav.navigation.passages import ASIDE_M, TerrainSettings, rest_from
+from octomap_server_3dnav.navigation.passages import ASIDE_M, TerrainSettings, off_line, place_of, rest_from
 from octomap_server_3dnav.navigation.straight_lines import (
     DIRECTIONS,
     Demand,
@@ -77,9 +77,9 @@ class Lookout:
 
     def is_seen_from(self, terrain: Terrain, trim_m: float) -> bool:
         """Whether the robot stands as near to the end of the way, in it, as where it would be sent to."""
-        x, y, _ = terrain.robot_xyz
-        is_in_line = np.hypot(self.line[:, 0] - x, self.line[:, 1] - y).min() <= ASIDE_M
-        return bool(terrain.is_inside and is_in_line and math.dist(self.line[-1, :2], (x, y)) <= trim_m + ASIDE_M)
+        place = place_of(terrain)
+        _, aside = off_line(self.line, place)
+        return terrain.is_inside and aside <= ASIDE_M and math.dist(self.line[-1, :2], place[:2]) <= trim_m + ASIDE_M
 
 
 class WayOut:
@@ -112,8 +112,7 @@ class WayOut:
         """The robot is sent along a way to a lookout now. One that is inside already goes on, and knows its way out by where it came in."""
         known = self.from_inside(terrain)
         if known is not None and terrain.start is not None:
-            x, y, _ = terrain.robot_xyz
-            ahead = rest_from(way, (x, y), terrain.start)
+            ahead = rest_from(way, place_of(terrain), terrain.start)
             way = Passage(way.nodes, np.concatenate([known[::-1], way.line[:0] if ahead is None else ahead.line]))
         self._way_in = way
 
@@ -121,7 +120,7 @@ class WayOut:
         """(K, 3) the line out, from where the robot stands; None where it can turn, and is not inside any more."""
         if self._way_in is None or terrain.start is None or not terrain.is_inside:
             return None
-        rest = rest_from(self._way_in.turned(), terrain.robot_xyz[:2], terrain.start)
+        rest = rest_from(self._way_in.turned(), place_of(terrain), terrain.start)
         return None if rest is None else rest.line
 
     def added_to(self, terrain: Terrain) -> Terrain:

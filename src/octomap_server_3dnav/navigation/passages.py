@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from map_zones import NO_ZONES, Zones
 from octomap_server_3dnav.navigation.bends import NO_WAY, Way, find_bend, find_bend_to
 from octomap_server_3dnav.navigation.outline_search import Around, Outline
+from octomap_server_3dnav.navigation.storey import STOREY_M
 from octomap_server_3dnav.navigation.straight_lines import (
     DIRECTIONS,
     Demand,
@@ -77,11 +78,27 @@ def is_along(passage: Passage, yaw: float) -> bool:
     return abs(angle_difference(math.atan2(dy, dx), yaw)) <= _ALONG_RAD
 
 
-def rest_from(passage: Passage, xy: tuple[float, float], node: int) -> Passage | None:
-    """What is left of a passage for a robot at `node`, at (x, y) in map; None when it does not stand in it."""
-    off = np.hypot(passage.line[:, 0] - xy[0], passage.line[:, 1] - xy[1])
+def rest_from(passage: Passage, place: tuple[float, float, float], node: int) -> Passage | None:
+    """What is left of a passage for a robot at `node`, on the ground at a place (3,) in map; None when it does not stand in it.
+
+    Nor in one of another storey, above it or below.
+    """
+    off, aside = off_line(passage.line, place)
     at = int(np.argmin(off))
-    return Passage((node, passage.nodes[1]), passage.line[at:]) if off[at] <= ASIDE_M and at < len(passage.line) - 1 else None
+    return Passage((node, passage.nodes[1]), passage.line[at:]) if aside <= ASIDE_M and at < len(passage.line) - 1 else None
+
+
+def off_line(line: NDArray[np.float64], place: tuple[float, float, float]) -> tuple[NDArray[np.float64], float]:
+    """(K,) how far a place (3,) is beside the points of a line (K, 3) on its storey, inf of others; and the least of these."""
+    off = np.hypot(line[:, 0] - place[0], line[:, 1] - place[1])
+    off[np.abs(line[:, 2] - place[2]) >= STOREY_M] = math.inf
+    return off, float(off.min())
+
+
+def place_of(terrain: Terrain) -> tuple[float, float, float]:
+    """Where the robot stands on the ground, in map; NaN high where no ground is known there."""
+    z = math.nan if terrain.start is None else float(terrain.centers(np.array([terrain.start]))[0, 2])
+    return (*terrain.robot_xyz[:2], z)
 
 
 @njit(cache=True)
@@ -271,8 +288,7 @@ def _with_passages_from_departure(terrain: Terrain, yaw: float, settings: Terrai
         found += _bends(terrain, ground, kept_off, outline, found)
     passages, start = list(found), terrain.start
     if start is not None:
-        x, y, _ = terrain.robot_xyz
-        rests = [rest for p in found for way in (p, p.turned()) if (rest := rest_from(way, (x, y), start))]
+        rests = [rest for p in found for way in (p, p.turned()) if (rest := rest_from(way, place_of(terrain), start))]
         passages += [rest for rest in rests if terrain.narrow[start] or is_along(rest, yaw)]
     reached = terrain.reached.copy()
     reached[: piece.size] = np.append(_connected(found, piece, int(piece[terrain.departure])), False)[piece]

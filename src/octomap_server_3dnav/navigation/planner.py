@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.navigation.passages import is_along, rest_from
+from octomap_server_3dnav.navigation.passages import is_along, place_of, rest_from
 from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, distances
 from octomap_server_3dnav.navigation.shortcuts import resampled, straightened
 from octomap_server_3dnav.navigation.storey import STOREY_M
@@ -241,7 +241,7 @@ def plan_into(terrain: Terrain, way: Passage, yaw: float, config: PlannerConfig)
     For a robot of heading `yaw` in map that stands in the way already, where it cannot turn or looks along it, what is left of it.
     """
     start = terrain.start
-    rest = rest_from(way, terrain.robot_xyz[:2], start) if start is not None else None
+    rest = rest_from(way, place_of(terrain), start) if start is not None else None
     if rest is not None and (terrain.is_inside or is_along(rest, yaw)):
         return straight_path(rest.line, config)
     path, along = plan_path(terrain, way.nodes[0], config), straight_path(way.line, config)

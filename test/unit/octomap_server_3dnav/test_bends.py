@@ -173,7 +173,7 @@ def test_gap_that_winds_is_passed_on_legs_with_corners_between() -> None:
 def test_robot_in_a_way_that_bends_looks_along_the_leg_that_it_stands_in() -> None:
     """A robot after the corner of a right angle."""
     line = np.array([[0.0, 0, 0], [0.5, 0, 0], [1.0, 0, 0], [1.0, 0.5, 0], [1.0, 1.0, 0]])
-    rest = rest_from(Passage((1, 2), line), (1.0, 0.4), 7)
+    rest = rest_from(Passage((1, 2), line), (1.0, 0.4, 0.0), 7)
     assert rest is not None
     assert is_along(rest, math.pi / 2) and not is_along(rest, 0.0)
     assert is_along(Passage((1, 2), line), 0.0) and not is_along(Passage((1, 2), line), math.pi / 4)

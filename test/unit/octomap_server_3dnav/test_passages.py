@@ -190,9 +190,15 @@ def test_robot_inside_of_a_passage_has_both_ways_out() -> None:
 
 def test_rest_of_a_passage_begins_where_the_robot_stands_in_it() -> None:
     passage = Passage((3, 9), np.column_stack([np.linspace(0, 2, 21), np.zeros(21), np.zeros(21)]))
-    rest = rest_from(passage.turned(), (1.21, 0.05), 7)
+    rest = rest_from(passage.turned(), (1.21, 0.05, 0.0), 7)
     assert rest is not None and rest.nodes == (7, 3) and rest.line[0, 0] == pytest.approx(1.2) and rest.line[-1, 0] == 0.0
-    assert rest_from(passage, (1.2, 0.5), 7) is None and rest_from(passage, (2.3, 0.0), 7) is None
+    assert rest_from(passage, (1.2, 0.5, 0.0), 7) is None and rest_from(passage, (2.3, 0.0, 0.0), 7) is None
+
+
+def test_robot_on_a_deck_stands_in_no_passage_below_it() -> None:
+    passage = Passage((3, 9), np.column_stack([np.linspace(0, 2, 21), np.zeros(21), np.zeros(21)]))
+    assert rest_from(passage, (1.21, 0.05, 0.1), 7) is not None
+    assert rest_from(passage, (1.21, 0.05, 1.6), 7) is None and rest_from(passage, (1.21, 0.05, -1.6), 7) is None
 
 
 def unknown_behind(columns: int) -> np.ndarray:
