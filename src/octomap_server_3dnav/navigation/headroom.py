@@ -17,14 +17,29 @@ from octomap_server_3dnav.terrain.config import Limits
 
 
 def with_seen_headroom(terrain: Terrain, settings: TerrainSettings) -> Terrain:
-    """The terrain in which ground is a frontier, and no path leads over it, where a voxel of the robot's room above was never seen."""
+    """The terrain in which ground is a frontier, and no path leads over it, where a voxel of the robot's room above was never seen.
+
+    No passage does, either. Where the robot stands there is room for it.
+    """
     clearance = Limits.of(settings.terrain, settings.robot, terrain.resolution).clearance
-    node = terrain.nodes_of(TerrainClass.TRAVERSABLE)
-    column = (terrain.ix[node] - terrain.window_key[0]).astype(np.int64) * terrain.columns.ny + terrain.iy[node] - terrain.window_key[1]
-    unseen = node[~_is_known(terrain.columns, column, terrain.z[node].astype(np.int64), clearance)]
+    unseen = _unseen(terrain, terrain.nodes_of(TerrainClass.TRAVERSABLE), clearance)
+    unseen = np.setdiff1d(unseen, [node for node in (terrain.start, terrain.departure) if node is not None])
     label, cost = terrain.label.copy(), terrain.cost.copy()
     label[unseen], cost[unseen] = TerrainClass.FRONTIER, np.inf
-    return replace(terrain, label=label, cost=cost)
+    hidden = np.zeros(label.size, np.bool_)
+    hidden[unseen], hidden[_unseen(terrain, np.flatnonzero(terrain.narrow), clearance)] = True, True
+    passages = tuple(passage for passage in terrain.passages if not _leads_over(terrain, passage.line, hidden))
+    return replace(terrain, label=label, cost=cost, passages=passages)
+
+
+def _unseen(terrain: Terrain, node: NDArray[np.int64], clearance: int) -> NDArray[np.int64]:
+    column = (terrain.ix[node] - terrain.window_key[0]).astype(np.int64) * terrain.columns.ny + terrain.iy[node] - terrain.window_key[1]
+    return node[~_is_known(terrain.columns, column, terrain.z[node].astype(np.int64), clearance)]
+
+
+def _leads_over(terrain: Terrain, line: NDArray[np.float64], nodes: NDArray[np.bool_]) -> bool:
+    """Whether a line (K, 3) leads over one of these nodes (N,)."""
+    return any(node is not None and nodes[node] for node in map(terrain.surface_near, line))
 
 
 @njit(cache=True)
