@@ -24,7 +24,7 @@ class ClosedColumns:
             return np.zeros(len(column), dtype=bool)
         x, y = np.divmod(column.astype(np.int64), self._ny)
         voxels = np.stack([x + self._key[0] + step[0], y + self._key[1] + step[1], z.astype(np.int64)], axis=1)
-        return self._zones.closed((voxels + 0.5) * self._resolution)
+        return self._zones.closed((voxels + 0.5) * self._resolution, self._resolution)
 
     def left_of(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Of (M, ...) column, voxel and more those that are open."""

@@ -45,6 +45,13 @@ class Zone:
         """(N,) of points (N, 3) of ground."""
         return is_inside(self.polygon, xyz[:, :2]) & self._is_level(xyz)
 
+    def touches(self, xyz: Floats, voxel_m: float) -> NDArray[np.bool_]:
+        """(N,) whether it is over a voxel of ground with its centre (N, 3), or over so much of it as a line through it is."""
+        is_near = self.contains(xyz)
+        beside = np.flatnonzero(~is_near & self._is_level(xyz))
+        is_near[beside] = distance_m(self.polygon, xyz[beside, :2]) <= voxel_m / 2.0
+        return is_near
+
     def depth_m(self, xyz: Floats) -> Floats:
         """(N,) metres by which points (N, 3) of ground lie inside, negative outside it, -inf on other levels."""
         away = distance_m(self.polygon, xyz[:, :2])
@@ -72,13 +79,16 @@ class Zones:
         named = [(f"{kind}[{i}]", zone) for kind in _KINDS for i, zone in enumerate(getattr(self, kind))]
         return [f"{name}: {problem}" for name, zone in named if (problem := zone.problem())]
 
-    def closed(self, xyz: Floats) -> NDArray[np.bool_]:
-        """(N,) whether the robot may not be on points (N, 3) of ground."""
+    def closed(self, xyz: Floats, voxel_m: float = 0.0) -> NDArray[np.bool_]:
+        """(N,) whether the robot may not be on points (N, 3) of ground, which are centres of voxels.
+
+        A no-go zone that is thinner than a voxel closes what it leads through.
+        """
         out = np.zeros(len(xyz), dtype=bool)
         if self.bounds:
             out |= ~np.any([zone.contains(xyz) for zone in self.bounds], axis=0)
         for zone in self.no_go:
-            out |= zone.contains(xyz)
+            out |= zone.touches(xyz, voxel_m)
         return out
 
     def depth_m(self, xyz: Floats) -> Floats:

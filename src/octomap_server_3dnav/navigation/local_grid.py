@@ -85,7 +85,7 @@ def _closed(terrain: Terrain, height: NDArray[np.float32], first: list[int]) -> 
     z = np.where(np.isnan(height), (here + 1) * terrain.resolution, height)
     x, y = (column + first[0] + 0.5) * terrain.resolution, (row + first[1] + 0.5) * terrain.resolution
     xyz = np.stack([x, y, z], axis=-1, dtype=np.float64).reshape(-1, 3)
-    return terrain.zones.closed(xyz).reshape(height.shape)
+    return terrain.zones.closed(xyz, terrain.resolution).reshape(height.shape)
 
 
 def _inside(terrain: Terrain, nodes: NDArray[np.int64], first: list[int], count: int) -> NDArray[np.int64]:

@@ -9,7 +9,7 @@ from terrain_worlds import UNKNOWN, decide, opening, pose, room, runs_of, terrai
 from map_zones import NO_ZONES, Zone, Zones
 from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import DecisionKind
-from octomap_server_3dnav.navigation.local_grid import project
+from octomap_server_3dnav.navigation.local_grid import LETHAL, project
 from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.navigation.planner import PlannerConfig, nearest_traversable, plan_path
 from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
@@ -50,6 +50,22 @@ def test_robot_that_turns_keeps_its_radius_from_what_is_closed_and_little_more(z
     wider = (everywhere[:, None] + wider_m * disc).reshape(-1, 3)
     is_clear = ~zones.closed(wider).reshape(len(everywhere), -1).any(axis=1)
     assert is_clear.sum() > 50 and set(map(tuple, everywhere[is_clear])) <= set(map(tuple, ground))
+
+
+@pytest.mark.parametrize("turned_rad", [0.0, 0.6, math.pi / 4])
+def test_line_that_is_thinner_than_a_voxel_parts_the_ground(turned_rad: float) -> None:
+    """A virtual wall of 2 cm, which no voxel's centre lies in."""
+    along, aside = (np.array([math.cos(turned_rad), math.sin(turned_rad)]), np.array([-math.sin(turned_rad), math.cos(turned_rad)]))
+    ends = np.array([3.2, 3.2]) + 0.01 * np.array([[1], [1], [-1], [-1]]) * aside + 6.0 * np.array([[-1], [1], [1], [-1]]) * along
+    terrain = terrain_with(Zones(no_go=(Zone(ends),)), at=tuple(np.array([3.2, 3.2]) - 1.2 * aside))
+    beyond = (open_ground(terrain)[:, :2] - 3.2) @ aside > 0.0
+    reached = terrain.reached[terrain.label == TerrainClass.TRAVERSABLE]
+    assert beyond.sum() > 50 and reached[~beyond].sum() > 50 and not reached[beyond].any()
+    grid = project(terrain, terrain.robot_xyz[:2], 5.0)
+    line = np.array([3.2, 3.2]) + np.linspace(-1.0, 1.0, 40)[:, None] * along
+    column, row = np.floor((line - grid.origin_xy) / grid.resolution).astype(int).T
+    near = [grid.cost[r - 1 : r + 2, c - 1 : c + 2].max() for r, c in zip(row, column, strict=True)]
+    assert min(near) == LETHAL
 
 
 def test_without_zones_nothing_changes() -> None:
