@@ -39,8 +39,8 @@ class Diagnostics:
 
     def dropped(self, what: str, text: str) -> None:
         """Counts a dropped input under `what` and warns of it, at most once a second."""
-        self._counts[what] += 1
         self._last_text[what] = text
+        self._counts[what] += 1  # last: the thread that reports asks for the text of what is counted
         rospy.logwarn_throttle(1.0, f"{self._name}: {what}: {text} ({self._counts[what]} so far)")
 
     def holds(self, what: str, text: str) -> None:

@@ -91,9 +91,9 @@ class InputWatch:
 
     def arrived(self, now_s: float) -> None:
         """A message is here."""
-        self.count += 1
         self.since_s = now_s
         self._arrivals.append(now_s)
+        self.count += 1  # last: the thread that reports looks at the others where this is above 0
 
     def silence(self, now_s: float) -> str:
         """What is missing, as words; empty while nothing is."""

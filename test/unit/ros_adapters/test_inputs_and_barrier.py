@@ -1,10 +1,14 @@
 """Inputs by time, the topic that drives, silence, and the barrier of lock-step."""
 
 import itertools
+from collections import deque
+from types import SimpleNamespace
 
 import pytest
+import rospy
 
 from ros_adapters.barrier import Barrier, Tick
+from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.inputs import Driver, InputWatch, TimedInput
 
 
@@ -143,3 +147,44 @@ def test_a_second_recount_takes_the_place_of_one_that_somebody_never_told() -> N
     barrier.told("filter", Tick(1.0, {}, 2))
     barrier.told("fusion", Tick(1.0, {}, 2))
     assert [barrier.next(), barrier.next()] == [Tick(1.0, {}, 2), None]
+
+
+class Looking(deque[float]):
+    """Arrivals at which another thread looks whenever one is added."""
+
+    def __init__(self, watch: InputWatch) -> None:
+        super().__init__()
+        self.watch = watch
+
+    def append(self, now_s: float) -> None:
+        self.watch.described(now_s)
+        super().append(now_s)
+        self.watch.described(now_s)
+
+
+def test_first_message_may_come_while_it_is_reported_that_none_has() -> None:
+    watch = InputWatch("/scan", 0.3, since_s=10.0)
+    watch._arrivals = Looking(watch)
+    watch.arrived(10.1)
+    assert watch.count == 1
+
+
+class TextsThatAreReported(dict[str, str]):
+    """Texts at which another thread looks whenever one is added."""
+
+    def __init__(self, diagnostics: Diagnostics) -> None:
+        super().__init__()
+        self.diagnostics = diagnostics
+
+    def __setitem__(self, what: str, text: str) -> None:
+        self.diagnostics._publish(0.0, 0, "")
+        super().__setitem__(what, text)
+
+
+def test_first_drop_of_a_kind_may_come_while_others_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rospy, "logwarn_throttle", lambda *_: None)  # it asks for the time, which there is in nodes only
+    diagnostics = Diagnostics("x")
+    diagnostics._publisher = SimpleNamespace(publish=lambda _: None)
+    diagnostics._last_text = TextsThatAreReported(diagnostics)
+    diagnostics.dropped("sweep refused", "busy")
+    assert diagnostics._last_text["sweep refused"] == "busy"
