@@ -64,7 +64,7 @@ class MountWatch:
             found = estimate_mount([place], self._geometry, self._fit, self._robot)
             if not found.reason:
                 change = found.calibration.values - self._geometry.calibration.values
-                self._changes = [*self._changes[-self._config.sweeps + 1 :], (change, found.calibration.sigmas)]
+                self._changes = [*self._changes, (change, found.calibration.sigmas)][-self._config.sweeps :]
         return self._verdict()
 
     def backlash(self) -> float | None:

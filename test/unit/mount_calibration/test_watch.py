@@ -51,6 +51,14 @@ def test_one_sweep_or_none_says_nothing() -> None:
     assert watch.after(None) == MountVerdict(None, "0 of 2 sweeps compared with the mount's calibration", 0)
 
 
+def test_of_one_sweep_the_newest_is_heard() -> None:
+    config = MountWatchConfig(sweeps=1, least_sweeps=1)
+    watch = MountWatch(TiltGeometry(T_BASE_MOUNT, T_TILT_LASER, KNOWN), config, MountCalibrationConfig(), RobotBody())
+    for k in range(3):
+        verdict = watch.after(place(KNOWN, AT @ transform_from_rpy((0.3 * k, 0.0, 0.0), (0.0, 0.0, 0.5 * k)), seed=k))
+    assert verdict.sweeps == 1
+
+
 def test_wrong_configuration_is_refused() -> None:
     with pytest.raises(ValueError, match="least_sweeps"):
         MountWatch(TiltGeometry(T_BASE_MOUNT, T_TILT_LASER), MountWatchConfig(sweeps=1), MountCalibrationConfig(), RobotBody())
