@@ -28,6 +28,7 @@ from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.frames import frames
 from whole_files import refusal
 
+_DEFAULTS = MappingConfig()
 _NOT_ON_DISK = "the session is not on disk"
 _SLOW_S = 2.0  # the robot's next sweep comes after as long
 _SERVICE, _WAIT_S = "octomap_server_3dnav_node/restore_sweep", 30.0
@@ -36,9 +37,11 @@ _SERVICE, _WAIT_S = "octomap_server_3dnav_node/restore_sweep", 30.0
 class SessionKeeper:
     """What the node does with its run's folder; without a folder nothing is kept."""
 
-    def __init__(self, folder: Path | None, diagnostics: Diagnostics, *, is_finished: bool = False) -> None:
+    def __init__(
+        self, folder: Path | None, diagnostics: Diagnostics, config: MappingConfig = _DEFAULTS, *, is_finished: bool = False
+    ) -> None:
         """`is_finished`: what is there is read, and nothing is written."""
-        self._is_finished = is_finished
+        self._is_finished, self._map_voxel_m = is_finished, config.map_voxel_m
         self._store = SessionStore(folder) if folder else None
         self._diagnostics = diagnostics
         self._saved_vertices = 0
@@ -116,7 +119,7 @@ class SessionKeeper:
             return True, "nothing new to save"
         try:
             with waiting_for("disk"):
-                left_out = self._store.save(mapper.graph, gone=mapper.gone())
+                left_out = self._store.save(mapper.graph, self._map_voxel_m, mapper.gone())
         except OSError as error:
             problem = str(error) if isinstance(error, NotOnDiskError) else refusal(error, self._store.folder)
             self._diagnostics.on_terminal(_NOT_ON_DISK, problem)

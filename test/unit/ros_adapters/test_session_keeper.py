@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from sensor_msgs.msg import PointCloud2
 
+from mapping_tools.cloud_files import read_cloud
+from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session import session_store
 from pose_graph_mapping.session.session_record import Measured
@@ -77,3 +79,15 @@ def test_run_begins_only_in_a_folder_without_a_session_and_goes_on_only_with_one
     assert f"{tmp_path} holds a session, sweeps 1: resume:=true goes on with it" in again.why_not(resumes=False)
     nowhere = SessionKeeper(None, Told())  # type: ignore[arg-type]
     assert nowhere.why_not(resumes=False) == nowhere.why_not(resumes=True) == ""
+
+
+def test_cloud_has_the_voxels_that_are_asked_for(tmp_path: Path) -> None:
+    saved = {}
+    for voxel_m in (0.04, 1.0):
+        graph, folder = PoseGraph(), tmp_path / str(voxel_m)
+        keeper = SessionKeeper(folder, Told(), MappingConfig(map_voxel_m=voxel_m))  # type: ignore[arg-type]
+        keep_one(keeper, graph)
+        mapper = SimpleNamespace(stamps_s=[1.0], graph=graph, gone=lambda: None)
+        assert keeper.save(mapper)[0]  # type: ignore[arg-type]
+        saved[voxel_m] = len(read_cloud(folder / "cloud.ply").points)
+    assert saved[1.0] < saved[0.04] == 50
