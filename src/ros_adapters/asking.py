@@ -56,6 +56,7 @@ class AskedService:
     def _ask(self, arguments: tuple[object, ...]) -> genpy.Message:
         deadline_s = time.monotonic() + self._patience_s
         while True:
+            is_old = self._proxy is not None
             try:
                 self._proxy = self._proxy or rospy.ServiceProxy(self._name, self._type, persistent=True)
                 answer = self._proxy(*arguments)
@@ -66,6 +67,7 @@ class AskedService:
                     raise
                 self._proxy = None
                 self.broken += 1
-                if time.monotonic() > deadline_s or rospy.core.is_shutdown_requested():
+                if rospy.core.is_shutdown_requested() or (time.monotonic() > deadline_s and not is_old):
                     raise rospy.ServiceException(f"{self._name} does not answer: {error}") from error
-            time.sleep(_AGAIN_S)
+            if not is_old:  # whose server may long be there anew
+                time.sleep(_AGAIN_S)

@@ -83,6 +83,17 @@ def test_patience_has_an_end(served) -> None:
         AskedService("x", object, patience_s=0.05)()
 
 
+def test_server_that_was_started_anew_is_asked_anew_also_without_patience(served) -> None:
+    """As a mount's driver that died between two sweeps: the connection of the first is gone, its server is not."""
+    server = served("yes", BROKEN, "yes again", ABSENT)
+    service = AskedService("x", object, patience_s=0.0)
+    assert (service(), service(), server.calls, service.broken) == ("yes", "yes again", 3, 1)
+    server = served(ABSENT)
+    with pytest.raises(rospy.ServiceException, match="x does not answer"):
+        AskedService("x", object, patience_s=0.0)()
+    assert server.calls == 1
+
+
 def test_server_that_has_been_there_by_another_s_word_is_waited_for(served) -> None:
     server = served(rospy.ServiceException("service [/x] unavailable"), "yes")
     service = AskedService("x", object, is_known=True)
