@@ -38,6 +38,7 @@ class StopScanAndGoTest(unittest.TestCase):
     clock_s = 100.0
     answered = 0  # velocities before the last tick
     sweeps_asked_for = 0
+    refusals = 0  # of the next sweeps that are asked for
     held: list[bool] = []
     x = 0.0
 
@@ -58,7 +59,8 @@ class StopScanAndGoTest(unittest.TestCase):
     @classmethod
     def start_sweep(cls, _: object) -> TriggerResponse:
         cls.sweeps_asked_for += 1
-        return TriggerResponse(True, "")
+        cls.refusals -= 1
+        return TriggerResponse(cls.refusals < 0, "busy")
 
     @classmethod
     def hold(cls, request: object) -> SetBoolResponse:
@@ -167,6 +169,18 @@ class StopScanAndGoTest(unittest.TestCase):
         self.assertEqual(self.velocities.messages[-1].linear.x, 0.0)
         self.tick_until("sweeping")
         self.assertEqual(self.sweeps_asked_for, asked + 1)
+
+    def test_4_sweep_that_was_refused_is_asked_for_again(self) -> None:
+        self.drive()
+        StopScanAndGoTest.refusals, asked = 2, self.sweeps_asked_for
+        self.tick_until("settling", v=0.5, moving=0.5, limit=150)
+        self.tick_until("sweeping")
+        for _ in range(30):
+            self.tick()
+        self.assertEqual((self.state(), self.sweeps_asked_for), ("sweeping", asked + 3))
+        self.play_sweep()
+        self.decide("goal")
+        wait_until(lambda: self.state() == "driving", "the decision to be taken")
 
     def test_4_distance_is_changed_on_the_way(self) -> None:
         client = Client(NODE, timeout=60.0)
