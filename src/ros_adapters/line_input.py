@@ -1,18 +1,30 @@
 """Single lines of a laser, or revolutions of a lidar, as a node hears them: for who cannot wait for the end of a sweep."""
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import rospy
 from numpy.typing import NDArray
 from sensor_msgs.msg import LaserScan, PointCloud2
 
 from mount_calibration import TiltGeometry
+from rigid_geometry import JUMP_BACK_S
 from ros_adapters.conversions import scan_of, stamp_of
 from ros_adapters.node import SILENT_AFTER_S, Node
 from ros_adapters.revolution_messages import revolution_of, sensor_is_spinning
 from ros_adapters.tilt_input import TiltInput
+from stage_config import load_config
 from sweep_assembly import LaserScans, LidarConfig, LidarRevolutions, Line, LineSource, SweepAssemblyConfig
+
+_GAPS = ("max_joint_gap_s", "max_odometry_gap_s")
+
+
+def _gaps_of_sweeps() -> SweepAssemblyConfig:
+    """What pauses of tilt and odometry a sweep stands, its lines stand, too: told once, to the node that assembles sweeps."""
+    values = {name: rospy.get_param(f"sweep_assembler_node/{name}", None) for name in _GAPS}
+    return load_config(SweepAssemblyConfig, {name: value for name, value in values.items() if value is not None})
 
 
 class LineInput:
@@ -22,8 +34,8 @@ class LineInput:
         """`lidar`: where one spins in the laser's place; `tilt_joint` and `mount` are `mount_of_laser`'s."""
         spinning, self._laser_frame = sensor_is_spinning(node.name), laser_frame
         sensor = LidarRevolutions(lidar) if spinning else LaserScans()
-        self._lines: LineSource[Any] = LineSource(SweepAssemblyConfig(), mount, sensor)
-        self._tilt = TiltInput(node, tilt_joint, self._lines.add_joint)
+        self._lines: LineSource[Any] = LineSource(_gaps_of_sweeps(), mount, sensor)
+        self._tilt, self._newest_s = TiltInput(node, tilt_joint, self._lines.add_joint), -math.inf
         self.topics = (*self._tilt.topics, "points_filtered" if spinning else "scan_filtered")
         if spinning:
             node.subscribe("points_filtered", PointCloud2, self._on_points, silent_after_s=SILENT_AFTER_S)
@@ -37,7 +49,16 @@ class LineInput:
 
     def poll(self) -> Iterator[Line]:
         """Lines, in odom, that are complete by now."""
-        return self._lines.poll()
+        for line in self._lines.poll():
+            self._newest_s = line.stamp_s
+            yield line
+
+    def missing(self, stamp_s: float, max_age_s: float) -> str:
+        """That there is no line so young, as words: nothing comes, or what comes is dropped; empty while there is one."""
+        if -JUMP_BACK_S < stamp_s - self._newest_s <= max_age_s:
+            return ""
+        dropped = ", ".join(f"{n} x {what}" for what, n in sorted(self._lines.dropped.items()))
+        return f"line of {rospy.resolve_name(self.topics[-1])}" + (f" (dropped so far: {dropped})" if dropped else "")
 
     def _on_scan(self, message: LaserScan) -> None:
         self._lines.add_reading(stamp_of(message), scan_of(message))

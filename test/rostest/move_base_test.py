@@ -242,10 +242,13 @@ class MoveBaseTest(MoveBaseFeeds):
         self.tick()
         self.diagnostics.wait_for_dropped("bad TerrainGrid", before + 1)
 
-    def test_scan_without_a_number_does_no_harm(self) -> None:
+    def test_robot_stands_while_no_scan_has_a_number_as_of_a_laser_that_is_not_level(self) -> None:
         self.store_straight_ahead()
-        answers = [self.tick(ranges=np.nan) for _ in range(10)]
-        self.assertGreater(answers[-1].twist.linear.x, 0.1)
+        self.assertGreater([self.tick() for _ in range(10)][-1].twist.linear.x, 0.1)
+        answer = [self.tick(ranges=np.nan) for _ in range(10)][-1]
+        self.assertEqual(answer.twist.linear.x, 0.0)
+        self.assertIn("no /scan_horizontal with a reading", answer.reason)
+        self.assertGreater([self.tick() for _ in range(10)][-1].twist.linear.x, 0.1)
 
     def test_time_that_jumps_back_starts_afresh(self) -> None:
         self.tick()
