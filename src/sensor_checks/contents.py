@@ -155,7 +155,7 @@ def tilt_rows(topic: str, tilts: FloatArray, joint: str, limits: CheckLimits) ->
                 abs(middle) > limits.level_rad,
                 Level.ERROR,
                 f"no sweep ends unless the laser rests within {limits.level_rad:g} rad of 0: zero the joint, "
-                "or raise horizontal_tolerance_rad of config/sweep_assembly.yaml",
+                "or raise horizontal_tolerance_rad of sweep_assembler_node and scan_filter_node",
             ),
         )
     ]
