@@ -17,7 +17,7 @@ from odometry_fusion.config import OdometryConfig
 from odometry_fusion.displacement import DisplacementWatch, begun_again, displaced
 from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, predict, rest
 from odometry_fusion.interval import ImuInterval, imu_interval
-from odometry_fusion.set_back import SetBackWatch
+from odometry_fusion.set_back import StampWatch
 from odometry_fusion.track import Rest, Track, Wheels, anchored, at_stamp, longer, track_covariance
 from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer
 from robot_body import RobotBody
@@ -55,8 +55,7 @@ class OdometryFilter:
 
     def __init__(self, config: OdometryConfig, robot: RobotBody) -> None:
         """ValueError when the configuration is wrong."""
-        problems = config.validate()
-        if problems:
+        if problems := config.validate():
             raise ValueError("; ".join(problems))
         self._config, self._robot = config, robot
         self._noise = ProcessNoise(
@@ -70,7 +69,8 @@ class OdometryFilter:
         self._dropped: Counter[str] = Counter()
         self._imu: StampedBuffer[list[float]] = StampedBuffer("imu", config.jump_back_s, config.buffer_s, self._dropped)
         self._wheels: StampedBuffer[list[float]] = StampedBuffer("wheels", config.jump_back_s, config.buffer_s, self._dropped)
-        self._set_back = SetBackWatch(self._dropped)
+        self._buffers = {buffer.source: buffer for buffer in (self._imu, self._wheels)}
+        self._set_back, self._ahead = StampWatch(self._dropped, "late"), StampWatch(self._dropped, "ahead")
         self._track: Track | None = None
         self._before: Track | None = None  # the last one before the clock was set back
         self._displacement = DisplacementWatch(config, robot)
@@ -83,8 +83,11 @@ class OdometryFilter:
     @property
     def complete_until_s(self) -> float | None:
         """Both inputs are there up to this stamp: an estimate up to it that is None now will never come. None without inputs."""
-        latest = [b.last_stamp_s for b in (self._imu, self._wheels) if b.last_stamp_s is not None]
-        return min(latest) + STAMP_TOLERANCE_S if len(latest) == 2 else None
+        newest = self._newest_s()
+        return min(newest) + STAMP_TOLERANCE_S if len(newest) == 2 else None
+
+    def _newest_s(self) -> list[float]:
+        return [b.last_stamp_s for b in self._buffers.values() if b.last_stamp_s is not None]
 
     @property
     def next_due_s(self) -> float | None:
@@ -130,23 +133,30 @@ class OdometryFilter:
         return self._described(track)
 
     def _add(self, buffer: StampedBuffer[list[float]], stamp_s: float, row: list[float]) -> None:
+        newest = self._newest_s()
         if not all(map(math.isfinite, (stamp_s, *row))):
             self._dropped[f"{buffer.source}_not_finite"] += 1
         elif buffer.jumps_back(stamp_s):
             if self._set_back.hold(buffer.source, stamp_s, row):
                 self._begin_again()
+        elif len(newest) == 2 and stamp_s > max(newest) + self._config.jump_back_s:
+            # Of a pause, or a clock that was set forward, both inputs tell; of a stamp that is wrong one does.
+            if self._ahead.hold(buffer.source, stamp_s, row):
+                for source, held_s, held in self._ahead.believed():
+                    self._buffers[source].append(held_s, held)
         elif buffer.judge(stamp_s) is Arrival.IN_ORDER:
             self._set_back.forget(buffer.source)
+            self._ahead.forget(buffer.source)
             buffer.append(stamp_s, row)
 
     def _begin_again(self) -> None:
         self._dropped["time_jump"] += 1
-        self._imu.clear()
-        self._wheels.clear()
+        for buffer in self._buffers.values():
+            buffer.clear()
         self._before, self._track = self._track or self._before, None
         self._displacement.begin_again()
         for source, stamp_s, row in self._set_back.believed():
-            self._add(self._imu if source == self._imu.source else self._wheels, stamp_s, row)
+            self._add(self._buffers[source], stamp_s, row)
 
     def _commit_until(self, stamp_s: float) -> None:
         """Processes the wheel messages up to a time; the IMU is complete up to there."""

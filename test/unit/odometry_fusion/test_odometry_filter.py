@@ -375,6 +375,30 @@ def test_imu_alone_that_stamps_too_early_for_a_moment_is_late_and_the_filter_goe
         np.testing.assert_allclose(last.T_odom_base, estimates(data)[-1].T_odom_base, atol=0.05)
 
 
+@pytest.mark.parametrize("source", ["imu", "wheels"])
+def test_stamp_far_ahead_is_no_clock_that_was_set(source):
+    """One message of one input, 10 s ahead: after it all that is right would lie before the newest."""
+    data = drive([REST, Motion(4.0, 0.5)])
+    odometry, found = OdometryFilter(OdometryConfig(), RobotBody()), []
+    messages = sorted([(row[0], "imu", row) for row in data.imu] + [(row[0], "wheels", row) for row in data.wheels])
+    for stamp_s, name, row in messages:
+        is_wrong = name == source and 5.0 <= stamp_s < 5.0 + (0.0099 if name == "imu" else 0.0499)
+        (odometry.add_imu if name == "imu" else odometry.add_wheels)(stamp_s + 10.0 * is_wrong, *row[1:])
+        if name == "wheels" and not is_wrong:
+            found.append(odometry.estimate(stamp_s))
+    found = [estimate for estimate in found if estimate is not None]
+    assert odometry.dropped == {f"{source}_ahead": 1}
+    assert np.linalg.norm(pose_error(data, found[-1])[:3]) < 0.03
+
+
+def test_pause_of_both_inputs_is_believed_with_the_first_of_each():
+    data = drive([REST, Motion(4.0, 0.0)])
+    kept = [[row for row in rows if not 3.0 < row[0] < 4.2] for rows in (data.imu, data.wheels)]
+    odometry = OdometryFilter(OdometryConfig(), RobotBody())
+    found = estimates(type(data)(kept[0], kept[1], data.truth, data.path_m), odometry)
+    assert found[-1] is not None and "time_jump" not in odometry.dropped and not any("ahead" in name for name in odometry.dropped)
+
+
 def test_samples_that_are_held_and_jump_back_once_more_are_counted():
     odometry = OdometryFilter(OdometryConfig(), RobotBody())
     for stamp_s in (9.0, 5.0, 2.0, 2.0, 9.1):
