@@ -1,5 +1,6 @@
 """Transforms as inputs: map->odom by time, and other frames for goals; never the identity in place of what is not known."""
 
+import math
 import time
 from functools import partial
 
@@ -10,6 +11,7 @@ from geometry_msgs.msg import PoseStamped, TransformStamped
 from numpy.typing import NDArray
 from tf2_msgs.msg import TFMessage
 
+from rigid_geometry import JUMP_BACK_S
 from ros_adapters.connections import heard_publishers
 from ros_adapters.conversions import pose_message, stamp_of, transform_from_message, transform_from_pose, transform_stamped
 from ros_adapters.frames import frames
@@ -42,16 +44,29 @@ def pose_in_map(buffer: tf2_ros.BufferCore, pose: PoseStamped) -> PoseStamped:
     return moved
 
 
-def keep_transform(buffer: tf2_ros.BufferCore, transform: TransformStamped, *, static: bool) -> NDArray[np.float64]:
-    """Puts a transform into the buffer and gives it as (4, 4). ValueError when it is none: tf's C++ ends the process for some of them."""
-    stamp_of(transform)
-    parent, child = transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")
-    if not parent or not child or parent == child:
-        raise ValueError(f"a transform from {parent!r} to {child!r}")
-    T = transform_from_message(transform.transform)
-    add = buffer.set_transform_static if static else buffer.set_transform
-    add(transform, "tf")
-    return T
+class KnownTransforms:
+    """tf's buffer. Where a clock was set back it forgets what moves: tf itself would go on with what has the newest stamp."""
+
+    def __init__(self) -> None:
+        self.buffer = tf2_ros.BufferCore(rospy.Duration(30))
+        self._newest_s: dict[tuple[str, str], float] = {}
+
+    def keep(self, transform: TransformStamped, *, static: bool) -> NDArray[np.float64]:
+        """Puts a transform into the buffer and gives it as (4, 4). ValueError when it is none: for some tf's C++ ends the process."""
+        stamp_s = stamp_of(transform)
+        parent, child = transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")
+        if not parent or not child or parent == child:
+            raise ValueError(f"a transform from {parent!r} to {child!r}")
+        T = transform_from_message(transform.transform)
+        if static:
+            self.buffer.set_transform_static(transform, "tf")
+            return T
+        if stamp_s < self._newest_s.get((parent, child), -math.inf) - JUMP_BACK_S:
+            self.buffer.clear()  # but for what is static
+            self._newest_s.clear()
+        self._newest_s[parent, child] = max(stamp_s, self._newest_s.get((parent, child), -math.inf))
+        self.buffer.set_transform(transform, "tf")
+        return T
 
 
 class TransformsWhenAsked:
@@ -60,7 +75,7 @@ class TransformsWhenAsked:
     def __init__(self, node: Node) -> None:
         """Listens beside the node's lock: who asks holds it while he waits."""
         self._node = node
-        self._buffer: tf2_ros.BufferCore | None = None
+        self._known: KnownTransforms | None = None
         if not node.lockstep:
             self._listening()
 
@@ -69,7 +84,7 @@ class TransformsWhenAsked:
         deadline = time.monotonic() + _PATIENCE_S
         while True:
             try:
-                return pose_in_map(self._listening(), pose)
+                return pose_in_map(self._listening().buffer, pose)
             except ValueError:
                 if time.monotonic() > deadline or not pose.header.frame_id:
                     raise
@@ -83,31 +98,31 @@ class TransformsWhenAsked:
         if not frame:
             raise NoTransformError("a message without a frame: set frame_id in its driver")
         try:
-            return transform_from_message(self._listening().lookup_transform_core(frames().map, frame, stamp).transform)
+            return transform_from_message(self._listening().buffer.lookup_transform_core(frames().map, frame, stamp).transform)
         except tf2_ros.TransformException as error:
             raise NoTransformError(f"tf does not tell {frame!r} in {frames().map!r} at {stamp.to_sec():.3f} s: {error}") from error
 
     def newest(self, frame: str, not_before_s: float = 0.0) -> NDArray[np.float64] | None:
         """The same by the newest transforms; None where they do not tell, or are older."""
         try:
-            found = self._listening().lookup_transform_core(frames().map, frame, rospy.Time())
+            found = self._listening().buffer.lookup_transform_core(frames().map, frame, rospy.Time())
         except tf2_ros.TransformException:
             return None
         return transform_from_message(found.transform) if found.header.stamp.to_sec() >= not_before_s else None
 
-    def _listening(self) -> tf2_ros.BufferCore:
-        if self._buffer is None:
-            self._buffer = tf2_ros.BufferCore(rospy.Duration(30))
+    def _listening(self) -> KnownTransforms:
+        if self._known is None:
+            self._known = KnownTransforms()
             self._subscribers = [
                 rospy.Subscriber("/tf", TFMessage, partial(self._on_transforms, static=False)),
                 rospy.Subscriber("/tf_static", TFMessage, partial(self._on_transforms, static=True)),
             ]
-        return self._buffer
+        return self._known
 
     def _on_transforms(self, message: TFMessage, *, static: bool) -> None:
         for transform in message.transforms:
             try:
-                keep_transform(self._listening(), transform, static=static)
+                self._listening().keep(transform, static=static)
             except ValueError as error:
                 self._node.diagnostics.dropped("bad TFMessage", f"{transform.child_frame_id!r}: {error}")
 
@@ -119,7 +134,7 @@ class TransformInput:
         """`max_age_s`: an older map->odom is not known any more."""
         self._node = node
         self._map_odom: TimedInput[NDArray[np.float64]] = TimedInput(max_age_s)
-        self._buffer = tf2_ros.BufferCore(rospy.Duration(30))
+        self._known = KnownTransforms()
         node.watch(MAP_ODOM, max_age_s)
         self._subscriber = node.subscribe("/tf", TFMessage, self._on_transforms, required=False)
         node.subscribe("/tf_static", TFMessage, self._on_static, required=False)
@@ -138,7 +153,7 @@ class TransformInput:
 
     def in_map(self, pose: PoseStamped) -> PoseStamped:
         """The pose in map by the newest transforms; ValueError when its frame is not known."""
-        return pose_in_map(self._buffer, pose)
+        return pose_in_map(self._known.buffer, pose)
 
     def _on_transforms(self, message: TFMessage) -> None:
         for transform in message.transforms:
@@ -157,7 +172,7 @@ class TransformInput:
     def _keep(self, transform: TransformStamped, *, static: bool) -> NDArray[np.float64] | None:
         """As (4, 4); None, and counted, when it is none: the others of its message are kept."""
         try:
-            return keep_transform(self._buffer, transform, static=static)
+            return self._known.keep(transform, static=static)
         except ValueError as error:
             self._node.diagnostics.dropped("bad TFMessage", f"{transform.child_frame_id!r}: {error}")
             return None
