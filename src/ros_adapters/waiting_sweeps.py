@@ -5,6 +5,8 @@ from collections.abc import Callable
 
 from sensor_msgs.msg import PointCloud2
 
+from ros_adapters.conversions import stamp_of
+
 _MOST_WAITING = 5
 
 
@@ -28,6 +30,14 @@ class WaitingSweeps:
         if len(self._clouds) == _MOST_WAITING:
             self._dropped("sweep that waited", "sweeps come faster than they are mapped, or without odometry; the oldest is dropped")
         self._clouds.append(message)
+
+    def drop_later_than(self, stamp_s: float) -> list[float]:
+        """Stamps of the sweeps from before the clock was set back to `stamp_s`: what they need of the odometry is forgotten."""
+        late = [cloud for cloud in self._clouds if stamp_of(cloud) > stamp_s]
+        for cloud in late:
+            self._clouds.remove(cloud)
+            self._free.pop(cloud.header.stamp.to_nsec(), None)
+        return [stamp_of(cloud) for cloud in late]
 
     @property
     def first(self) -> PointCloud2 | None:

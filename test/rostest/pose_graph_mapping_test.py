@@ -239,6 +239,19 @@ class PoseGraphMappingTest(unittest.TestCase):
         self.drive_to(self.clock_s - 60.0)
         self.mapped_sweep()
 
+    def test_sweep_from_before_the_clock_was_set_back_is_lost_and_holds_up_none(self) -> None:
+        self.mapped_sweep()
+        waiting = self.cloud()
+        self.drive_to(self.clock_s - 1.0)
+        self.clouds.publish(waiting)
+        time.sleep(QUIET_S)
+        lost_s = self.clock_s
+        PoseGraphMappingTest.clock_s -= 60.0
+        self.drive_to(self.clock_s)
+        self.assertIn("the clock was set back", self.mapped.wait_for_stamp(lost_s).failure)
+        self.assertEqual(self.mapped_sweep().failure, "")
+        PoseGraphMappingTest.clock_s = lost_s
+
     def test_save_without_a_folder_is_no_failure(self) -> None:
         self.assertTrue(rospy.ServiceProxy(f"/{NODE}/save", Trigger)().success)
 
