@@ -1,8 +1,9 @@
 """What a node waits for that is not its own: services of nodes that may be started again, and disks."""
 
 import contextlib
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import genpy
 import rospy
@@ -38,11 +39,15 @@ class AskedService:
     One that never was there is not waited for: a node may do without it.
     """
 
-    def __init__(self, name: str, service_type: type, patience_s: float = 60.0, *, is_known: bool | None = None) -> None:
+    def __init__(
+        self, name: str, service_type: type, patience_s: float = 60.0, *, is_known: bool | None = None, limit_s: float | None = None
+    ) -> None:
         """`patience_s`: for a node that dies and is started again; a process takes seconds to be there.
 
-        `is_known`: whether it has been there; by default where this node has, in a process before.
+        `is_known`: whether it has been there; by default where this node has, in a process before. `limit_s`: for one that is there, or
+        whose computer is gone, and does not answer; None: no limit.
         """
+        self._limit_s, self._asking = limit_s, threading.Thread()
         self._name, self._type, self._patience_s = rospy.resolve_name(name), service_type, patience_s
         self._is_known = not Life().is_first if is_known is None else is_known
         self._proxy: rospy.ServiceProxy | None = None
@@ -51,7 +56,29 @@ class AskedService:
     def __call__(self, *arguments: object) -> genpy.Message:
         """The answer. ServiceException where it is an error, or does not come in time, or this node ends."""
         with waiting_for(self._name):
-            return self._ask(arguments)
+            if self._limit_s is None:
+                return self._ask(arguments)
+            return self._within(self._limit_s, lambda: self._ask(arguments))
+
+    def _within(self, limit_s: float, ask: Callable[[], genpy.Message]) -> genpy.Message:
+        """Asks beside this thread, which holds its node's lock; nothing is asked while the last question is open."""
+        found: list[genpy.Message | Exception] = []
+
+        def note() -> None:
+            try:
+                found.append(ask())
+            except Exception as error:  # noqa: BLE001  # of whoever asked
+                found.append(error)
+
+        if not self._asking.is_alive():
+            self._asking = threading.Thread(target=note, daemon=True)
+            self._asking.start()
+            self._asking.join(limit_s)
+        if not found:
+            raise rospy.ServiceException(f"{self._name} does not answer within {limit_s:g} s")
+        if isinstance(found[0], Exception):
+            raise found[0]
+        return found[0]
 
     def _ask(self, arguments: tuple[object, ...]) -> genpy.Message:
         deadline_s = time.monotonic() + self._patience_s

@@ -94,6 +94,29 @@ def test_server_that_was_started_anew_is_asked_anew_also_without_patience(served
     assert server.calls == 1
 
 
+def test_server_that_hangs_is_given_up_and_not_asked_beside_itself(served) -> None:
+    """As a mount's driver that hangs: who asks holds the lock under which the joystick is heard."""
+    release, calls = threading.Event(), []
+    server = served("late")
+    server.answer = lambda *_: (calls.append(1), release.wait(10.0), "late")[2]
+    service = AskedService("x", object, patience_s=0.0, limit_s=0.05)
+    for _ in range(2):
+        with pytest.raises(rospy.ServiceException, match="x does not answer within 0.05 s"):
+            service()
+    assert len(calls) == 1 and not is_waiting()
+    release.set()
+    service._asking.join(10.0)
+    server.answer = lambda *_: "anew"
+    service._proxy = None
+    assert service() == "anew"
+
+
+def test_error_of_a_server_with_a_limit_is_the_same(served) -> None:
+    served(ABSENT)
+    with pytest.raises(rospy.ServiceException, match="x does not answer: unable to connect"):
+        AskedService("x", object, patience_s=0.0, limit_s=5.0)()
+
+
 def test_server_that_has_been_there_by_another_s_word_is_waited_for(served) -> None:
     server = served(rospy.ServiceException("service [/x] unavailable"), "yes")
     service = AskedService("x", object, is_known=True)
