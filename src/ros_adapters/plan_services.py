@@ -9,6 +9,7 @@ from nav_msgs.srv import GetPlan, GetPlanRequest, GetPlanResponse
 
 from octomap_server_3dnav.exploration.approach import Approach
 from octomap_server_3dnav.exploration.decide import Explorer
+from octomap_server_3dnav.navigation.passages import place_of
 from octomap_server_3dnav.navigation.planner import Path, nearest_traversable, plan_path
 from octomap_server_3dnav.terrain.classify import Terrain
 from rigid_geometry import rotation_from_quat, yaw_of
@@ -100,8 +101,9 @@ def _ground_at(terrain: Terrain, pose: PoseStamped, tolerance_m: float) -> int |
 
 def _why_closed(terrain: Terrain, pose: PoseStamped) -> str:
     """Why the robot may not be there, as words; a height that is not known is its own."""
-    at = pose.pose.position
-    return terrain.zones.why_closed((at.x, at.y, terrain.robot_xyz[2] if math.isnan(at.z) else at.z))
+    at, standing_m = pose.pose.position, place_of(terrain)[2]
+    own_m = terrain.robot_xyz[2] if math.isnan(standing_m) else standing_m
+    return terrain.zones.why_closed((at.x, at.y, own_m if math.isnan(at.z) else at.z))
 
 
 def _check_in_map(pose: PoseStamped) -> None:

@@ -81,6 +81,11 @@ class ServedMap:
             self.show_and_save(stamp_s, T_map_base, None, None)
         self._node.diagnostics.report(stamp_s)
 
+    def standing(self) -> NDArray[np.float64] | None:
+        """(3,) where the robot stood on the ground in the map that was drawn last; None without one."""
+        T = self.around
+        return None if T is None else T[:3, 3] - self.builder.robot.base_height_m * T[:3, 2]
+
     def draw_again(self) -> None:
         """What was drawn last, by what holds now; nothing while no map is drawn around a robot."""
         if self.around is not None:

@@ -5,16 +5,17 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import rospy
 from explore_3dnav.msg import ZoneList
 from explore_3dnav.srv import SetZones, SetZonesRequest, SetZonesResponse
 from geometry_msgs.msg import Point, Quaternion, Vector3
+from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 from map_zones import Zone, Zones, write_zones, zones_from_mapping
-from rigid_geometry.transforms import Transform
 from ros_adapters.conversions import header
 from ros_adapters.frames import frames
 from ros_adapters.node import Node
@@ -24,6 +25,7 @@ from whole_files import refusal
 FILE, REPLAN = "zones.yaml", "move_base_node/replan"
 _BOUNDS, _NO_GO = ColorRGBA(0.2, 0.9, 0.3, 1.0), ColorRGBA(0.95, 0.2, 0.2, 1.0)
 _WIDTH_M = 0.05
+Place = NDArray[np.float64]
 _MEMORY = "zones"
 
 
@@ -33,9 +35,9 @@ class ZoneKeeper:
     Wrong ones end the node with exit code 2.
     """
 
-    def __init__(self, node: Node, use: Callable[[Zones], None], draw: Callable[[], None], robot: Callable[[], Transform | None]) -> None:
-        """`use` takes new zones, and `draw` shows the map with them; `robot` tells where it was last, T_map_base, None while that is not
-        known."""
+    def __init__(self, node: Node, use: Callable[[Zones], None], draw: Callable[[], None], robot: Callable[[], Place | None]) -> None:
+        """`use` takes new zones, and `draw` shows the map with them; `robot` tells where (3,) in map it stood on the ground last, None
+        while that is not known."""
         self._node, self._use, self._draw, self._robot, self._folder = node, use, draw, robot, node.run_folder()
         self._replan = rospy.ServiceProxy(REPLAN, Trigger)
         self._markers = node.publisher("explore/zones", MarkerArray, latch=True)
@@ -83,7 +85,7 @@ class ZoneKeeper:
         zones = zones_of(request.bounds, request.no_go)
         with self._node.lock:
             problems, at = zones.problems(), self._robot()
-            if not problems and at is not None and (why := zones.why_closed(at[:3, 3])):
+            if not problems and at is not None and (why := zones.why_closed(at)):
                 problems = [f"the robot at {why}"]
             if problems:
                 return SetZonesResponse(False, "; ".join(problems))

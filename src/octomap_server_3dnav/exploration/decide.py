@@ -17,7 +17,7 @@ from octomap_server_3dnav.exploration.homing import Homing
 from octomap_server_3dnav.exploration.observation import Observation, SweepOutcome
 from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
 from octomap_server_3dnav.exploration.retreat import Retreat, way_back
-from octomap_server_3dnav.navigation.passages import TerrainSettings
+from octomap_server_3dnav.navigation.passages import TerrainSettings, place_of
 from octomap_server_3dnav.navigation.planner import PlannerConfig
 from octomap_server_3dnav.terrain.classified_terrain import Terrain
 from rigid_geometry import as_transforms
@@ -262,7 +262,7 @@ class Explorer:
 
 
 def _why_trapped(terrain: Terrain) -> str:
-    if closed := terrain.zones.why_closed(terrain.robot_xyz):
+    if closed := terrain.zones.why_closed(terrain.robot_xyz if terrain.start is None else place_of(terrain)):
         return f"the robot at {closed}"
     if terrain.start is None:
         return "no ground beneath the robot from which enough traversable ground can be reached"

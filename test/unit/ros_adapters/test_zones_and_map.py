@@ -12,6 +12,7 @@ import rospy
 from explore_3dnav.msg import Zone as ZoneMessage
 from explore_3dnav.srv import SetZonesRequest
 from geometry_msgs.msg import Point32, Polygon
+from numpy.typing import NDArray
 
 from map_zones import Zones, read_zones
 from octomap_server_3dnav.exploration.decide import Explorer
@@ -60,9 +61,11 @@ def replans(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return asked
 
 
-def keeper_of(node: _Node, use: Callable[[Zones], None], draw: Callable[[], None]) -> Callable[[SetZonesRequest], Any]:
+def keeper_of(
+    node: _Node, use: Callable[[Zones], None], draw: Callable[[], None], standing: NDArray[np.float64] | None = None
+) -> Callable[[SetZonesRequest], Any]:
     """The service that takes new zones."""
-    ZoneKeeper(node, use, draw, lambda: None)  # type: ignore[arg-type]
+    ZoneKeeper(node, use, draw, lambda: standing)  # type: ignore[arg-type]
     return node.served["explore/set_zones"]
 
 
@@ -89,6 +92,19 @@ def test_map_that_cannot_be_drawn_leaves_zones_that_hold_and_is_counted(tmp_path
     assert (answer.accepted, answer.message) == (True, "0 bounds, 1 no-go zones")
     assert len(used[-1].no_go) == len(node.kept["zones"].no_go) == len(node.topics["explore/zone_list"][-1].no_go) == 1
     assert len(replans) == 1 and node.dropped == [("map not drawn with new zones", "nan s is no ROS time")]
+
+
+def test_zone_is_asked_about_the_ground_below_the_robot_and_not_about_its_base(tmp_path: Path, replans: list[str]) -> None:
+    """Ground 0.13 m below base_link, and a zone that closes ground up to 0.05 m below it."""
+    served = served_map()
+    served.around = np.eye(4)
+    served.around[:3, 3] = 1.7, 1.3, 0.0
+    standing = served.standing()
+    assert standing is not None and standing[2] == pytest.approx(-RobotBody().base_height_m)
+    set_zones = keeper_of(_Node(tmp_path), lambda _: None, lambda: None, standing)
+    low, high = (ZoneMessage(polygon=NO_GO.polygon, low=-3.0, high=z) for z in (-0.2, -0.05))
+    assert set_zones(SetZonesRequest(no_go=[low])).accepted
+    assert "lies in no_go[0]" in set_zones(SetZonesRequest(no_go=[high])).message
 
 
 def served_map() -> ServedMap:
