@@ -31,6 +31,13 @@ class StopScanAndGoConfig:
         low=0.001,
         high=1.0,
     )
+    max_backward_m: float = parameter(
+        0.5,
+        "m",
+        "while driving: the way backward after which it stands for a whole sweep: the laser that nods does not see behind",
+        low=0.1,
+        high=100.0,
+    )
     max_refused: int = parameter(2, "-", "while driving: so many refused matches in a row ask for a whole sweep", low=1, high=100)
     max_yaw_rad: float = parameter(
         3.5, "rad", "sum of turns since the last sweep that asks for the next", low=0.3, high=100.0, at_runtime=True

@@ -1,7 +1,8 @@
 """Scan while driving: the mount nods all the time, and each half of a nod is a sweep. The robot stands only where it has to.
 
 It stands until the next decision at a goal, where the follower has failed, where it has come far without a decision, and where odometry
-jumped. It stands for a whole sweep at the start, where a look from the same place did not help, and after matches that were refused.
+jumped. It stands for a whole sweep at the start, where a look from the same place did not help, after matches that were refused, and on a
+way backward, where a mount that nods does not look.
 """
 
 import math
@@ -22,6 +23,7 @@ class ScanWhileDriving(StopScanAndGo):
         self._refused = 0  # matches in a row
         self._sigma_m: float | None = None  # of the position, at the last tick
         self._leap_m = 0.0  # by which it grew since
+        self._back_m = 0.0  # way backward, less what it came forward again, since it last looked all around
 
     @property
     def looks(self) -> bool:
@@ -58,7 +60,11 @@ class ScanWhileDriving(StopScanAndGo):
         """The answer to one tick, called once when all its data are there; ValueError when its stamp is not finite."""
         before_m, self._sigma_m = self._sigma_m, tick.pose_sigma_m
         self._leap_m = 0.0 if before_m is None or self._sigma_m is None else self._sigma_m - before_m
-        return super().step(tick)
+        driven_m = self._travel.total_m
+        action = super().step(tick)
+        driven_m = self._travel.total_m - driven_m
+        self._back_m = max(0.0, self._back_m + (driven_m if _is_backward(tick) else -driven_m))
+        return action
 
     def _end_drive(self, kind: SweepKind, reason: str) -> TickAction:
         here_m = self._travel.total_m
@@ -84,7 +90,13 @@ class ScanWhileDriving(StopScanAndGo):
         if self._refused >= self._config.max_refused:
             self._refused = 0
             return self._prepare_sweep(SweepKind.INTERMEDIATE, "matches were refused")
+        if self._back_m > self._config.max_backward_m and _is_backward(tick):
+            return self._prepare_sweep(SweepKind.INTERMEDIATE, f"{self._back_m:.2f} m backward, where the laser does not look")
         return super()._driving(tick)
+
+    def _end_sweep(self, stamp: float) -> TickAction:
+        self._back_m = 0.0
+        return super()._end_sweep(stamp)
 
     def _looking(self, tick: TickObservation) -> TickAction:
         if tick.stamp_s - self._entered_s > self._config.decision_limit_s:
@@ -104,3 +116,11 @@ class LookWhileDriving(ScanWhileDriving):
         self._kind = kind
         self._enter(DriveState.LOOKING, reason)
         return self._answer()
+
+    def _driving(self, tick: TickObservation) -> TickAction:
+        self._back_m = 0.0  # a lidar sees all around
+        return super()._driving(tick)
+
+
+def _is_backward(tick: TickObservation) -> bool:
+    return tick.command is not None and tick.command[0] < 0.0

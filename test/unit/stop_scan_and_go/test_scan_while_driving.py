@@ -88,6 +88,30 @@ def test_matches_refused_in_a_row_ask_for_a_whole_sweep(script: DrivingScript) -
     assert script.machine.state is DriveState.SETTLING
 
 
+BACKWARD = -FORWARD[0], 0.0
+
+
+def backward(script: DrivingScript, metres: float) -> None:
+    for _ in range(round(metres / (0.05 * FORWARD[0]))):
+        script.tick(BACKWARD, "following")
+
+
+def test_way_backward_is_looked_at_by_a_whole_sweep_and_goes_on(script: DrivingScript) -> None:
+    """Somebody may come up behind it, where a mount that nods does not look."""
+    backward(script, 0.4)
+    script.drive(0.3 / FORWARD[0])
+    backward(script, 0.3)
+    assert script.machine.state is DriveState.DRIVING, "0.4 m backward in all"
+    backward(script, 0.3)
+    assert script.machine.state is DriveState.SETTLING and script.machine.sweep_kind is SweepKind.INTERMEDIATE
+    script.until(DriveState.MAPPING)
+    script.decide("keep")
+    backward(script, 0.4)
+    assert script.machine.state is DriveState.DRIVING
+    backward(script, 0.3)
+    assert script.machine.state is DriveState.SETTLING
+
+
 def test_what_ends_exploration_ends_it_while_driving(script: DrivingScript) -> None:
     script.drive(1.0)
     script.decide("explored")
@@ -206,3 +230,11 @@ def test_with_a_fixed_lidar_it_looks_again_where_it_looked_and_after_refusals() 
     script.tick(FORWARD, "following")
     assert script.machine.state is DriveState.LOOKING
     assert not any(action.start_sweep for action in script.actions)
+
+
+def test_fixed_lidar_sees_behind() -> None:
+    script = FixedScript()
+    script.until(DriveState.LOOKING)
+    script.decide("goal")
+    backward(script, 2.0)
+    assert script.machine.state is DriveState.DRIVING
