@@ -248,6 +248,8 @@ class MoveBaseTest(MoveBaseFeeds):
         answer = [self.tick(ranges=np.nan) for _ in range(10)][-1]
         self.assertEqual(answer.twist.linear.x, 0.0)
         self.assertIn("no /scan_horizontal with a reading", answer.reason)
+        MoveBaseTest.clock_s += 2.0
+        wait_until(lambda: self.tick(ranges=np.nan) and "nothing is seen ahead" in self.diagnostics.message(), "the word on /diagnostics")
         self.assertGreater([self.tick() for _ in range(10)][-1].twist.linear.x, 0.1)
 
     def test_time_that_jumps_back_starts_afresh(self) -> None:
