@@ -46,7 +46,7 @@ class Zone:
         return is_inside(self.polygon, xyz[:, :2]) & self._is_level(xyz)
 
     def touches(self, xyz: Floats, voxel_m: float) -> NDArray[np.bool_]:
-        """(N,) whether it is over a voxel of ground with its centre (N, 3), or over so much of it as a line through it is."""
+        """(N,) whether the centre (N, 3) of a voxel of ground lies in it, or half a voxel beside it: a thin zone leads past all centres."""
         is_near = self.contains(xyz)
         beside = np.flatnonzero(~is_near & self._is_level(xyz))
         is_near[beside] = distance_m(self.polygon, xyz[beside, :2]) <= voxel_m / 2.0

@@ -17,7 +17,7 @@ from odometry_fusion.config import OdometryConfig
 from odometry_fusion.displacement import DisplacementWatch, begun_again, displaced
 from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, predict, rest
 from odometry_fusion.interval import ImuInterval, imu_interval
-from odometry_fusion.set_back import StampWatch
+from odometry_fusion.stamp_watch import StampWatch
 from odometry_fusion.track import Rest, Track, Wheels, anchored, at_stamp, longer, track_covariance
 from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer
 from robot_body import RobotBody

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Iterator
 
-SET_BACK_ALONE_S = 1.0  # an input whose stamps lie elsewhere for so long tells of a clock that was set
+ALONE_S = 1.0  # an input whose stamps lie elsewhere for so long tells of a clock that was set
 
 Row = list[float]
 
@@ -22,7 +22,7 @@ class StampWatch:
             self.forget(source)
         held = self._held.setdefault(source, [])
         held.append((stamp_s, row))
-        return len(self._held) == 2 or stamp_s - held[0][0] >= SET_BACK_ALONE_S
+        return len(self._held) == 2 or stamp_s - held[0][0] >= ALONE_S
 
     def forget(self, source: str) -> None:
         """What is held of an input was wrong: it is in order again, or jumped once more."""

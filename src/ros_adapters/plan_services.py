@@ -101,9 +101,8 @@ def _ground_at(terrain: Terrain, pose: PoseStamped, tolerance_m: float) -> int |
 
 def _why_closed(terrain: Terrain, pose: PoseStamped) -> str:
     """Why the robot may not be there, as words; a height that is not known is its own."""
-    at, standing_m = pose.pose.position, place_of(terrain)[2]
-    own_m = terrain.robot_xyz[2] if math.isnan(standing_m) else standing_m
-    return terrain.zones.why_closed((at.x, at.y, own_m if math.isnan(at.z) else at.z))
+    at = pose.pose.position
+    return terrain.zones.why_closed((at.x, at.y, place_of(terrain)[2] if math.isnan(at.z) else at.z))
 
 
 def _check_in_map(pose: PoseStamped) -> None:

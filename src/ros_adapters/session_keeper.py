@@ -28,7 +28,6 @@ from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.frames import frames
 from whole_files import refusal
 
-_DEFAULTS = MappingConfig()
 _NOT_ON_DISK = "the session is not on disk"
 _SLOW_S = 2.0  # the robot's next sweep comes after as long
 _SERVICE, _WAIT_S = "octomap_server_3dnav_node/restore_sweep", 30.0
@@ -38,10 +37,10 @@ class SessionKeeper:
     """What the node does with its run's folder; without a folder nothing is kept."""
 
     def __init__(
-        self, folder: Path | None, diagnostics: Diagnostics, config: MappingConfig = _DEFAULTS, *, is_finished: bool = False
+        self, folder: Path | None, diagnostics: Diagnostics, map_voxel_m: float = MappingConfig.map_voxel_m, *, is_finished: bool = False
     ) -> None:
-        """`is_finished`: what is there is read, and nothing is written."""
-        self._is_finished, self._map_voxel_m = is_finished, config.map_voxel_m
+        """`map_voxel_m`: voxels of the saved cloud. `is_finished`: what is there is read, and nothing is written."""
+        self._is_finished, self._map_voxel_m = is_finished, map_voxel_m
         self._store = SessionStore(folder) if folder else None
         self._diagnostics = diagnostics
         self._saved_vertices = 0

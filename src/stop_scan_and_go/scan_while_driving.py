@@ -90,9 +90,13 @@ class ScanWhileDriving(StopScanAndGo):
         if self._refused >= self._config.max_refused:
             self._refused = 0
             return self._prepare_sweep(SweepKind.INTERMEDIATE, "matches were refused")
-        if self._back_m > self._config.max_backward_m and _is_backward(tick):
+        if self._is_blind(tick):
             return self._prepare_sweep(SweepKind.INTERMEDIATE, f"{self._back_m:.2f} m backward, where the laser does not look")
         return super()._driving(tick)
+
+    def _is_blind(self, tick: TickObservation) -> bool:
+        """Whether it has come far, and goes on, to where it does not look."""
+        return self._back_m > self._config.max_backward_m and _is_backward(tick)
 
     def _end_sweep(self, stamp: float) -> TickAction:
         self._back_m = 0.0
@@ -117,9 +121,9 @@ class LookWhileDriving(ScanWhileDriving):
         self._enter(DriveState.LOOKING, reason)
         return self._answer()
 
-    def _driving(self, tick: TickObservation) -> TickAction:
-        self._back_m = 0.0  # a lidar sees all around
-        return super()._driving(tick)
+    def _is_blind(self, tick: TickObservation) -> bool:
+        """It sees all around."""
+        return False
 
 
 def _is_backward(tick: TickObservation) -> bool:

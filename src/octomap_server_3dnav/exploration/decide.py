@@ -262,7 +262,7 @@ class Explorer:
 
 
 def _why_trapped(terrain: Terrain) -> str:
-    if closed := terrain.zones.why_closed(terrain.robot_xyz if terrain.start is None else place_of(terrain)):
+    if closed := terrain.zones.why_closed(place_of(terrain)):
         return f"the robot at {closed}"
     if terrain.start is None:
         return "no ground beneath the robot from which enough traversable ground can be reached"

@@ -78,8 +78,8 @@ class Lookout:
     def is_seen_from(self, terrain: Terrain, trim_m: float) -> bool:
         """Whether the robot stands as near to the end of the way, in it, as where it would be sent to."""
         place = place_of(terrain)
-        _, aside = off_line(self.line, place)
-        return terrain.is_inside and aside <= ASIDE_M and math.dist(self.line[-1, :2], place[:2]) <= trim_m + ASIDE_M
+        is_in_line = bool(off_line(self.line, place).min() <= ASIDE_M)
+        return terrain.is_inside and is_in_line and math.dist(self.line[-1, :2], place[:2]) <= trim_m + ASIDE_M
 
 
 class WayOut:

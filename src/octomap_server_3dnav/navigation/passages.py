@@ -83,22 +83,21 @@ def rest_from(passage: Passage, place: tuple[float, float, float], node: int) ->
 
     Nor in one of another storey, above it or below.
     """
-    off, aside = off_line(passage.line, place)
+    off = off_line(passage.line, place)
     at = int(np.argmin(off))
-    return Passage((node, passage.nodes[1]), passage.line[at:]) if aside <= ASIDE_M and at < len(passage.line) - 1 else None
+    return Passage((node, passage.nodes[1]), passage.line[at:]) if off[at] <= ASIDE_M and at < len(passage.line) - 1 else None
 
 
-def off_line(line: NDArray[np.float64], place: tuple[float, float, float]) -> tuple[NDArray[np.float64], float]:
-    """(K,) how far a place (3,) is beside the points of a line (K, 3) on its storey, inf of others; and the least of these."""
+def off_line(line: NDArray[np.float64], place: tuple[float, float, float]) -> NDArray[np.float64]:
+    """(K,) how far a place (3,) is beside the points of a line (K, 3) on its storey; inf of others."""
     off = np.hypot(line[:, 0] - place[0], line[:, 1] - place[1])
-    off[np.abs(line[:, 2] - place[2]) >= STOREY_M] = math.inf
-    return off, float(off.min())
+    return np.where(np.abs(line[:, 2] - place[2]) < STOREY_M, off, math.inf)
 
 
 def place_of(terrain: Terrain) -> tuple[float, float, float]:
-    """Where the robot stands on the ground, in map; NaN high where no ground is known there."""
-    z = math.nan if terrain.start is None else float(terrain.centers(np.array([terrain.start]))[0, 2])
-    return (*terrain.robot_xyz[:2], z)
+    """Where the robot stands on the ground, in map; where none is known there, its base_link."""
+    x, y, z = terrain.robot_xyz
+    return x, y, z if terrain.start is None else float(terrain.centers(np.array([terrain.start]))[0, 2])
 
 
 @njit(cache=True)

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.registration.cloud import PointCloud, voxel_downsample
 from pose_graph_mapping.registration.seen_through import Gone
@@ -143,7 +144,7 @@ class SessionStore:
         """`empty`, or a graph with defaults, as the session left it, not optimised yet; ValueError when it was stored without one."""
         return self._graph.rebuilt(len(self._index.sweeps) + len(self._waiting), PoseGraph() if empty is None else empty)
 
-    def save(self, graph: PoseGraph, map_voxel_m: float = 0.04, gone: Gone | None = None) -> tuple[str, ...]:
+    def save(self, graph: PoseGraph, map_voxel_m: float = MappingConfig.map_voxel_m, gone: Gone | None = None) -> tuple[str, ...]:
         """Write graph.g2o, trajectory.txt (TUM), cloud.ply and cloud.pcd (map frame, voxel means, without what has `gone`).
 
         What it returns names the sweeps that are damaged and not in the clouds. Where there are more vertices than sweeps, or fewer, the

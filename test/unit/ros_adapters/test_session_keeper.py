@@ -9,7 +9,6 @@ import pytest
 from sensor_msgs.msg import PointCloud2
 
 from mapping_tools.cloud_files import read_cloud
-from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session import session_store
 from pose_graph_mapping.session.session_record import Measured
@@ -85,7 +84,7 @@ def test_cloud_has_the_voxels_that_are_asked_for(tmp_path: Path) -> None:
     saved = {}
     for voxel_m in (0.04, 1.0):
         graph, folder = PoseGraph(), tmp_path / str(voxel_m)
-        keeper = SessionKeeper(folder, Told(), MappingConfig(map_voxel_m=voxel_m))  # type: ignore[arg-type]
+        keeper = SessionKeeper(folder, Told(), voxel_m)  # type: ignore[arg-type]
         keep_one(keeper, graph)
         mapper = SimpleNamespace(stamps_s=[1.0], graph=graph, gone=lambda: None)
         assert keeper.save(mapper)[0]  # type: ignore[arg-type]
