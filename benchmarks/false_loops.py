@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from registration_scores import text_table, write_json
 
 from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.graph.dead_reckoning import gravity_sigma
 from pose_graph_mapping.graph.mapper import empty_graph
 from pose_graph_mapping.graph.pose_graph import Edge, EdgeKind, PoseGraph
 from pose_graph_mapping.session.session_index import SessionIndex
@@ -69,7 +70,7 @@ class Grown:
 
 def grown(sweeps: Sequence[StoredSweep], false: Mapping[int, Sequence[Edge]]) -> Grown:
     """The graph of a session, grown as the mapper grows it; `false` loops come after the sweep that they are listed under."""
-    graph, believed = empty_graph(CONFIG), 0
+    graph, believed, stamps_s = empty_graph(CONFIG), 0, [sweep.stamp_s for sweep in sweeps]
     for k, sweep in enumerate(sweeps):
         assert sweep.change is not None and sweep.measured is not None
         placing = [e for e in sweep.change.added if e.kind is not EdgeKind.LOOP]
@@ -78,7 +79,8 @@ def grown(sweeps: Sequence[StoredSweep], false: Mapping[int, Sequence[Edge]]) ->
         for edge in placing:
             add(graph, edge)
         if sweep.measured.gravity_base is not None:
-            graph.add_gravity(k, sweep.measured.gravity_base, sweep.measured.gravity_sigma_rad or CONFIG.gravity_sigma_rad)
+            sigma_rad = gravity_sigma(sweep.measured.gravity_sigma_rad, stamps_s, k, CONFIG)
+            graph.add_gravity(k, sweep.measured.gravity_base, sigma_rad)
         graph.optimise()
         for edge in (e for e in sweep.change.added if e.kind is EdgeKind.LOOP):
             add(graph, edge)

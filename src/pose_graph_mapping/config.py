@@ -217,6 +217,9 @@ class MappingConfig:
     gravity_sigma_rad: float = parameter(
         math.radians(0.5), "rad", "sigma of the measured up direction where the caller gives none", low=1e-4
     )
+    gravity_time_s: float = parameter(
+        25.0, "s", "for so long that direction is off in the same way: sweeps within that time count as one measurement", low=0.0
+    )
     gravity_bias_sigma_rad: float = parameter(
         math.radians(0.3), "rad", "how far it may be off in common, fixed in the body as an accelerometer's bias is; 0: not", low=0.0
     )

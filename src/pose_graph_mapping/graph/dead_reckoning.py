@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -24,6 +27,17 @@ def levelled(T_odom_base: Array, up_base: Array) -> Array:
     if sine > 1e-12:
         T[:3, :3] = Rotation.from_rotvec(axis / sine * np.arctan2(sine, up[2])).as_matrix() @ T_odom_base[:3, :3]
     return T
+
+
+def gravity_sigma(measured_rad: float | None, stamps_s: Sequence[float], vertex: int, config: MappingConfig) -> float:
+    """Sigma in radians of what was up at a vertex, as a measurement of its own; measured_rad None: the caller gave none.
+
+    While a robot drives, what is up is the attitude of its odometry, and that is off in the same direction for `gravity_time_s`. Sweeps
+    within that time share one error: each counts for the share of it that has passed since the sweep before.
+    """
+    sigma = measured_rad or config.gravity_sigma_rad
+    since_s = abs(stamps_s[vertex] - stamps_s[vertex - 1]) if vertex else math.inf
+    return sigma * math.sqrt(max(1.0, config.gravity_time_s / since_s))
 
 
 def odometry_covariance(T_last_current: Array, config: MappingConfig) -> Array:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pose_graph_mapping.config import MappingConfig
-from pose_graph_mapping.graph.dead_reckoning import levelled, odometry_covariance
+from pose_graph_mapping.graph.dead_reckoning import gravity_sigma, levelled, odometry_covariance
 from pose_graph_mapping.graph.light_clouds import Counts, LightClouds
 from pose_graph_mapping.graph.localisation import Placement
 from pose_graph_mapping.graph.loop_closure import LoopClosure, Match, beyond_correction, detect_loop_closures, sigmas
@@ -123,7 +123,8 @@ class PoseGraphMapper:
             self._clouds.add(cloud)
             self._stamps_s.append(float(stamp_s))
             if up is not None:
-                self.graph.add_gravity(len(self.graph) - 1, up, gravity_sigma_rad or self._config.gravity_sigma_rad)
+                last = len(self.graph) - 1
+                self.graph.add_gravity(last, up, gravity_sigma(gravity_sigma_rad, self._stamps_s, last, self._config))
             self._old_last_vertex_estimate = self.graph.pose(len(self.graph) - 1)  # 4, 19
             self._T_odom_last = T_odom_base  # 5
             loops = detect_loop_closures(self.graph, self._clouds.cloud, self._match, self._config)  # 20

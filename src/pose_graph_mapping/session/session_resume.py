@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.graph.dead_reckoning import gravity_sigma
 from pose_graph_mapping.graph.light_clouds import Counts
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper, empty_graph
@@ -41,12 +42,13 @@ def resume(store: SessionStore, config: MappingConfig, match: Match, looked_thro
     notes = list(store.notes)
     clouds = [_light_cloud(store, k, config, notes) for k in range(len(store.sweeps))]
     graph = store.graph_on_disk(empty_graph(config))
+    stamps_s = [s.stamp_s for s in store.sweeps]
     for vertex_id, m in enumerate(measured):
         if config.use_gravity and m.gravity_base is not None:
-            graph.add_gravity(vertex_id, m.gravity_base, m.gravity_sigma_rad or config.gravity_sigma_rad)
+            graph.add_gravity(vertex_id, m.gravity_base, gravity_sigma(m.gravity_sigma_rad, stamps_s, vertex_id, config))
     graph.optimise()
     mapper = PoseGraphMapper(config, _without_empty_clouds(match))
-    mapper.restore(graph, clouds, [s.stamp_s for s in store.sweeps], measured[-1].T_odom_base, looked_through)
+    mapper.restore(graph, clouds, stamps_s, measured[-1].T_odom_base, looked_through)
     return Resumed(mapper, tuple(dict.fromkeys(notes)))
 
 

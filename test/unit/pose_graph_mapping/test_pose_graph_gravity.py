@@ -1,9 +1,11 @@
-"""The bias of measured up directions: told from the map's tilt by headings, and left at its prior where there is one heading only."""
+"""What was measured of up: its bias is told from the map's tilt by headings, and sweeps of one drive share one error."""
 
 import gtsam
 import numpy as np
 import pytest
 
+from pose_graph_mapping.config import MappingConfig
+from pose_graph_mapping.graph.dead_reckoning import gravity_sigma
 from pose_graph_mapping.graph.graph_measurements import Gravity
 from pose_graph_mapping.graph.gravity_bias import estimated_bias
 from pose_graph_mapping.graph.mapper import levelled
@@ -115,3 +117,27 @@ def test_wrong_sigmas_are_refused():
         PoseGraph(gravity_bias_sigma_rad=-0.1)
     with pytest.raises(ValueError, match="outlier_chi2"):
         PoseGraph(outlier_chi2=0.0)
+
+
+def test_sweeps_of_one_drive_share_the_error_of_its_odometry_and_do_not_bend_the_map():
+    """The attitude of an odometry is off by 0.4 degrees for forty sweeps, then as much the other way."""
+    poses = [transform_from_rpy((1.0 * k, 0, 0)) for k in range(80)]
+    config, stamps_s, graph = MappingConfig(), [2.0 * k for k in range(80)], PoseGraph()
+    covariance = np.diag([np.radians(0.02) ** 2] * 3 + [0.001**2] * 3)
+    for k, T in enumerate(poses):
+        graph.add_vertex(T)
+        if k:
+            graph.add_edge(k - 1, k, inverse(poses[k - 1]) @ T, covariance, EdgeKind.MATCH)
+        off = turned_about((1, 0, 0), np.radians(0.4 if k < 40 else -0.4))
+        graph.add_gravity(k, off[:, 2], gravity_sigma(np.radians(0.48), stamps_s, k, config))
+    graph.solve()
+    bend = graph.pose(10)[:3, :3].T @ graph.pose(70)[:3, :3]
+    assert np.degrees(abs(np.arcsin(bend[2, 1]))) < 0.25
+
+
+def test_what_was_up_counts_once_within_the_time_that_its_error_lasts():
+    config = MappingConfig(gravity_time_s=25.0, gravity_sigma_rad=0.01)
+    assert gravity_sigma(None, [3.0], 0, config) == 0.01
+    assert gravity_sigma(0.002, [3.0, 4.0], 1, config) == pytest.approx(0.01)
+    assert gravity_sigma(0.002, [3.0, 40.0], 1, config) == 0.002
+    assert gravity_sigma(0.002, [40.0, 15.0], 1, config) == 0.002, "the clock was set back"
