@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import gtsam
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -104,7 +105,7 @@ class FinishedMap:
             result, T_map_base = self._matched(voxel_downsample(sweep, self._config.vertex_voxel_m), T_odom)
         else:
             raise ValueError("the first sweep in a finished map is looked for in all of it")
-        covariance = result.covariance if result.usable else self._grown(T_odom)
+        covariance = result.covariance if placement is not None else self._known(result, T_odom)
         self.visits.add(Placed(float(stamp_s), T_map_base, T_odom, covariance, result.usable))
         return self._update(result, placement.tries if placement else 1)
 
@@ -147,7 +148,17 @@ class FinishedMap:
         """How well the pose is known after the way since the last sweep."""
         last = self.visits.last
         assert last is not None
-        return last.covariance + odometry_covariance(inverse(last.T_odom_base) @ T_odom_base, self._config)
+        way = inverse(last.T_odom_base) @ T_odom_base
+        carried = np.asarray(gtsam.Pose3(inverse(way)).AdjointMap())
+        return np.asarray(carried @ last.covariance @ carried.T) + odometry_covariance(way, self._config)
+
+    def _known(self, result: RegistrationResult, T_odom_base: Array) -> Array:
+        """(6, 6) of where the robot is: a match holds some directions, and what it leaves open odometry still knows."""
+        grown = self._grown(T_odom_base)
+        if not result.usable:
+            return grown
+        known = grown - grown @ np.linalg.solve(grown + result.covariance, grown)
+        return np.asarray(0.5 * (known + known.T))
 
     def _around(self, T_map_base: Array) -> PointCloud:
         """The clouds of vertices within graph_dist_m, of those near each other one: a place that was visited often costs no more."""

@@ -8,10 +8,10 @@ from synthetic_sweeps import furnished_room, pose, sweep, world_of
 
 from pose_graph_mapping.config import MappingConfig, RegistrationConfig
 from pose_graph_mapping.graph.finished_map import FinishedMap
-from pose_graph_mapping.graph.localisation import localise
+from pose_graph_mapping.graph.localisation import Placement, localise
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.cloud import PointCloud
-from pose_graph_mapping.registration.matching import Verdict, refused
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict, refused
 from pose_graph_mapping.registration.methods import create_registration
 from rigid_geometry import inverse, rotation_angle, transform_from_rpy
 
@@ -158,3 +158,26 @@ def test_place_that_was_visited_often_makes_no_larger_area(mapped):
     finished = FinishedMap(often, MappingConfig(), match)
     visit(finished, scene, rng, 1)
     assert len(finished.surroundings()) < 2.5 * len(often.vertex_clouds()[0])
+
+
+def test_what_a_match_does_not_hold_stays_as_well_known_as_odometry_has_it(mapped):
+    """A corridor: no match holds x, and odometry is good to centimetres along it."""
+    mapper, scene, rng = mapped
+    priors, open_m = [], 2.0
+
+    def corridor(_reference, _reading, T_guess, covariance=None):
+        priors.append(covariance)
+        known = np.diag([1e-8] * 3 + [open_m**2, 1e-6, 1e-6])
+        return RegistrationResult(T_guess, known, 0.9, 0.9, 0.0, 3, np.eye(6)[3:4], Verdict.DEGENERATE, "x is open")
+
+    finished = FinishedMap(mapper, MappingConfig(), corridor)
+    found = RegistrationResult(VISITS[0], np.diag([1e-6] * 6), 0.9, 0.9, 0.0, 3, np.zeros((0, 6)), Verdict.ACCEPTED, "")
+    placement = Placement(True, found, 0, 1, "")
+    T_odom, turned = VISITS[0], transform_from_rpy((1.0, 0.0, 0.0), (0.0, 0.0, np.pi / 2))
+    finished.add_sweep(100.0, *sweep(scene, VISITS[0], rng), T_odom, None, None, placement)
+    for k in range(1, 4):
+        T_odom = T_odom @ (turned if k == 3 else transform_from_rpy((1.0, 0.0, 0.0)))
+        finished.add_sweep(100.0 + k, *sweep(scene, VISITS[0], rng), T_odom)
+    sigmas_m = [np.sqrt(np.diag(covariance)[3:]) for covariance in priors]
+    assert sigmas_m[1][0] < 0.3 and sigmas_m[1][1] < 0.2, "two legs of a metre"
+    assert sigmas_m[2][1] > sigmas_m[1][0] > 0.05, "after a turn what was ahead lies across"
