@@ -1,10 +1,11 @@
 """The newest poses of a moving frame, asked for times that lie between them and for no others."""
 
+import math
 from collections import deque
 
 import numpy as np
 
-from rigid_geometry.stamped_buffer import JUMP_BACK_S
+from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S
 from rigid_geometry.transforms import Transform, as_transform, interpolate_transforms
 
 _KEPT_POSES = 400
@@ -39,13 +40,15 @@ class PoseHistory:
             raise ValueError(f"no pose is known at {stamp_s:.3f} s")
         return self.at(min(max(stamp_s, self._stamps[0]), self._stamps[-1]))
 
-    def at(self, stamp_s: float) -> Transform:
-        """The (4, 4) pose at `stamp_s`, between the poses around it; ValueError when it lies outside."""
+    def at(self, stamp_s: float, longest_gap_s: float = math.inf) -> Transform:
+        """The (4, 4) pose at `stamp_s`, between the poses around it; ValueError when it lies outside, or those are farther apart."""
         if not self._stamps:
             raise ValueError(f"no pose is known at {stamp_s:.3f} s")
         stamps = np.array(self._stamps)
         last = min(int(np.searchsorted(stamps, stamp_s)), len(stamps) - 1)
         first = max(last - 1, 0)
+        if stamps[last] - stamps[first] > longest_gap_s and stamps[last] - stamp_s > STAMP_TOLERANCE_S:
+            raise ValueError(f"the pose at {stamp_s:.3f} s is not known: there was none for {stamps[last] - stamps[first]:.1f} s")
         poses = np.stack([self._poses[i] for i in range(first, last + 1)])
         return np.asarray(
             interpolate_transforms(stamps[first : last + 1], poses, min(stamp_s, stamps[-1]) if self.reaches(stamp_s) else stamp_s)[0]
