@@ -31,6 +31,7 @@ from whole_files import refusal
 _NOT_ON_DISK = "the session is not on disk"
 _SLOW_S = 2.0  # the robot's next sweep comes after as long
 _SERVICE, _WAIT_S = "octomap_server_3dnav_node/restore_sweep", 30.0
+_MOVED_M = 0.001
 
 
 class SessionKeeper:
@@ -43,7 +44,7 @@ class SessionKeeper:
         self._is_finished, self._map_voxel_m = is_finished, map_voxel_m
         self._store = SessionStore(folder) if folder else None
         self._diagnostics = diagnostics
-        self._saved_vertices = 0
+        self._saved: NDArray[np.float64] | None = None  # (V, 4, 4) poses that the files have
 
     def why_not(self, *, resumes: bool) -> str:
         """Why a run may not begin in its folder: a session is there that it is not to go on with, or none; empty when it may."""
@@ -110,11 +111,12 @@ class SessionKeeper:
         self._diagnostics.values["sweeps not on disk"] = self._store.not_on_disk
 
     def save(self, mapper: Mapper) -> tuple[bool, str]:
-        """Writes graph, trajectory and cloud when there are vertices that the last save did not have."""
+        """Writes graph, trajectory and cloud when the last save did not have all vertices, or had them more than a millimetre elsewhere."""
         if self._is_finished:
             return True, "the map is finished: nothing is saved"
-        vertices = len(mapper.stamps_s)
-        if not self._store or vertices == self._saved_vertices:
+        poses = mapper.graph.poses()
+        is_saved = self._saved is not None and self._saved.shape == poses.shape and np.allclose(poses, self._saved, rtol=0.0, atol=_MOVED_M)
+        if not self._store or is_saved or not len(poses):
             return True, "nothing new to save"
         try:
             with waiting_for("disk"):
@@ -124,8 +126,8 @@ class SessionKeeper:
             self._diagnostics.on_terminal(_NOT_ON_DISK, problem)
             return False, problem
         self._diagnostics.on_terminal(_NOT_ON_DISK, "")
-        self._saved_vertices = vertices
-        return True, "; ".join((f"{vertices} vertices saved", *left_out))
+        self._saved = poses
+        return True, "; ".join((f"{len(poses)} vertices saved", *left_out))
 
 
 def found_in_map(

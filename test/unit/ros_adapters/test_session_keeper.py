@@ -9,9 +9,10 @@ import pytest
 from sensor_msgs.msg import PointCloud2
 
 from mapping_tools.cloud_files import read_cloud
-from pose_graph_mapping.graph.pose_graph import PoseGraph
+from pose_graph_mapping.graph.pose_graph import EdgeKind, PoseGraph
 from pose_graph_mapping.session import session_store
 from pose_graph_mapping.session.session_record import Measured
+from rigid_geometry import transform_from_rpy
 from ros_adapters import session_keeper
 from ros_adapters.asking import is_waiting
 from ros_adapters.session_keeper import SessionKeeper
@@ -86,7 +87,19 @@ def test_cloud_has_the_voxels_that_are_asked_for(tmp_path: Path) -> None:
         graph, folder = PoseGraph(), tmp_path / str(voxel_m)
         keeper = SessionKeeper(folder, Told(), voxel_m)  # type: ignore[arg-type]
         keep_one(keeper, graph)
-        mapper = SimpleNamespace(stamps_s=[1.0], graph=graph, gone=lambda: None)
+        mapper = SimpleNamespace(graph=graph, gone=lambda: None)
         assert keeper.save(mapper)[0]  # type: ignore[arg-type]
         saved[voxel_m] = len(read_cloud(folder / "cloud.ply").points)
     assert saved[1.0] < saved[0.04] == 50
+
+
+def test_graph_that_was_solved_once_more_is_saved_once_more(tmp_path: Path) -> None:
+    keeper, graph = SessionKeeper(tmp_path, Told()), PoseGraph()  # type: ignore[arg-type]
+    keep_one(keeper, graph)
+    keep_one(keeper, graph)
+    mapper = SimpleNamespace(graph=graph, gone=lambda: None)
+    assert keeper.save(mapper)[1] == "2 vertices saved" and keeper.save(mapper)[1] == "nothing new to save"  # type: ignore[arg-type]
+    graph.add_edge(0, 1, transform_from_rpy((0.5, 0.0, 0.0)), np.eye(6), EdgeKind.MATCH)
+    graph.solve()
+    assert keeper.save(mapper)[1] == "2 vertices saved"  # type: ignore[arg-type]
+    assert "0.5" in (tmp_path / "graph.g2o").read_text()
