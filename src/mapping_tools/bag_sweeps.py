@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mapping_tools.bag_records import BagMessage
 from mapping_tools.messages import CLOUD_TYPE, ODOMETRY_TYPE, OdometryMessage, frame_of, odometry_pose, stamp_s_of
 from mapping_tools.recording import Recording
-from mapping_tools.sweep_sources import Mount, SourceSweep, Unreadable
+from mapping_tools.sweep_sources import Mount, SourceSweep, UnknownWays, Unreadable
 from point_cloud2 import read_points
 from rigid_geometry import PoseHistory
 
@@ -53,7 +53,7 @@ class BagSweeps:
         """ValueError when a topic is not there or holds something else."""
         self._bag, self._topics, self._T_base_cloud = recording, topics, T_base_cloud
         self._sensor = np.zeros(3) if sensor is None else sensor
-        self._odometry, self._child_frame = PoseHistory(), ""
+        self._odometry, self._child_frame, self._ways = PoseHistory(), "", UnknownWays()
         self._gravities: deque[tuple[float, tuple[Array, float] | None]] = deque(maxlen=_KEPT_GRAVITIES)
         self._clouds = 0
         recording.check(topics.cloud, CLOUD_TYPE)
@@ -101,6 +101,8 @@ class BagSweeps:
         except ValueError:
             return
         self._child_frame = message.child_frame_id.lstrip("/")
+        if taken and record.topic == self._topics.odometry:
+            self._ways.add(stamp_s_of(message), np.asarray(message.pose.covariance))
         if not taken or record.topic != (self._topics.up or self._topics.odometry):
             return
         if self._gravities and stamp_s_of(message) < self._gravities[-1][0]:
@@ -119,7 +121,7 @@ class BagSweeps:
         except ValueError as error:
             return Unreadable(name, stamp_s, str(error))
         up, sigma = next((g for s, g in self._gravities if s >= stamp_s - 1e-6), None) or (None, None)
-        return SourceSweep(name, stamp_s, points, origins, T_odom_base, up, sigma)
+        return SourceSweep(name, stamp_s, points, origins, T_odom_base, up, sigma, lost=self._ways.until(stamp_s))
 
     def _mount_of(self, frame: str) -> Mount:
         if self._T_base_cloud is not None:

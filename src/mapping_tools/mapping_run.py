@@ -84,8 +84,8 @@ class MappingRun:
     def map(self, source: SweepSource, *, moved: bool = False) -> bool:
         """Map every sweep that the session does not have; False when it was stopped.
 
-        moved: the first of them is looked for in the map, whatever odometry says. So is one before which the clock was set back: odometry
-        begins anew there.
+        moved: the first of them is looked for in the map, whatever odometry says. So is one before which the clock was set back, for
+        odometry begins anew there, and one before which nobody knows the way.
         """
         known, goes_on = _Known(self._mapper.stamps_s), bool(self._mapper.stamps_s)
         lost = moved and goes_on
@@ -95,7 +95,7 @@ class MappingRun:
             self.account.read += 1
             lost = lost or self._goes_back(sweep.stamp_s)
             if isinstance(sweep, SourceSweep):
-                sweep = self._near(sweep)
+                sweep, lost = self._near(sweep), lost or sweep.lost
             if sweep.stamp_s is not None and known.has(sweep.stamp_s):
                 self.account.known += 1
                 lost = moved and goes_on

@@ -198,4 +198,4 @@ def _source_sweep(name: str, found: MeasuredSweep) -> SourceSweep:
     sweep = found.sweep
     up, sigma_rad = gravity_of(found.pose.T_odom_base, found.pose.covariance.ravel()) or (None, None)
     free = sweep.free_ends, sweep.free_origins
-    return SourceSweep(name, sweep.stamp_s, sweep.points, sweep.origins, found.T_odom_base, up, sigma_rad, free)
+    return SourceSweep(name, sweep.stamp_s, sweep.points, sweep.origins, found.T_odom_base, up, sigma_rad, free, found.lost)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from mapping_tools.sweep_sources import UnknownWays
 from odometry_fusion import FusedOdometry, OdometryConfig
 from rigid_geometry import PoseHistory
 from robot_body import RobotBody
@@ -55,11 +56,15 @@ class Pose:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredSweep:
-    """A sweep with the odometry at its stamp, between the poses around it, and the first pose from there on."""
+    """A sweep with the odometry at its stamp, between the poses around it, and the first pose from there on.
+
+    lost: nobody knows the way since the sweep before.
+    """
 
     sweep: Sweep
     T_odom_base: Array
     pose: Pose
+    lost: bool
 
 
 class SensorChain:
@@ -78,7 +83,7 @@ class SensorChain:
         self._turn_s = config.lidar.duration_s
         self._assembler = SweepAssembler(config.assembly, LidarRevolutions(config.lidar) if spinning else LaserScans(), mount)
         self._spinning = spinning
-        self._history = PoseHistory()
+        self._history, self._ways = PoseHistory(), UnknownWays()
         self._poses: deque[Pose] = deque(maxlen=_KEPT_GRAVITIES)
 
     @property
@@ -115,6 +120,8 @@ class SensorChain:
             self._poses.clear()
         self._poses.append(pose)
         self._assembler.add_odometry(pose.stamp_s, pose.T_odom_base)
+        if self._ways.add(pose.stamp_s, pose.covariance.ravel()):
+            self._assembler.break_at(pose.stamp_s)
         if self._spinning:
             self._turns.add_odometry(pose.stamp_s, pose.T_odom_base)
 
@@ -126,7 +133,7 @@ class SensorChain:
             self._assembler.add_scan(stamp_s, reading)
         while (sweep := self._assembler.poll()) is not None:
             after = next(pose for pose in self._poses if pose.stamp_s >= sweep.stamp_s - 1e-6)
-            yield MeasuredSweep(sweep, np.asarray(self._history.at(sweep.stamp_s)), after)
+            yield MeasuredSweep(sweep, np.asarray(self._history.at(sweep.stamp_s)), after, self._ways.until(sweep.stamp_s))
 
     def _filtered(self) -> Iterator[tuple[float, Scan | Revolution]]:
         if not self._spinning:

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from mapping_tools.sweep_sources import SourceSweep, Unreadable
+from pose_graph_mapping.graph.pose_graph import EdgeKind
 from pose_graph_mapping.registration.cloud import PointCloud
 from pose_graph_mapping.session.session_store import DamagedSweepError, SessionStore
 
@@ -30,15 +31,15 @@ class SessionSweeps:
         """In that order."""
         stored = self._store.sweeps
         first_s = stored[self._order[0]].stamp_s
-        for vertex_id in self._order:
+        for before, vertex_id in zip([None, *self._order], self._order, strict=False):
             self._read += 1
             stamp_s = self._begin_s + abs(stored[vertex_id].stamp_s - first_s)
             try:
-                yield self._sweep(vertex_id, stamp_s)
+                yield self._sweep(before, vertex_id, stamp_s)
             except DamagedSweepError as error:
                 yield Unreadable(stored[vertex_id].file, stamp_s, str(error))
 
-    def _sweep(self, vertex_id: int, stamp_s: float) -> SourceSweep:
+    def _sweep(self, before: int | None, vertex_id: int, stamp_s: float) -> SourceSweep:
         stored, cloud, free = self._store.sweeps[vertex_id], self._store.load_sweep(vertex_id), self._store.load_free(vertex_id)
         m = stored.measured
         return SourceSweep(
@@ -49,7 +50,14 @@ class SessionSweeps:
             gravity_base=None if m is None else m.gravity_base,
             gravity_sigma_rad=None if m is None else m.gravity_sigma_rad,
             free=None if free is None or not len(free) else _singles(free),
+            lost=before is not None and not self._knows_way(before, vertex_id),
         )
+
+    def _knows_way(self, before: int, vertex_id: int) -> bool:
+        """Whether odometry led all the way from one sweep to the other; a session that was stored without its graph does not tell."""
+        first, last = sorted((before, vertex_id))
+        changes = [self._store.sweeps[k].change for k in range(first + 1, last + 1)]
+        return all(change is None or any(edge.kind is EdgeKind.ODOMETRY for edge in change.added) for change in changes)
 
 
 def _singles(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:

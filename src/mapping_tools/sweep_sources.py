@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigid_geometry import FAR_M, transform_points
+from rigid_geometry import FAR_M, LeapWatch, transform_points
 
 Array = NDArray[np.float64]
 Singles = NDArray[np.float32]
@@ -20,7 +20,7 @@ class SourceSweep:
     """A sweep under the name that messages call it by.
 
     points, origins (N, 3) float32 in base_link; T_odom_base (4, 4), gravity_base (3,) with its sigma, and `free`, the ends and origins of
-    beams that met nothing: None where nothing is known.
+    beams that met nothing: None where nothing is known; lost: nobody knows the way since the sweep before.
     """
 
     name: str
@@ -31,6 +31,7 @@ class SourceSweep:
     gravity_base: Array | None = None
     gravity_sigma_rad: float | None = None
     free: tuple[Singles, Singles] | None = None
+    lost: bool = False
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,25 @@ class Mount:
         if away > FAR_M:
             raise ValueError(f"its points lie {away:,.0f} m from base_link: give clouds in the sensor's frame, and its pose as odometry")
         return placed[0].astype(np.float32), placed[1].astype(np.float32)
+
+
+class UnknownWays:
+    """Where in time an odometry knew nothing of its way, as its covariance tells."""
+
+    def __init__(self) -> None:
+        self._leaps, self._unknown_s = LeapWatch(), list[float]()
+
+    def add(self, stamp_s: float, covariance: Array) -> bool:
+        """Takes the covariance (36,) of a pose's position and rotation; whether nothing is known of the way to this stamp."""
+        if leapt := self._leaps.leapt(float(covariance[0]), float(covariance[7])):
+            self._unknown_s.append(stamp_s)
+        return leapt
+
+    def until(self, stamp_s: float) -> bool:
+        """Whether there was one since the stamp that was asked for before."""
+        later = [at for at in self._unknown_s if at > stamp_s]
+        is_lost, self._unknown_s = len(later) < len(self._unknown_s), later
+        return is_lost
 
 
 class SweepSource(Protocol):

@@ -55,9 +55,10 @@ def cloud_message(stamp_s, points, origins=None, frame="base_link", kind="<f4"):
     return TYPES["sensor_msgs/msg/PointCloud2"](header(stamp_s, frame), 1, len(data), fields, False, step, step * len(data), raw, True)
 
 
-def odometry_message(stamp_s, T, sigma=SIGMA_RAD, child="base_link"):
+def odometry_message(stamp_s, T, sigma=SIGMA_RAD, child="base_link", variance_m2=0.0):
     covariance = np.zeros(36)
     covariance[[21, 28]] = sigma**2
+    covariance[[0, 7]] = variance_m2
     vector, quaternion, zero = (TYPES[f"geometry_msgs/msg/{n}"] for n in ("Point", "Quaternion", "Vector3"))
     at = TYPES["geometry_msgs/msg/Pose"](vector(*T[:3, 3]), quaternion(*quat_xyzw_from_transform(T)))
     still = TYPES["geometry_msgs/msg/Twist"](zero(0.0, 0.0, 0.0), zero(0.0, 0.0, 0.0))
@@ -93,6 +94,20 @@ def drive(clouds, poses=None, *, cloud_topic="/sweep_cloud", odom_topic="/odom",
         messages += [(odom_topic, odometry_message(stamp_s - 0.05, T)), (cloud_topic, cloud_message(stamp_s, points, origins, **values))]
         messages.append((odom_topic, odometry_message(stamp_s + 0.05, T)))
     return messages
+
+
+def lifted(clouds, poses, since):
+    """Messages of a run whose robot was carried before a sweep: odometry goes on elsewhere, and says that it knows nothing of the way."""
+    carried = [T if k < since else transform_from_rpy((12.0, 5.0, 0.0), (0, 0, 1.0)) @ T for k, T in enumerate(poses)]
+    return [
+        (topic, odometry_message(stamp_s, T, variance_m2=25.0 * (k >= since))) if topic == "/odom" else (topic, message)
+        for k, T in enumerate(carried)
+        for (topic, message), stamp_s in zip(drive(clouds, carried)[3 * k : 3 * k + 3], _stamps_s(k), strict=True)
+    ]
+
+
+def _stamps_s(k):
+    return [5.0 + INTERVAL_S * k + off_s for off_s in (-0.05, 0.0, 0.05)]
 
 
 def write_folder(folder, clouds, suffix=".pcd", poses=None):

@@ -17,6 +17,7 @@ from mapping_tools import map_bag
 from mapping_tools.bag_records import BagRecords
 from mapping_tools.bag_sweeps import BagSweeps, BagTopics, gravity_of
 from mapping_tools.recording import Recording
+from mapping_tools.session_sweeps import SessionSweeps
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session.session_store import NotOnDiskError, SessionStore
 from rigid_geometry import inverse, transform_from_rpy, transform_points, translation_distance
@@ -134,6 +135,16 @@ def test_sweeps_that_cannot_be_placed_are_named_and_the_others_mapped(tmp_path, 
     assert (code, summary["vertices"], summary["complete"]) == (1, 2, False)
     assert [entry["sweep"] for entry in summary["not_placed"]] == ["/sweep_cloud 1", "/sweep_cloud 3"]
     assert "50 finite points" in summary["not_placed"][0]["reason"] and "does not reach" in summary["not_placed"][1]["reason"]
+
+
+def test_robot_that_was_carried_is_looked_for_in_the_map(tmp_path, clouds):
+    path = write_bag(tmp_path / "x.bag", recordings.lifted(clouds, odometry(), since=3))
+    code, summary = mapped(path, tmp_path / "out", *FAST)
+    assert code == 0 and summary["vertices"] == len(TRUTH) and error_of(tmp_path / "out") < 0.06
+    found = list(SessionSweeps(SessionStore(tmp_path / "out"), range(len(TRUTH)), 0.0).sweeps())
+    backwards = list(SessionSweeps(SessionStore(tmp_path / "out"), range(len(TRUTH) - 1, -1, -1), 0.0).sweeps())
+    assert [sweep.lost for sweep in found] == [False, False, False, True, False]
+    assert [sweep.lost for sweep in backwards] == [False, False, True, False, False]
 
 
 def test_match_that_is_refused_leaves_odometry_and_says_so(tmp_path, clouds):
