@@ -103,6 +103,12 @@ class EvaluationConfig:
     home_rad: float = parameter(0.2, "rad", "and this heading", low=0.0, high=3.2)
     budget_share: float = parameter(1.05, "-", "of its budget that a run may have spent: odometry counts the metres", low=1.0)
     contact_gap_s: float = parameter(1.0, "s", "pause after which a contact counts as another collision", low=0.0)
+    unwatched_s: float = parameter(
+        0.5,
+        "s",
+        "longest step between true poses of a run that was watched: a monitor that is started again in lock-step loses 0.3 s",
+        low=0.05,
+    )
     own_touch_mps: float = parameter(
         0.05, "m/s", "speed of the robot above which a touch with a mover is its own; slower, the mover has touched it", low=0.0, high=1.0
     )

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from exploration_evaluation.activity import ActivityTimes, activity_times, time_spent
 from exploration_evaluation.asked import budget_share, was_to_explore
+from exploration_evaluation.collisions import NO_COLLISION_SCORES, collision_scores
 from exploration_evaluation.config import EvaluationConfig, RobotShape
 from exploration_evaluation.curves import coverage_curve, driven_distances, placed_sweeps, swept_ground
 from exploration_evaluation.graph_edges import read_edges, wrong_edges
@@ -27,7 +28,6 @@ from exploration_evaluation.run_files import (
     Trajectory,
     crop_half_m,
     mapped_sweeps,
-    read_contacts,
     read_events,
     read_json,
     read_occupied,
@@ -129,7 +129,7 @@ class _Judgement:
             **self._motion(truth),
             **start_scores(truth),
             "outside_m": farthest_outside_m(zones, T_world_map, truth, self._robot),
-            **self._collisions(),
+            **(self._try("collisions", lambda: collision_scores(self._folder, truth, self._config)) or NO_COLLISION_SCORES),
             **trajectory_scores(errors),
             **self._coverage(ground, errors),
             **self._map_error(errors),
@@ -244,16 +244,6 @@ class _Judgement:
             "distance_m": found.distance_m if found else None,
             "max_tilt_rad": found.max_tilt_rad if found else None,
             "fell": found.fell if found else None,
-        }
-
-    def _collisions(self) -> dict[str, Any]:
-        episodes = self._try(
-            "collisions", lambda: read_contacts(self._folder / "contacts.csv", self._config.contact_gap_s, self._config.own_touch_mps)
-        )
-        return {
-            "collisions": None if episodes is None else len(episodes),
-            "collision_top_speed_mps": max((e.top_speed_mps for e in episodes), default=None) if episodes else None,
-            "collision_top_force_n": max((e.top_force_n for e in episodes), default=None) if episodes else None,
         }
 
     def _ground(self, truth: Trajectory | None, closed: Callable[[Floats], NDArray[np.bool_]] | None) -> ReachableGround | None:
