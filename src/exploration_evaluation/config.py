@@ -3,8 +3,13 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robot_body import RobotBody
 from stage_config import check_ranges, parameter
+
+Floats = NDArray[np.float64]
 
 _DEFAULT = RobotBody()
 _ROOM_ABOVE_M = 0.10  # above the robot, where it is judged to fit
@@ -41,6 +46,7 @@ class RobotShape:
     max_slope_rad: float = parameter(_DEFAULT.max_slope_rad, "rad", "steepest ground that is driven", low=0.01, high=1.4)
     max_step_m: float = parameter(_DEFAULT.max_step_m, "m", "highest step between neighbouring cells of ground", low=0.0, high=1.0)
     laser_height_m: float = parameter(0.92, "m", "its laser above the ground, of the run's robot.urdf", low=0.0, high=5.0)
+    base_height_m: float = parameter(_DEFAULT.base_height_m, "m", "its base_link above the ground", low=0.0, high=2.0)
 
     @classmethod
     def of(cls, robot: RobotBody) -> "RobotShape":
@@ -56,7 +62,12 @@ class RobotShape:
             ground_clearance_m=robot.ground_clearance_m,
             max_slope_rad=robot.max_slope_rad,
             max_step_m=robot.max_step_m,
+            base_height_m=robot.base_height_m,
         )
+
+    def foot(self, T_world_base: Floats) -> Floats:
+        """(N, 3) points of the ground below (N, 4, 4) poses."""
+        return np.asarray(T_world_base[:, :3, 3] - self.base_height_m * T_world_base[:, :3, 2])
 
     @property
     def level_m(self) -> float:

@@ -213,7 +213,7 @@ class _Judgement:
 
     def _way(self, poses: MatchedPoses, truth: Trajectory, ground: ReachableGround) -> dict[str, Any]:
         driven = np.diff(driven_distances(*truth, np.maximum(poses.stamps, truth[0][0])))
-        legs = self._try("shortest way", lambda: shortest_legs(ground, poses.truth[:, :3, 3]))
+        legs = self._try("shortest way", lambda: shortest_legs(ground, self._robot.foot(poses.truth)))
         if legs is None:
             return {"shortest_length_m": None, "path_ratio": None}
         shortest = float(np.minimum(legs, driven).sum())  # what was driven is a way, too
