@@ -99,7 +99,9 @@ class EvaluationConfig:
         0.12, "m", "farthest mapped voxel, along x or y, that covers a cell of ground", low=0.0, high=1.0
     )
     coverage_vertical_m: float = parameter(0.10, "m", "farthest mapped voxel, along z, that covers a cell of ground", low=0.0, high=1.0)
-    map_resolution_m: float = parameter(0.08, "m", "finest voxel of the map, to which pruned ones are divided", low=0.01, high=1.0)
+    map_resolution_m: float = parameter(
+        0.08, "m", "finest voxel of a map whose run does not tell; pruned ones are divided", low=0.01, high=1.0
+    )
     max_cloud_points: int = parameter(400_000, "-", "points of the cloud that are measured against the true mesh", low=100)
     min_coverage: float = parameter(
         0.95, "-", "share of the reachable ground that a success has to exceed; runs that end well have over 0.99", low=0.0, high=1.0

@@ -6,7 +6,7 @@ Last step of the judge. Whatever a score needs and cannot be read makes that sco
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -34,6 +34,7 @@ from exploration_evaluation.run_files import (
     read_robot,
     read_sweeps,
     read_trajectory,
+    resolution_m,
     write_json,
 )
 from exploration_evaluation.scores import (
@@ -119,6 +120,7 @@ class _Judgement:
 
     def summary(self) -> dict[str, Any]:
         reported = self._reported()
+        self._config = replace(self._config, map_resolution_m=resolution_m(reported, self._config.map_resolution_m))
         truth = self._try("truth", lambda: read_trajectory(self._folder / "trajectory_truth.txt"))
         estimate = self._try("trajectory", lambda: read_trajectory(self._folder / "trajectory.txt"))
         errors = self._trajectory(estimate, truth)
@@ -145,7 +147,7 @@ class _Judgement:
             if ground is not None:
                 scores |= self._try("coverage curve", lambda: self._swept(reported, estimate, truth, errors, ground)) or {}
                 scores |= self._way(poses, truth, ground)
-                scores |= surface_scores(self._folder, self._mesh, ground, errors.T_world_map, self._robot, self._config.cell_m, self._try)
+                scores |= surface_scores(self._folder, self._mesh, ground, errors.T_world_map, self._robot, self._config, self._try)
         outcome = self._outcome(reported, scores, truth)
         verdict = {"success": succeeded(outcome, self._config), "faults": [str(fault) for fault in faults(outcome, self._config)]}
         return {**verdict, **reported, **scores, "missing": self._missing}

@@ -121,6 +121,20 @@ def test_success_is_unknown_without_contacts_but_no_success_without_a_saved_map(
     assert evaluate_run(run, *WORLD)["success"] is False
 
 
+def told_resolution(run, resolution):
+    reported = json.loads((run / "run.json").read_text())
+    reported["config"]["octomap_server_3dnav_node"]["resolution"] = resolution
+    (run / "run.json").write_text(json.dumps(reported))
+
+
+def test_voxels_have_the_size_that_the_run_tells(run):
+    areas = {}
+    for resolution in (0.08, 0.04, None):
+        told_resolution(run, resolution)
+        areas[resolution] = evaluate_run(run, *WORLD)["classification"]["false_safe_m2"]
+    assert areas[0.04] == pytest.approx(areas[0.08] / 4) and areas[None] == areas[0.08] > 0.0
+
+
 def without_truth_between(run, start_s, end_s):
     """As a monitor that is away for a while leaves it."""
     path = run / "trajectory_truth.txt"
