@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from exploration_evaluation.config import RobotShape
+from exploration_evaluation.config import EvaluationConfig, RobotShape
 from exploration_evaluation.ground_ends import TrueGround, true_ground
 from exploration_evaluation.ground_grid import Floats, Ints, Mask, Surfaces, among, components, distances, grid_over
 from exploration_evaluation.ground_surfaces import TrueWorld
@@ -59,6 +59,15 @@ def true_world(vertices: ArrayLike, triangles: ArrayLike, cell_m: float) -> True
     """A mesh, (V, 3) metres and (T, 3) indices, as the judge looks at it; ValueError for one that is none or too large."""
     mesh = checked_mesh(vertices, triangles)
     return TrueWorld(*mesh, RayScene(*mesh), grid_over(mesh[0], cell_m))
+
+
+def size_problem(vertices: Floats) -> str:
+    """Why a world of (V, 3) vertices is too large to be judged, and what to do; empty where it is not."""
+    try:
+        grid_over(vertices, EvaluationConfig().cell_m)
+    except ValueError as error:
+        return f"{error}; --area X Y explores a part of it"
+    return ""
 
 
 def reachable_ground(
