@@ -4,7 +4,6 @@ import argparse
 import os
 import platform
 import signal
-import subprocess
 import sys
 import time
 from importlib.metadata import version
@@ -12,6 +11,7 @@ from pathlib import Path
 
 from evaluation_campaign.arguments import parse
 from evaluation_campaign.plan import Campaign, CampaignProblem, RunSpec, open_campaign
+from evaluation_campaign.runner import code_version
 
 PROJECT = Path(__file__).resolve().parents[2]
 _REPORTED_PACKAGES = ("numpy", "scipy", "numba", "gtsam", "open3d", "small_gicp", "pybullet", "distributed")
@@ -19,14 +19,13 @@ _REPORTED_PACKAGES = ("numpy", "scipy", "numba", "gtsam", "open3d", "small_gicp"
 
 def about(jobs: int) -> dict[str, object]:
     """What campaign.json says of code and machine."""
-    described = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=PROJECT, capture_output=True, text=True, check=False)
     machine = {
         "cpu": _processor(),
         "cores": os.cpu_count(),
         "python": platform.python_version(),
         "packages": {name: version(name) for name in _REPORTED_PACKAGES},
     }
-    return {"version": described.stdout.strip() or "unknown", "jobs": jobs, "machine": machine}
+    return {"version": code_version(PROJECT), "jobs": jobs, "machine": machine}
 
 
 def _processor() -> str:

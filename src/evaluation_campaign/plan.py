@@ -121,7 +121,7 @@ def parse_seeds(text: str) -> tuple[int, ...]:
 
 def open_campaign(campaign: Campaign, about: Mapping[str, object]) -> Campaign:
     """The campaign in its folder, new, gone on with, or extended by worlds, seeds or profiles; `about` (version, machine, jobs) goes into a
-    new campaign.json.
+    new campaign.json. Each outcome.json has the version of its run.
 
     CampaignProblem when the folder holds something else, a campaign with runs that are not asked for, or cannot be written.
     """

@@ -57,6 +57,8 @@ def make_run(request: RunRequest) -> dict[str, object]:
     if free < _LEAST_FREE_BYTES:
         raise DiskFull(f"{free / 2**20:.0f} MB free at {request.out}, a run needs up to {_LEAST_FREE_BYTES / 2**20:.0f} MB")
     _end_earlier(folder)
+    (folder / "summary.json").unlink(missing_ok=True)  # of an earlier run: one that never begins leaves none
+    version = code_version(request.project)
     attempts = _count_attempt(folder)
     started, begun = time.strftime("%Y-%m-%dT%H:%M:%S"), time.monotonic()
     exit_code, in_time = _explore(request, folder)
@@ -72,12 +74,19 @@ def make_run(request: RunRequest) -> dict[str, object]:
         "exit_code": exit_code,
         "wall_s": round(time.monotonic() - begun, 1),
         "started": started,
+        "version": version,
         "attempts": attempts,
     }
     if request.chaos is not None:
         outcome["chaos"] = told(folder, _restarts(folder))
     write_json(folder / OUTCOME_FILE, outcome)
     return outcome
+
+
+def code_version(project: Path) -> str:
+    """What git calls the code of a project; "unknown" where there is no git."""
+    described = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=project, capture_output=True, text=True, check=False)
+    return described.stdout.strip() or "unknown"
 
 
 def _draw_missed(folder: Path) -> None:

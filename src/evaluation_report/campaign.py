@@ -40,7 +40,10 @@ class Grade(enum.Enum):
 
 @dataclass(frozen=True)
 class Run:
-    """One run that was asked for, with whatever is known of it; `error` says why there is less than a finished run has."""
+    """One run that was asked for, with whatever is known of it.
+
+    `error` says why there is less than a finished run has, `version` which code made it.
+    """
 
     world: str
     seed: int
@@ -49,6 +52,7 @@ class Run:
     status: Status
     error: str | None
     summary: Mapping[str, Any]
+    version: str | None = None
 
     @property
     def name(self) -> str:
@@ -141,13 +145,13 @@ def load_campaign(directory: Path | str) -> Campaign:
     worlds, seeds, profiles = (_asked(asked, key, kind) for key, kind in (("worlds", str), ("seeds", int), ("profiles", str)))
     profiles = tuple(Path(profile).stem for profile in profiles)  # so their folders are called, and they may be files
     runs = tuple(_load_run(folder, world, seed, profile) for world in worlds for profile in profiles for seed in seeds)
-    jobs = asked.get("jobs")
+    jobs, begun_with = asked.get("jobs"), str(asked.get("version") or "unknown")
     return Campaign(
         directory=folder,
         worlds=worlds,
         seeds=seeds,
         profiles=profiles,
-        version=str(asked.get("version") or "unknown"),
+        version=", ".join({run.version or begun_with: None for run in runs if run.status is not Status.MISSING}) or begun_with,
         started=str(asked.get("started") or "unknown"),
         jobs=jobs if isinstance(jobs, int) else None,
         sensor=str(asked.get("sensor") or "tilting"),  # the only one there was when campaigns did not say
@@ -169,18 +173,19 @@ def _asked(asked: Mapping[str, Any], key: str, kind: type) -> tuple[Any, ...]:
 
 def _load_run(folder: Path, world: str, seed: int, profile: str) -> Run:
     place = folder / "runs" / profile / f"{world_name(world)}-{seed}"
-    status, error, chaos = _outcome(place)
+    status, error, outcome = _outcome(place)
     summary: Mapping[str, Any] = {}
     if status is not Status.MISSING:
         try:
             summary = read_json(place / "summary.json")
         except ValueError as reason:
             error = error or f"not judged: {reason}"
-    return Run(world, seed, profile, place, status, error, {**summary, "chaos": chaos} if chaos else summary)
+    chaos = _mapping(outcome.get("chaos"))  # what a bad hand did to it
+    return Run(world, seed, profile, place, status, error, {**summary, "chaos": chaos} if chaos else summary, outcome.get("version"))
 
 
 def _outcome(place: Path) -> tuple[Status, str | None, Mapping[str, Any]]:
-    """How it ended, why there is less than a finished run has, and what a bad hand did to it."""
+    """How it ended, why there is less than a finished run has, and all that its outcome.json says."""
     try:
         outcome = read_json(place / "outcome.json")
         status = Status(outcome.get("status"))
@@ -188,7 +193,7 @@ def _outcome(place: Path) -> tuple[Status, str | None, Mapping[str, Any]]:
         started = place.is_dir() and any(place.iterdir())
         return Status.MISSING, f"begun but not ended: {reason}" if started else "not made", {}
     error = outcome.get("error")
-    return status, str(error) if error else None, _mapping(outcome.get("chaos"))
+    return status, str(error) if error else None, outcome
 
 
 def _not_asked(folder: Path, asked: set[Path]) -> Iterator[str]:

@@ -23,6 +23,7 @@ from exploration_evaluation import (
     covered_cells,
     divided_voxels,
     reachable_ground,
+    read_json,
     read_mesh,
     read_occupied,
     read_robot,
@@ -30,6 +31,7 @@ from exploration_evaluation import (
     trajectory_errors,
 )
 from exploration_evaluation.mesh import RayScene
+from exploration_evaluation.run_files import JsonObject, resolution_m
 from rigid_geometry import transform_points
 from whole_files import written_whole
 
@@ -76,13 +78,21 @@ def missed_view(run_dir: Path | str, robot: RobotShape | None = None, config: Ev
 def _drive(folder: Path, mesh: tuple[Floats, Ints], robot: RobotShape, config: EvaluationConfig) -> _Drive:
     at_truth, truth = read_trajectory(folder / "trajectory_truth.txt")
     stamps, poses = read_trajectory(folder / "trajectory.txt")
-    voxels = divided_voxels(*read_occupied(folder / "occupied.npz"), config.map_resolution_m)
+    voxels = divided_voxels(*read_occupied(folder / "occupied.npz"), resolution_m(_reported(folder), config.map_resolution_m))
     T_world_map = trajectory_errors(stamps, poses, at_truth, truth).T_world_map
     ground = reachable_ground(*mesh, truth[0, :3, 3], robot, config.cell_m).covered_points
     mapped = np.asarray(transform_points(T_world_map, voxels), dtype=np.float64)
     covered = covered_cells(ground, mapped, config.coverage_horizontal_m, config.coverage_vertical_m)
     sweeps = np.asarray(transform_points(T_world_map, poses[:, :3, 3]), dtype=np.float64)
     return _Drive(ground, covered, levels(ground, config.cell_m, robot.height_m), config.cell_m, truth[:, :3, 3], sweeps)
+
+
+def _reported(folder: Path) -> JsonObject:
+    """What run.json says; nothing where there is none."""
+    try:
+        return read_json(folder / "run.json")
+    except ValueError:
+        return {}
 
 
 def levels(ground: Floats, cell_m: float, height_m: float) -> Ints:

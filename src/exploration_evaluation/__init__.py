@@ -43,7 +43,7 @@ from exploration_evaluation.scores import (
     trajectory_errors,
 )
 from exploration_evaluation.shortest_path import path_ratio, shortest_legs, shortest_length
-from exploration_evaluation.truth import ReachableGround, reachable_ground
+from exploration_evaluation.truth import ReachableGround, reachable_ground, size_problem
 
 __all__ = [
     "ActivityTimes",
@@ -90,6 +90,7 @@ __all__ = [
     "relative_pose_error",
     "shortest_legs",
     "shortest_length",
+    "size_problem",
     "swept_ground",
     "terrain_safety",
     "trajectory_errors",

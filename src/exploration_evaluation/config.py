@@ -3,8 +3,13 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from robot_body import RobotBody
 from stage_config import check_ranges, parameter
+
+Floats = NDArray[np.float64]
 
 _DEFAULT = RobotBody()
 _ROOM_ABOVE_M = 0.10  # above the robot, where it is judged to fit
@@ -41,6 +46,7 @@ class RobotShape:
     max_slope_rad: float = parameter(_DEFAULT.max_slope_rad, "rad", "steepest ground that is driven", low=0.01, high=1.4)
     max_step_m: float = parameter(_DEFAULT.max_step_m, "m", "highest step between neighbouring cells of ground", low=0.0, high=1.0)
     laser_height_m: float = parameter(0.92, "m", "its laser above the ground, of the run's robot.urdf", low=0.0, high=5.0)
+    base_height_m: float = parameter(_DEFAULT.base_height_m, "m", "its base_link above the ground", low=0.0, high=2.0)
 
     @classmethod
     def of(cls, robot: RobotBody) -> "RobotShape":
@@ -56,7 +62,12 @@ class RobotShape:
             ground_clearance_m=robot.ground_clearance_m,
             max_slope_rad=robot.max_slope_rad,
             max_step_m=robot.max_step_m,
+            base_height_m=robot.base_height_m,
         )
+
+    def foot(self, T_world_base: Floats) -> Floats:
+        """(N, 3) points of the ground below (N, 4, 4) poses."""
+        return np.asarray(T_world_base[:, :3, 3] - self.base_height_m * T_world_base[:, :3, 2])
 
     @property
     def level_m(self) -> float:
@@ -88,7 +99,9 @@ class EvaluationConfig:
         0.12, "m", "farthest mapped voxel, along x or y, that covers a cell of ground", low=0.0, high=1.0
     )
     coverage_vertical_m: float = parameter(0.10, "m", "farthest mapped voxel, along z, that covers a cell of ground", low=0.0, high=1.0)
-    map_resolution_m: float = parameter(0.08, "m", "finest voxel of the map, to which pruned ones are divided", low=0.01, high=1.0)
+    map_resolution_m: float = parameter(
+        0.08, "m", "finest voxel of a map whose run does not tell; pruned ones are divided", low=0.01, high=1.0
+    )
     max_cloud_points: int = parameter(400_000, "-", "points of the cloud that are measured against the true mesh", low=100)
     min_coverage: float = parameter(
         0.95, "-", "share of the reachable ground that a success has to exceed; runs that end well have over 0.99", low=0.0, high=1.0
@@ -103,6 +116,12 @@ class EvaluationConfig:
     home_rad: float = parameter(0.2, "rad", "and this heading", low=0.0, high=3.2)
     budget_share: float = parameter(1.05, "-", "of its budget that a run may have spent: odometry counts the metres", low=1.0)
     contact_gap_s: float = parameter(1.0, "s", "pause after which a contact counts as another collision", low=0.0)
+    unwatched_s: float = parameter(
+        0.5,
+        "s",
+        "longest step between true poses of a run that was watched: a monitor that is started again in lock-step loses 0.3 s",
+        low=0.05,
+    )
     own_touch_mps: float = parameter(
         0.05, "m/s", "speed of the robot above which a touch with a mover is its own; slower, the mover has touched it", low=0.0, high=1.0
     )

@@ -7,9 +7,8 @@ from exploration_evaluation.mesh import read_mesh
 from exploration_evaluation.report import format_summary
 from exploration_evaluation.run_files import read_json, write_json
 from exploration_evaluation.run_folder import evaluate_run
+from exploration_evaluation.verdict import INTERRUPTED as INTERRUPTED
 from whole_files import refusal
-
-INTERRUPTED = "interrupted"  # a monitor's reason that knows no other
 
 
 def judged_at_end(folder: Path) -> str:

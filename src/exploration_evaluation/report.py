@@ -39,7 +39,7 @@ def _headline(summary: Mapping[str, Any]) -> str:
 def _ending(summary: Mapping[str, Any]) -> str:
     """Why the run ended and, where the robot thinks that it explored all, what speaks against that: "explored, but 73.2 % of ..."."""
     reason = str(summary.get("stop_reason") or "no stop reason")
-    against = [_fault(fault, summary) for fault in summary.get("faults") or () if fault != Fault.NOT_EXPLORED]
+    against = [_fault(fault, summary) for fault in summary.get("faults") or () if fault not in (Fault.NOT_EXPLORED, Fault.BROKEN_OFF)]
     word, _, rest = reason.partition(":")
     return f"{word}, but {' and '.join(against)}:{rest}" if against and rest else f"{reason}{''.join(f', but {text}' for text in against)}"
 

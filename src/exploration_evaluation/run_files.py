@@ -205,3 +205,11 @@ def crop_half_m(reported: JsonObject) -> float:
         return float(reported["config"]["octomap_server_3dnav_node"]["crop_half_m"])
     except (KeyError, TypeError, ValueError) as error:
         raise ValueError("run.json does not tell the crop_half_m of octomap_server_3dnav_node") from error
+
+
+def resolution_m(reported: JsonObject, otherwise_m: float) -> float:
+    """Edge of a voxel of the map that a run reports; `otherwise_m` where it tells of none."""
+    try:
+        return float(reported["config"]["octomap_server_3dnav_node"]["resolution"])
+    except (KeyError, TypeError, ValueError):
+        return otherwise_m

@@ -6,7 +6,7 @@ Last step of the judge. Whatever a score needs and cannot be read makes that sco
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from exploration_evaluation.activity import ActivityTimes, activity_times, time_spent
 from exploration_evaluation.asked import budget_share, was_to_explore
+from exploration_evaluation.collisions import NO_COLLISION_SCORES, collision_scores
 from exploration_evaluation.config import EvaluationConfig, RobotShape
 from exploration_evaluation.curves import coverage_curve, driven_distances, placed_sweeps, swept_ground
 from exploration_evaluation.graph_edges import read_edges, wrong_edges
@@ -27,13 +28,13 @@ from exploration_evaluation.run_files import (
     Trajectory,
     crop_half_m,
     mapped_sweeps,
-    read_contacts,
     read_events,
     read_json,
     read_occupied,
     read_robot,
     read_sweeps,
     read_trajectory,
+    resolution_m,
     write_json,
 )
 from exploration_evaluation.scores import (
@@ -119,6 +120,7 @@ class _Judgement:
 
     def summary(self) -> dict[str, Any]:
         reported = self._reported()
+        self._config = replace(self._config, map_resolution_m=resolution_m(reported, self._config.map_resolution_m))
         truth = self._try("truth", lambda: read_trajectory(self._folder / "trajectory_truth.txt"))
         estimate = self._try("trajectory", lambda: read_trajectory(self._folder / "trajectory.txt"))
         errors = self._trajectory(estimate, truth)
@@ -129,7 +131,7 @@ class _Judgement:
             **self._motion(truth),
             **start_scores(truth),
             "outside_m": farthest_outside_m(zones, T_world_map, truth, self._robot),
-            **self._collisions(),
+            **(self._try("collisions", lambda: collision_scores(self._folder, truth, self._config)) or NO_COLLISION_SCORES),
             **trajectory_scores(errors),
             **self._coverage(ground, errors),
             **self._map_error(errors),
@@ -145,7 +147,7 @@ class _Judgement:
             if ground is not None:
                 scores |= self._try("coverage curve", lambda: self._swept(reported, estimate, truth, errors, ground)) or {}
                 scores |= self._way(poses, truth, ground)
-                scores |= surface_scores(self._folder, self._mesh, ground, errors.T_world_map, self._robot, self._config.cell_m, self._try)
+                scores |= surface_scores(self._folder, self._mesh, ground, errors.T_world_map, self._robot, self._config, self._try)
         outcome = self._outcome(reported, scores, truth)
         verdict = {"success": succeeded(outcome, self._config), "faults": [str(fault) for fault in faults(outcome, self._config)]}
         return {**verdict, **reported, **scores, "missing": self._missing}
@@ -213,7 +215,7 @@ class _Judgement:
 
     def _way(self, poses: MatchedPoses, truth: Trajectory, ground: ReachableGround) -> dict[str, Any]:
         driven = np.diff(driven_distances(*truth, np.maximum(poses.stamps, truth[0][0])))
-        legs = self._try("shortest way", lambda: shortest_legs(ground, poses.truth[:, :3, 3]))
+        legs = self._try("shortest way", lambda: shortest_legs(ground, self._robot.foot(poses.truth)))
         if legs is None:
             return {"shortest_length_m": None, "path_ratio": None}
         shortest = float(np.minimum(legs, driven).sum())  # what was driven is a way, too
@@ -244,16 +246,6 @@ class _Judgement:
             "distance_m": found.distance_m if found else None,
             "max_tilt_rad": found.max_tilt_rad if found else None,
             "fell": found.fell if found else None,
-        }
-
-    def _collisions(self) -> dict[str, Any]:
-        episodes = self._try(
-            "collisions", lambda: read_contacts(self._folder / "contacts.csv", self._config.contact_gap_s, self._config.own_touch_mps)
-        )
-        return {
-            "collisions": None if episodes is None else len(episodes),
-            "collision_top_speed_mps": max((e.top_speed_mps for e in episodes), default=None) if episodes else None,
-            "collision_top_force_n": max((e.top_force_n for e in episodes), default=None) if episodes else None,
         }
 
     def _ground(self, truth: Trajectory | None, closed: Callable[[Floats], NDArray[np.bool_]] | None) -> ReachableGround | None:

@@ -14,7 +14,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from exploration_evaluation.truth import ReachableGround
+from exploration_evaluation.truth import ON_GROUND_M, ReachableGround
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -27,13 +27,12 @@ _JOIN_M = 0.3
 _AT_ENDS_M = 0.02  # by which a way is longer because a place is joined to cells beside its line
 _LEAST_WAY_M = 0.5
 _AT_A_TIME = 32  # sources of ways, so that their distances to all cells fit into memory
-_BELOW_M, _ABOVE_M = -0.1, 0.5  # a place's height above its ground
 
 
 def shortest_legs(ground: ReachableGround, places: ArrayLike) -> Floats:
     """(S - 1,) metres that the shortest way over the ground has at least from each of (S, 3) places, world frame, to the next.
 
-    A place is a point of the robot, at most half a metre above the ground; from and to one that is over no ground to pass, the straight
+    A place is a point of the ground below the robot, to `ON_GROUND_M`; from and to one that is over no ground to pass, the straight
     line is all that is known. ValueError for fewer than two.
     """
     at = np.asarray(places, dtype=np.float64)
@@ -89,8 +88,7 @@ def _joined(ground: ReachableGround, places: Floats) -> tuple[csr_array, Mask]:
     ends, joins = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]
     for k, place in enumerate(places):
         near = np.array(tree.query_ball_point(place[:2], _JOIN_M), dtype=np.int64)
-        height = place[2] - ground.way_points[near, 2]
-        near = near[(height > _BELOW_M) & (height < _ABOVE_M)]
+        near = near[np.abs(place[2] - ground.way_points[near, 2]) < ON_GROUND_M]
         if not len(near):
             continue
         is_on[k] = True

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from exploration_evaluation.classification import classification
-from exploration_evaluation.config import RobotShape
+from exploration_evaluation.classification import ClassificationConfig, classification
+from exploration_evaluation.config import EvaluationConfig, RobotShape
 from exploration_evaluation.mesh import read_cloud
 from exploration_evaluation.run_files import JsonObject, read_arrays
 from exploration_evaluation.true_classes import true_classes
@@ -28,14 +28,20 @@ NO_SURFACE_SCORES: dict[str, Any] = dict.fromkeys(
 
 
 def surface_scores(
-    folder: Path, mesh: Mesh, ground: ReachableGround, T_world_map: NDArray[np.float64], robot: RobotShape, cell_m: float, attempt: Attempt
+    folder: Path,
+    mesh: Mesh,
+    ground: ReachableGround,
+    T_world_map: NDArray[np.float64],
+    robot: RobotShape,
+    config: EvaluationConfig,
+    attempt: Attempt,
 ) -> JsonObject:
     """The keys of `NO_SURFACE_SCORES`; `attempt` calls what may raise ValueError, and notes why a score is not there."""
 
     def complete() -> dict[str, Any]:
-        config = VisibilityConfig(sensor_height_m=robot.laser_height_m)
-        surface = visible_surface(*mesh, ground, config)
-        found = completeness(surface, transform_points(T_world_map, read_cloud(folder / "cloud.ply")), config.seen_within_m)
+        view = VisibilityConfig(sensor_height_m=robot.laser_height_m)
+        surface = visible_surface(*mesh, ground, view)
+        found = completeness(surface, transform_points(T_world_map, read_cloud(folder / "cloud.ply")), view.seen_within_m)
         return {
             "visible_surface_m2": surface.area_m2,
             "map_completeness_rms_m": found.rms_m,
@@ -46,8 +52,9 @@ def surface_scores(
     def classified() -> dict[str, Any]:
         voxels = read_arrays(folder / "terrain.npz", ("x", "y", "z", "label"))
         centres = np.column_stack([voxels[axis] for axis in "xyz"]).astype(np.float64)
-        true = true_classes(*mesh, ground, robot, cell_m)
-        return {"classification": classification(true, transform_points(T_world_map, centres), voxels["label"]).summary()}
+        true = true_classes(*mesh, ground, robot, config.cell_m)
+        one_voxel = ClassificationConfig(edge_m=config.map_resolution_m, voxel_m=config.map_resolution_m)
+        return {"classification": classification(true, transform_points(T_world_map, centres), voxels["label"], one_voxel).summary()}
 
     return {
         **NO_SURFACE_SCORES,

@@ -16,13 +16,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from exploration_evaluation.config import RobotShape
+from exploration_evaluation.config import EvaluationConfig, RobotShape
 from exploration_evaluation.ground_ends import TrueGround, true_ground
 from exploration_evaluation.ground_grid import Floats, Ints, Mask, Surfaces, among, components, distances, grid_over
 from exploration_evaluation.ground_surfaces import TrueWorld
 from exploration_evaluation.mesh import RayScene, checked_mesh
 from exploration_evaluation.straight_drives import straight_drives
 
+ON_GROUND_M = 0.3
+"""A point on the ground is known to that, up or down: the ground beside a robot on a slope is higher."""
 _START_SEARCH_M = 1.5
 
 
@@ -59,6 +61,15 @@ def true_world(vertices: ArrayLike, triangles: ArrayLike, cell_m: float) -> True
     return TrueWorld(*mesh, RayScene(*mesh), grid_over(mesh[0], cell_m))
 
 
+def size_problem(vertices: Floats) -> str:
+    """Why a world of (V, 3) vertices is too large to be judged, and what to do; empty where it is not."""
+    try:
+        grid_over(vertices, EvaluationConfig().cell_m)
+    except ValueError as error:
+        return f"{error}; --area X Y explores a part of it"
+    return ""
+
+
 def reachable_ground(
     vertices: ArrayLike,
     triangles: ArrayLike,
@@ -69,9 +80,8 @@ def reachable_ground(
 ) -> ReachableGround:
     """The ground of a mesh that a robot can reach from a start and turn on, level by level.
 
-    vertices (V, 3) metres and triangles (T, 3) indices in the world frame; start_xyz (3,) a point of the robot at its
-    start, not below the ground and at most half a metre above it; `closed` tells of points (N, 3) whether the robot may not be there.
-    ValueError for a mesh that is none, one too large
+    vertices (V, 3) metres and triangles (T, 3) indices in the world frame; start_xyz (3,) the robot's base_link at its
+    start; `closed` tells of points (N, 3) whether the robot may not be there. ValueError for a mesh that is none, one too large
     for the grid, or when there is no ground, or no room, at the start.
     """
     robot = robot or RobotShape()
@@ -82,7 +92,7 @@ def reachable_ground(
     turn_m, body_m = robot.circumscribed_radius_m, robot.inscribed_radius_m
     clear = distances(world.grid, nodes, barriers, turn_m + cell_m, level_m)
     room = clear >= turn_m - 1e-6
-    start = _start_node(nodes, links, room, np.asarray(start_xyz, dtype=np.float64))
+    start = _start_node(nodes, links, room, np.asarray(start_xyz, dtype=np.float64), robot.base_height_m)
     pieces = np.where(room, components(links, room), -1)
     drives = straight_drives(world.grid, nodes, barriers, pieces, int(pieces[start]), robot)
     reached = np.isin(pieces, drives.pieces)
@@ -115,13 +125,13 @@ def _area(inside_m: Floats, cell_m: float) -> float:
     return float(np.clip(0.5 + inside_m / cell_m, 0.0, 1.0).sum() * cell_m**2)
 
 
-def _start_node(nodes: Surfaces, links: Ints, room: Mask, start_xyz: Floats) -> int:
+def _start_node(nodes: Surfaces, links: Ints, room: Mask, start_xyz: Floats, base_height_m: float) -> int:
     """The place of the centre nearest to the start, on ground that is connected with it."""
     if start_xyz.shape != (3,) or not np.isfinite(start_xyz).all():
         raise ValueError(f"a start is a finite x, y, z, not {start_xyz!r}")
     away = np.linalg.norm(nodes.xyz[:, :2] - start_xyz[:2], axis=1)
-    below = start_xyz[2] - nodes.xyz[:, 2]
-    under = np.flatnonzero((away < 0.3) & (below > -0.1) & (below < 0.5))
+    off_m = np.abs(start_xyz[2] - base_height_m - nodes.xyz[:, 2])
+    under = np.flatnonzero((away < 0.3) & (off_m < ON_GROUND_M))
     if not len(under):
         raise ValueError(f"no ground to stand on at the start {start_xyz.round(2).tolist()}")
     piece = components(links, np.ones(len(room), dtype=np.bool_))

@@ -3,7 +3,7 @@
 Last in the judge: a success is a run that did as it was asked, and no harm. Asked to explore, it ended because all was explored, and its
 map is there and holds what can be reached. A robot that stayed where it began and saw all from there has succeeded, too. One that somebody
 told to end, or that had a budget, may have explored less; a budget is kept, with the way home. One that was only to drive to goals in a
-finished map has explored nothing.
+finished map explores nothing, and goes on until the user interrupts it or its time is over.
 """
 
 from dataclasses import dataclass
@@ -19,12 +19,15 @@ from exploration_evaluation.config import EvaluationConfig
 from exploration_evaluation.start_distance import StartDistance
 
 ENDED = "ended"  # begins a stop reason: somebody asked for it, or the budget was spent
+INTERRUPTED = "interrupted"  # the reason of a run that its user interrupts
+TIME_LIMIT = "time limit"  # begins the reason of a run whose simulated time is over
 
 
 class Fault(StrEnum):
     """What speaks against a run; stands in the summary's "faults"."""
 
     NOT_EXPLORED = "not explored"
+    BROKEN_OFF = "broken off"
     FELL = "fell"
     TOUCHED = "collision"
     NOT_SAVED = "no map"
@@ -66,9 +69,10 @@ class Outcome:
 
 def faults(outcome: Outcome, config: EvaluationConfig) -> tuple[Fault, ...]:
     """All that is known to speak against a run."""
-    o, whole = outcome, outcome.is_to_be_whole
+    o, whole, reason = outcome, outcome.is_to_be_whole, outcome.stop_reason
     against = {
-        Fault.NOT_EXPLORED: whole and o.stop_reason is not None and not o.stop_reason.startswith("explored"),
+        Fault.NOT_EXPLORED: whole and reason is not None and not reason.startswith("explored"),
+        Fault.BROKEN_OFF: not o.explores and reason is not None and not reason.startswith((ENDED, INTERRUPTED, TIME_LIMIT)),
         Fault.FELL: o.fell is True,
         Fault.TOUCHED: o.collisions is not None and o.collisions > 0,
         Fault.NOT_SAVED: o.explores and not o.map_saved,

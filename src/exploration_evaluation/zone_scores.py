@@ -46,10 +46,10 @@ def farthest_outside_m(zones: Zones, T_world_map: Floats | None, truth: Trajecto
 
 
 def _outline(robot: RobotShape) -> Floats:
-    """(N, 3) points of its border, in base_link."""
+    """(N, 3) points of its border on the ground, in base_link."""
     x, y = robot.length_m / 2.0, robot.width_m / 2.0
     along, across = (np.linspace(-half, half, 2 + int(2.0 * half / _SPACING_M)) for half in (x, y))
     sides = [np.stack([along, np.full_like(along, s * y)], axis=1) for s in (-1, 1)]
     sides += [np.stack([np.full_like(across, s * x), across], axis=1) for s in (-1, 1)]
     xy = np.concatenate(sides)
-    return np.column_stack([xy, np.zeros(len(xy))])
+    return np.column_stack([xy, np.full(len(xy), -robot.base_height_m)])

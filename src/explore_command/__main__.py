@@ -41,7 +41,7 @@ def _prepare(arguments: ExploreArguments) -> float:
     try:
         if arguments.resume:
             clock_start_s = clock_after(arguments.out, "--resume")
-            prepare_out(arguments.out, force=True, keep_sweeps=True)
+            prepare_out(arguments.out, force=True, keep_session=True)
             return clock_start_s
         clock_start_s = clock_after(arguments.map, "--map") if arguments.map else 0.0
         prepare_out(arguments.out, arguments.force)

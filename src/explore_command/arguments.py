@@ -136,7 +136,7 @@ def parser() -> argparse.ArgumentParser:
     )
     go_on = p.add_mutually_exclusive_group()
     go_on.add_argument(
-        "--resume", type=Path, metavar="DIR", help="go on with the run in DIR, however it ended; the robot may have been moved"
+        "--resume", type=Path, metavar="DIR", help="go on as it was started with the run in DIR, however it ended; the robot may have moved"
     )
     go_on.add_argument("--map", type=Path, metavar="DIR", help="start somewhere in the finished map of DIR, and explore what it lacks")
     p.add_argument("--goals", action="store_true", help="with --map: only drive to goals in it, until Ctrl-C; the map stays as it is")
@@ -169,7 +169,6 @@ def parser() -> argparse.ArgumentParser:
     )
     p.add_argument(
         "--profile",
-        default="ours",
         metavar="P",
         help="parameters to explore with: the name of a file in config/profiles/, or a YAML FILE; default ours",
     )
@@ -190,11 +189,16 @@ def parser() -> argparse.ArgumentParser:
 def parse(argv: list[str] | None = None) -> ExploreArguments:
     """Checked arguments; ArgumentProblem for what argparse cannot know, SystemExit(2) for what it can.
 
-    A run that goes on is by default in the world, and with seed, sensor, realism, mapping and robot, of the earlier one.
+    A run that goes on is by default started as the earlier one was; zones are those of its map, and hold in --resume.
     """
     a = parser().parse_args(argv)
     earlier = earlier_run(a.resume or a.map) if a.resume or a.map else NO_RUN
+    if a.world in (None, earlier.world):
+        for name, value in earlier.of_world.items():
+            if getattr(a, name) in (None, []) and value is not None:
+                setattr(a, name, value)
     a.world = a.world or earlier.world or "ramp"
+    a.profile = a.profile or earlier.profile or "ours"
     a.seed = next(seed for seed in (a.seed, earlier.seed, 1) if seed is not None)
     a.sensor = a.sensor or (earlier.sensor if earlier.sensor in SENSORS else None)
     a.realism = a.realism or (earlier.realism if earlier.realism in REALISMS else REALISMS[0])
@@ -211,6 +215,7 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
     check_movers(a.movers, a.seed)
     if a.zones:
         check_zones(a.zones)
+    zones = a.zones or (earlier.zones if a.resume else None)
     of_map = "-goals" if a.goals else "-more" if a.map else ""
     out = (a.resume or a.out or Path("runs") / f"{Path(a.world).stem}-{a.seed}{of_map}").absolute()
     if a.map and a.map.resolve() == out.resolve():
@@ -246,7 +251,7 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
         at_end=a.at_end,
         budget_s=60.0 * a.budget,
         budget_m=a.budget_m,
-        zones=a.zones.absolute() if a.zones else None,
+        zones=zones.absolute() if zones else None,
         robot=_robot_file(a.robot) if a.robot else earlier.robot,
         profile=a.profile,
         set_parameters=tuple(a.set),

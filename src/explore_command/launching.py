@@ -28,6 +28,7 @@ def world_problem(arguments: ExploreArguments, robot: RobotBody) -> str | None:
     """
     if arguments.world in NAMED_WORLDS and arguments.start is None and not arguments.movers:
         return None
+    from exploration_evaluation import size_problem
     from pybullet_simulation import crowd_in, load_world
     from world_files import WorldDescription
 
@@ -35,8 +36,11 @@ def world_problem(arguments: ExploreArguments, robot: RobotBody) -> str | None:
     about = WorldDescription(a.world, a.start, a.area, a.size, a.scale, a.up, a.models, a.ground)
     try:
         world = load_world(about, arguments.seed, robot=robot)
+        problem = size_problem(world.vertices)
     except ValueError as error:
-        return f"--world {arguments.world}: {error}"
+        problem = str(error)
+    if problem:
+        return f"--world {arguments.world}: {problem}"
     for note in world.notes:
         print(note, flush=True)
     if arguments.world not in NAMED_WORLDS:

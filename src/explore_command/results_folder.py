@@ -6,6 +6,7 @@ import shutil
 from itertools import count
 from pathlib import Path
 
+from explore_command.sessions import CONTACTS, ZONES
 from whole_files import refusal, remove_unfinished, written_whole
 
 _RUN_FILES: tuple[str, ...] = (
@@ -14,7 +15,7 @@ _RUN_FILES: tuple[str, ...] = (
     "counters.json",
     "trajectory.txt",
     "trajectory_truth.txt",
-    "contacts.csv",
+    CONTACTS,
     "movers.csv",
     "events.csv",
     "map_missed.png",
@@ -37,12 +38,13 @@ _RUN_FILES += (
     "robot.yaml",
     "robot.urdf",
     "mount_calibration.yaml",
-    "zones.yaml",
+    ZONES,
     "run.bag",
     "overrides.yaml",
     "roslaunch.log",
 )
 _RUN_FOLDERS = ("sweeps", "log")
+_OF_SESSION = ("sweeps", ZONES, CONTACTS)  # with which a run goes on
 _LEAST_BYTES = 10_000_000  # a sweep of the largest sensor, and what a run writes at its start
 
 
@@ -74,17 +76,18 @@ def claimed_out(out: Path, may_be_another: bool) -> tuple[Path, int]:
     raise AssertionError
 
 
-def prepare_out(out: Path, force: bool, keep_sweeps: bool = False) -> None:
+def prepare_out(out: Path, force: bool, keep_session: bool = False) -> None:
     """Makes an empty results folder; ArgumentProblem when it cannot be written, or holds something and `force` is not set.
 
-    With `force` only the files of an earlier run are removed: whatever else lies there stays, with `keep_sweeps` also its sweeps.
+    With `force` only the files of an earlier run are removed, and whatever else lies there stays.
+    With `keep_session` its sweeps, zones and contacts stay, too.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
         if any(out.iterdir()):
             if not force:
                 raise ArgumentProblem(f"--out {out}: not empty; --force overwrites the run in it")
-            _remove_run(out, keep_sweeps)
+            _remove_run(out, _OF_SESSION if keep_session else ())
         remove_unfinished(out)
         with written_whole(out / ".writable") as probe:
             probe.write_bytes(bytes(_LEAST_BYTES))
@@ -93,8 +96,8 @@ def prepare_out(out: Path, force: bool, keep_sweeps: bool = False) -> None:
         raise ArgumentProblem(f"--out {refusal(error, out)}") from error
 
 
-def _remove_run(out: Path, keep_sweeps: bool) -> None:
-    for name in _RUN_FILES:
+def _remove_run(out: Path, kept: tuple[str, ...]) -> None:
+    for name in set(_RUN_FILES) - set(kept):
         (out / name).unlink(missing_ok=True)
-    for name in set(_RUN_FOLDERS) - ({"sweeps"} if keep_sweeps else set()):
+    for name in set(_RUN_FOLDERS) - set(kept):
         shutil.rmtree(out / name, ignore_errors=True)

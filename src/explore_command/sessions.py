@@ -1,39 +1,64 @@
 """Sessions that go on: what ./explore --resume and --map need to know of the folder of an earlier run."""
 
 import json
-from dataclasses import dataclass
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
+ZONES, CONTACTS = "zones.yaml", "contacts.csv"
 _PAUSE_S = 10.0
 
 
 @dataclass(frozen=True)
 class EarlierRun:
-    """The world (name or file), seed, sensor, realism, mapping, movers and robot's file of a run, None where it did not write them down."""
+    """What a run was started with, None where it did not write it down; robot and zones are files in its folder.
 
-    world: str | None
-    seed: int | None
-    sensor: str | None
-    realism: str | None
-    mapping: str | None
-    movers: str | None
-    robot: Path | None
+    `of_world`: start, area, size, scale, up, models and ground, as the command line has them; None where nothing was said.
+    """
+
+    world: str | None = None
+    seed: int | None = None
+    sensor: str | None = None
+    realism: str | None = None
+    mapping: str | None = None
+    movers: str | None = None
+    profile: str | None = None
+    robot: Path | None = None
+    zones: Path | None = None
+    of_world: Mapping[str, object] = field(default_factory=dict)
 
 
-NO_RUN = EarlierRun(None, None, None, None, None, None, None)
+NO_RUN = EarlierRun()
 
 
 def earlier_run(folder: Path) -> EarlierRun:
-    """What run.json in the folder says, and robot.yaml beside it."""
-    robot = folder / "robot.yaml"
+    """What run.json in the folder says, and robot.yaml and zones.yaml beside it."""
+    robot, zones = (path if path.is_file() else None for path in (folder / "robot.yaml", folder / ZONES))
     try:
         run = json.loads((folder / "run.json").read_text())
         simulator = run.get("config", {}).get("pybullet_sim_node", {})
-        realism, movers = simulator.get("realism"), str(simulator.get("movers") or "")
-        sensor, mapping = run.get("sensor"), run.get("mapping")
-        return EarlierRun(str(run["world"]), int(run["seed"]), sensor, realism, mapping, movers, robot if robot.is_file() else None)
+        return EarlierRun(
+            world=str(run["world"]),
+            seed=int(run["seed"]),
+            sensor=run.get("sensor"),
+            realism=simulator.get("realism"),
+            mapping=run.get("mapping"),
+            movers=str(simulator.get("movers") or ""),
+            profile=run.get("profile"),
+            robot=robot,
+            zones=zones,
+            of_world=_of_world({key: str(value) for key, value in simulator.items()}),
+        )
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return NO_RUN
+        return EarlierRun(robot=robot, zones=zones)
+
+
+def _of_world(said: Mapping[str, str]) -> dict[str, object]:
+    numbers = {name: [float(v) for v in said.get(name, "").split()] or None for name in ("start", "area", "size", "scale", "ground")}
+    single = {name: values[0] for name in ("scale", "ground") if (values := numbers[name])}
+    folders = [folder for folder in said.get("models", "").split(os.pathsep) if folder]
+    return {**numbers, **single, "up": said.get("up") or None, "models": folders or None}
 
 
 def clock_after(folder: Path, option: str) -> float:

@@ -153,7 +153,7 @@ class Physics:
             try:
                 return int(
                     pybullet.loadURDF(
-                        str(write_simulated_urdf(robot.urdf_path, Path(folder))),
+                        str(write_simulated_urdf(robot.urdf_path, Path(folder), robot.tilt_joint)),
                         basePosition=[x, y, world.start_z + base_height_m + 0.02],
                         baseOrientation=pybullet.getQuaternionFromEuler([0.0, 0.0, yaw]),
                         flags=flags,

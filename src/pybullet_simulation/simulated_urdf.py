@@ -1,4 +1,5 @@
-"""The robot description as the physics engine needs it: without pictures, with every mesh at hand, and no link without a mass."""
+"""The robot description as the physics engine needs it: without pictures, with every mesh at hand, no link without a mass, and every
+limited joint but the laser's fixed: nothing drives it."""
 
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
@@ -8,15 +9,19 @@ import trimesh
 from robot_body import mesh_surface, read_description
 
 _DUST = "1e-6"  # kg, kg m^2: what a frame without an inertial weighs; the engine would take it for 1 kg
+_LIMITED = ("revolute", "prismatic")
 
 
-def write_simulated_urdf(urdf: Path, folder: Path) -> Path:
-    """Writes such a description of the links from base_link on into a folder, with its meshes; where it lies."""
+def write_simulated_urdf(urdf: Path, folder: Path, tilt_joint: str | None) -> Path:
+    """Writes such a description of the links from base_link on into a folder, with its meshes; where it lies. The tilt joint moves."""
     text = urdf.read_text(encoding="utf-8")
     root, description = ElementTree.fromstring(text), read_description(text, urdf.parent)
     kept = {link for link in description.shapes if description.hangs_on_base(link)}
     links = [link for link in root.findall("link") if link.get("name") in kept]
     joints = [joint for joint in root.findall("joint") if _children(joint) & kept - {"base_link"}]
+    for joint in joints:
+        if joint.get("type") in _LIMITED and joint.get("name") != tilt_joint:
+            joint.set("type", "fixed")
     for link in links:
         name = str(link.get("name"))
         if name not in description.masses:

@@ -74,7 +74,9 @@ class RunLog:
         self._truth_file = self._contacts_file = self._events_file = None
         if out and judged:
             self._truth_file = WaitingLines(out / "trajectory_truth.txt", goes_on=memory is not None)
-            self._contacts_file = WaitingLines(out / "contacts.csv", goes_on=memory is not None)
+            has_contacts = memory is not None or (self._own.get("resume") is True and (out / "contacts.csv").is_file())
+            self._contacts_file = WaitingLines(out / "contacts.csv", goes_on=has_contacts)
+            self._contacts_file.add("" if has_contacts else "stamp,link,speed_mps,force_n,other\n")
         if out:
             self._events_file = WaitingLines(out / "events.csv", goes_on=memory is not None)
         if memory is None:
@@ -82,8 +84,6 @@ class RunLog:
 
     def _begin(self, out: Path | None, robot: RobotBody, calibration: TiltCalibration | None) -> None:
         """What the folder has from the beginning."""
-        if self._contacts_file:
-            self._contacts_file.add("stamp,link,speed_mps,force_n,other\n")
         if out and self._events_file:
             self._events_file.add("stamp_s,wall_s,state,reason,sweeps\n")
             self._write("run.json", partial(write_json, value=self._run_description()))
@@ -114,12 +114,15 @@ class RunLog:
         """What a log that goes on needs beside the folder."""
         return {name: self.__dict__[name] for name in _KEPT}
 
-    def _run_description(self) -> dict[str, Any]:
+    @property
+    def _own(self) -> dict[str, object]:
         section = self._parameters.get("exploration_monitor_node")
-        own = section if isinstance(section, dict) else {}
+        return section if isinstance(section, dict) else {}
+
+    def _run_description(self) -> dict[str, Any]:
         config = {k: v for k, v in self._parameters.items() if k.endswith("_node") or k == "robot"}
         started = time.strftime("%Y-%m-%dT%H:%M:%S", time.localtime(self._started))
-        told = {key: own.get(key) for key in (("world", "seed", "profile") if self._judged else ("profile",))}
+        told = {key: self._own.get(key) for key in (("world", "seed", "profile") if self._judged else ("profile",))}
         told["sensor"] = self._parameters.get("sensor")
         told["mapping"] = self._parameters.get("mapping", "stop_and_go")
         return {**told, "started": started, "version": VERSION, "config": config, "parameter_changes": self._changes}

@@ -112,6 +112,22 @@ def test_run_without_a_summary_has_crashed_and_its_last_words_are_kept(tmp_path)
     assert str(tmp_path) not in outcome["error"]
 
 
+def test_summary_of_an_earlier_run_is_not_that_of_one_that_never_began(tmp_path):
+    request = request_with(tmp_path, "echo 'explore: wrong argument'\nexit 2\n")
+    folder = request.out / SPEC.folder
+    folder.mkdir(parents=True)
+    (folder / "summary.json").write_text('{"stop_reason": "explored: all", "success": true}')
+    assert make_run(request)["status"] == "crashed" and not (folder / "summary.json").exists()
+
+
+def test_each_run_tells_of_which_version_of_the_code_it_is(tmp_path):
+    request = request_with(tmp_path, summary("explored"))
+    git = ["git", "-C", str(request.project), "-c", "user.name=a", "-c", "user.email=a@b"]
+    for words in (["init", "-q"], ["add", "explore"], ["commit", "-qm", "first"], ["tag", "-am", "one", "v1"]):
+        subprocess.run([*git, *words], check=True)
+    assert make_run(request)["version"] == "v1"
+
+
 def test_run_that_hangs_is_interrupted_at_the_wall_limit(tmp_path):
     outcome = make_run(request_with(tmp_path, "trap 'exit 1' INT\nwhile :; do sleep 0.1; done\n", wall_s=0.5))
     assert outcome["status"] == "wall limit" and outcome["wall_s"] < 10.0

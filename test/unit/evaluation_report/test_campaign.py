@@ -40,6 +40,15 @@ def test_missing_runs_say_whether_they_were_begun(tmp_path):
     assert errors[2] == "not made"
 
 
+def test_campaign_that_went_on_with_other_code_names_all_its_versions(tmp_path):
+    folder = write_campaign(tmp_path, seeds=(1, 2, 3, 4))
+    assert load_campaign(folder).version == "v1-2-gabc"
+    for seed, version in ((1, None), (2, "v1-2-gabc"), (3, "v2")):
+        path = write_run(folder, "ramp", seed) / "outcome.json"
+        path.write_text(json.dumps({**json.loads(path.read_text()), "version": version}))
+    assert load_campaign(folder).version == "v1-2-gabc, v2"
+
+
 def test_unknown_status_is_no_finished_run(tmp_path):
     folder = write_campaign(tmp_path, seeds=(1,))
     write_run(folder, "ramp", 1, status="splendid")

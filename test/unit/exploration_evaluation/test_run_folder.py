@@ -121,6 +121,43 @@ def test_success_is_unknown_without_contacts_but_no_success_without_a_saved_map(
     assert evaluate_run(run, *WORLD)["success"] is False
 
 
+def told_resolution(run, resolution):
+    reported = json.loads((run / "run.json").read_text())
+    reported["config"]["octomap_server_3dnav_node"]["resolution"] = resolution
+    (run / "run.json").write_text(json.dumps(reported))
+
+
+def test_voxels_have_the_size_that_the_run_tells(run):
+    areas = {}
+    for resolution in (0.08, 0.04, None):
+        told_resolution(run, resolution)
+        areas[resolution] = evaluate_run(run, *WORLD)["classification"]["false_safe_m2"]
+    assert areas[0.04] == pytest.approx(areas[0.08] / 4) and areas[None] == areas[0.08] > 0.0
+
+
+def without_truth_between(run, start_s, end_s):
+    """As a monitor that is away for a while leaves it."""
+    path = run / "trajectory_truth.txt"
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join(line for line in lines if not start_s < float(line.split()[0]) < end_s))
+
+
+def test_touches_are_not_known_where_nobody_watched_for_longer_than_a_restart_takes(run):
+    without_truth_between(run, 2.01, 2.49)  # ten ticks of the clock
+    assert evaluate_run(run, *WORLD)["success"] is True
+    without_truth_between(run, 2.01, 2.54)
+    summary = evaluate_run(run, *WORLD)
+    assert (summary["collisions"], summary["success"]) == (None, None)
+    assert "collisions: nobody watched for 0.55 s of the run" in summary["missing"]
+
+
+def test_touch_that_was_seen_counts_also_where_others_may_be_missed(run):
+    without_truth_between(run, 2.01, 3.01)
+    (run / "contacts.csv").write_text(CONTACTS_HEADER + "1.50,base_link,0.01,5\n")
+    summary = evaluate_run(run, *WORLD)
+    assert (summary["collisions"], summary["success"], summary["faults"]) == (1, False, ["collision"])
+
+
 @pytest.mark.parametrize("reason", ["node terrain died", "stuck", "not explored"])
 def test_other_stop_reason_is_no_success(run, reason):
     (run / "counters.json").write_text(json.dumps({"stop_reason": reason}))

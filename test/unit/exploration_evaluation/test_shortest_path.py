@@ -90,6 +90,13 @@ def test_place_over_no_ground_is_joined_by_the_straight_line(hall):
         assert shortest_length(hall, [(5, 5, BASE_M), place]) == pytest.approx(place[0] - 5.0)
 
 
+@pytest.mark.parametrize(("height_m", "is_on"), [(0.25, True), (-0.25, True), (0.45, False)])
+def test_place_is_on_the_ground_that_is_near_its_height(height_m, is_on):
+    ground = reachable_ground(*join(room(10, 10), wall(5, 0, 5, 6)), (2, 2, 0.1))
+    place, behind_the_wall = (2.0, 2.0, height_m), (8.0, 2.0, 0.0)
+    assert (shortest_length(ground, [place, behind_the_wall]) > 8.0) is is_on
+
+
 def test_way_through_a_door_without_room_to_turn_is_not_longer_than_straight():
     world = join(room(10, 10), wall(5, 0, 5, 4.5), wall(5, 5.5, 5, 10))  # a door of 1 m
     ground = reachable_ground(*world, (2, 5, 0.1))

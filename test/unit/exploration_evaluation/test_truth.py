@@ -216,6 +216,13 @@ def test_start_near_a_wall_finds_room_beside_it_but_not_behind_it():
     assert reachable_ground(*world, (4.2, 2, 0.132)).points[:, 0].min() > 4
 
 
+def test_robot_whose_base_is_high_stands_on_its_ground():
+    high = RobotShape(base_height_m=0.7, height_m=1.0, headroom_m=1.1)
+    assert reachable_ground(*room(4, 4), (2, 2, 0.7), high).area_m2 == pytest.approx(SIDE_M**2, abs=BORDER_M2)
+    with pytest.raises(ValueError, match="no ground"):
+        reachable_ground(*room(4, 4), (2, 2, 0.7))
+
+
 @pytest.mark.parametrize("start", [(20, 2, 0.1), (2, 2, 3.0), (2, 2, -1.0)])
 def test_start_without_ground_is_refused(start):
     with pytest.raises(ValueError, match="no ground"):

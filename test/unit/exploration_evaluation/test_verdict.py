@@ -85,6 +85,13 @@ def test_robot_that_only_drove_to_goals_succeeds_without_a_map() -> None:
     driven = replace(GOOD, stop_reason="interrupted", map_saved=False, coverage=None, missed_piece_m2=None, explores=False)
     assert succeeded(driven, CONFIG) is True
     assert succeeded(replace(driven, collisions=None), CONFIG) is None
+    assert succeeded(replace(driven, stop_reason="time limit: 1800 s simulated"), CONFIG) is True
+
+
+@pytest.mark.parametrize("reason", ["node died: pybullet_sim_node", "roslaunch was killed", "the first sweep was not found in the map"])
+def test_robot_that_only_drove_to_goals_fails_when_nobody_ended_it(reason: str) -> None:
+    driven = replace(GOOD, stop_reason=reason, map_saved=False, coverage=None, missed_piece_m2=None, explores=False)
+    assert (succeeded(driven, CONFIG), faults(driven, CONFIG)) == (False, (Fault.BROKEN_OFF,))
 
 
 @pytest.mark.parametrize("unknown", ["stop_reason", "fell", "collisions", "coverage", "missed_piece_m2", "start"])

@@ -32,6 +32,15 @@ def test_zone_that_parts_the_ground_closes_what_lies_behind_it() -> None:
     assert ground.covered_points[:, 1].max() < 6.1
 
 
+@pytest.mark.parametrize(("low_m", "high_m", "is_entered"), [(-0.7, -0.5, True), (-0.2, 0.2, False)])
+def test_heights_of_zones_are_of_the_ground_below_the_robot(low_m: float, high_m: float, is_entered: bool) -> None:
+    T_world_map, high = transform_from_rpy((5.0, 5.0, 0.6), (0.0, 0.0, 0.0)), RobotShape(base_height_m=0.6)
+    ahead = Zones(no_go=(Zone(np.array([[2.0, -2.0], [4.0, -2.0], [4.0, 2.0], [2.0, 2.0]]), low_m, high_m),))
+    poses = np.array([T_world_map, T_world_map @ transform_from_rpy((3.0, 0.0, 0.0), (0.0, 0.0, 0.0))])
+    found = farthest_outside_m(ahead, T_world_map, (np.array([0.0, 0.15]), poses), high)
+    assert found is not None and (found > 0.1) is is_entered
+
+
 def test_outline_is_looked_at_by_the_true_poses() -> None:
     def driven(x: float, yaw: float) -> float | None:
         poses = np.array([T_WORLD_MAP, T_WORLD_MAP @ transform_from_rpy((x, 0.0, 0.0), (0.0, 0.0, yaw))])

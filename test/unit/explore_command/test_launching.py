@@ -162,6 +162,15 @@ def test_mesh_without_triangles_is_a_problem(tmp_path: Path) -> None:
     assert world_problem(parse(["--world", str(tmp_path / "empty.obj")]), RobotBody()) is not None
 
 
+@pytest.mark.parametrize("area", [[], ["--area", "20", "20"]])
+def test_world_that_is_too_large_to_be_judged_is_told_at_once(tmp_path: Path, area: list[str]) -> None:
+    plain = tmp_path / "plain.obj"
+    plain.write_text("v 0 0 0\nv 4100 0 0\nv 4100 4100 0\nv 0 4100 0\nf 1 2 3\nf 1 3 4\n")
+    problem = world_problem(parse(["--world", str(plain), "--scale", "1", *area]), RobotBody())
+    said = f"--world {plain}: the world has 41000 x 41000 columns of 0.1 m; at most 16000000 are judged; --area X Y explores a part of it"
+    assert problem == (None if area else said)
+
+
 def test_mover_that_cannot_be_is_told_with_the_file_that_names_it(tmp_path: Path) -> None:
     world, movers = tmp_path / "w.yaml", tmp_path / "m.yaml"
     in_a_wall = "{kind: person, start: [99, 99]}"

@@ -41,6 +41,35 @@ def test_run_goes_on_among_the_movers_that_it_had(session: Path) -> None:
     assert parse(["--resume", str(session)]).movers == "3" and parse(["--resume", str(session), "--movers", ""]).movers == ""
 
 
+@pytest.mark.parametrize("option", ["--resume", "--map"])
+def test_run_goes_on_in_its_world_as_that_was_described(session: Path, tmp_path: Path, option: str) -> None:
+    hall = tmp_path / "hall.stl"
+    hall.touch()
+    simulator = {"world": str(hall), "area": "20 15", "ground": "-0.5", "scale": "0.001", "up": "y", "models": "/a:/b", "start": "1 2 0.5"}
+    told = {"world": str(hall), "seed": 7, "profile": "thesis", "config": {"pybullet_sim_node": {**simulator, "size": ""}}}
+    (session / "run.json").write_text(json.dumps(told))
+    a = parse([option, str(session)])
+    assert (a.area, a.ground, a.scale, a.up, a.size) == ((20.0, 15.0), -0.5, 0.001, "y", None)
+    assert (a.models, a.start, a.profile) == ((Path("/a"), Path("/b")), (1.0, 2.0, 0.5), "thesis")
+    anew = parse([option, str(session), "--area", "5", "6", "--ground", "0", "--profile", "ours", "--world", str(hall)])
+    assert (anew.area, anew.ground, anew.scale, anew.profile) == ((5.0, 6.0), 0.0, 0.001, "ours")
+    other = parse([option, str(session), "--world", "rooms"])
+    assert (other.area, other.ground, other.scale, other.models) == (None, None, None, ())
+
+
+def test_run_goes_on_within_its_zones_and_with_what_it_touched(session: Path, tmp_path: Path) -> None:
+    assert parse(["--resume", str(session)]).zones is None
+    for name in ("zones.yaml", "contacts.csv"):
+        (session / name).write_text("no_go: []\n")
+    prepare_out(session, force=True, keep_session=True)
+    assert (session / "contacts.csv").exists() and parse(["--resume", str(session)]).zones == session / "zones.yaml"
+    assert parse(["--map", str(session)]).zones is None
+    (tmp_path / "mine.yaml").write_text("no_go: []\n")
+    assert parse(["--resume", str(session), "--zones", str(tmp_path / "mine.yaml")]).zones == tmp_path / "mine.yaml"
+    prepare_out(session, force=True)
+    assert not (session / "zones.yaml").exists() and not (session / "contacts.csv").exists()
+
+
 def test_map_is_explored_in_another_folder(session: Path) -> None:
     a = parse(["--map", str(session), "--seed", "3"])
     assert (a.resume, a.map, a.world, a.seed) == (False, session, "rooms", 3)
@@ -85,7 +114,7 @@ def test_folder_without_a_session_is_named(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_sweeps_of_a_run_that_goes_on_stay(session: Path) -> None:
-    prepare_out(session, force=True, keep_sweeps=True)
+    prepare_out(session, force=True, keep_session=True)
     assert (session / "sweeps" / "000000.npz").exists() and not (session / "summary.json").exists()
     prepare_out(session, force=True)
     assert not (session / "sweeps").exists()

@@ -55,6 +55,17 @@ def cart(folder: Path) -> RobotBody:
     return replace(RobotBody(), name="cart", urdf=str(path), mounts=mounts, **sizes, **wheels)
 
 
+def cart_with_arm(folder: Path) -> RobotBody:
+    """An arm of 24 cm reaches forward, and would swing down to the ground."""
+    robot = cart(folder)
+    arm = link("arm", 'box size="0.24 0.02 0.02"', 0.5)
+    arm = arm.replace('<origin rpy="0 0 0"/>', '<origin xyz="0.12 0 0"/>').replace("<inertial>", '<inertial><origin xyz="0.12 0 0"/>')
+    arm += joint("shoulder", "revolute", "base_link", "arm", "0.03 0 0.09")
+    path = Path(robot.urdf)
+    path.write_text(path.read_text().replace("</robot>", f"{arm}</robot>"))
+    return robot
+
+
 @pytest.fixture(params=["cart", *robot_names()])
 def robot(request: pytest.FixtureRequest, tmp_path: Path) -> RobotBody:
     return cart(tmp_path) if request.param == "cart" else load_robot(robot_file(request.param))
@@ -93,6 +104,11 @@ def test_it_drives_straight_as_its_wheels_say(robot: RobotBody, v: float) -> Non
     assert y == pytest.approx(sum(o.v for d in data for o in d.wheel_odometry) * 0.05, rel=0.05)
     assert y == pytest.approx(3.0 * v, rel=0.1) and x == pytest.approx(-4.0, abs=0.1)
     assert not any(d.contacts for d in data)
+
+
+def test_arm_stays_where_its_joint_is_at_zero(tmp_path: Path) -> None:
+    data = driven(cart_with_arm(tmp_path), 60, 0.2, 0.0)
+    assert not [c.link for d in data for c in d.contacts]
 
 
 def test_caster_that_runs_into_a_wall_is_a_touch() -> None:

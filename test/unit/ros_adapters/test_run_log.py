@@ -98,6 +98,15 @@ def test_what_was_written_of_a_run_is_on_disk_line_by_line(tmp_path: Path) -> No
     assert (tmp_path / "contacts.csv").read_text().splitlines()[-1].startswith("1.050,deck,")
 
 
+def test_run_that_goes_on_keeps_what_was_touched_before(tmp_path: Path) -> None:
+    resumed = {"exploration_monitor_node": {"resume": True}}
+    for parameters, touches in (({}, 1), (resumed, 2), ({}, 1)):
+        log = RunLog(tmp_path, parameters, RobotBody(), judged=True)
+        log.contact(Contact(header(1.0, "world"), "deck", 0.1, 5.0, ""))
+        lines = (tmp_path / "contacts.csv").read_text().splitlines()
+        assert lines == ["stamp,link,speed_mps,force_n,other", *["1.000,deck,0.1000,5.00,"] * touches]
+
+
 def test_run_that_is_not_to_be_judged_leaves_its_reason_and_no_summary(tmp_path: Path) -> None:
     log = RunLog(tmp_path, {}, RobotBody(), judged=True)
     assert log.finish("interrupted", judge=False) == "ended: interrupted"
