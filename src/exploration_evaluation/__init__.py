@@ -26,7 +26,6 @@ from exploration_evaluation.run_files import (
     write_json,
 )
 from exploration_evaluation.run_folder import evaluate_run
-from exploration_evaluation.safety import TerrainSafety, terrain_safety
 from exploration_evaluation.scores import (
     ContactEpisode,
     MapError,
@@ -56,7 +55,6 @@ __all__ = [
     "ReachableGround",
     "RelativeError",
     "RobotShape",
-    "TerrainSafety",
     "TrajectoryErrors",
     "activity_times",
     "add_clairvoyant",
@@ -91,7 +89,6 @@ __all__ = [
     "shortest_legs",
     "shortest_length",
     "swept_ground",
-    "terrain_safety",
     "trajectory_errors",
     "write_json",
 ]
