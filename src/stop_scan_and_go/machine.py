@@ -184,8 +184,7 @@ class StopScanAndGo:
         self._state, self._reason, self._entered_s = state, reason, self._stamp
 
     def _answer(self, v: float = 0.0, w: float = 0.0, *, start_sweep: bool = False, reason: str = "") -> TickAction:
-        acknowledge = self._state is not DriveState.MAPPING
-        return TickAction(v, w, start_sweep, acknowledge, self._state, reason or self._reason, self._kind)
+        return TickAction(v, w, start_sweep, self._state, reason or self._reason, self._kind)
 
     def _starting(self, tick: TickObservation) -> TickAction:
         known = tick.finite_pose is not None and tick.twist is not None and tick.tilt_rad is not None

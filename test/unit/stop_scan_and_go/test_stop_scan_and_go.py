@@ -118,13 +118,12 @@ def test_passing_the_horizon_in_a_sweep_is_not_its_end():
     assert sum(a.state is DriveState.SWEEPING for a in script.actions) >= whole
 
 
-def test_clock_stands_only_while_the_sweep_is_mapped():
+def test_decision_after_the_sweep_is_driven_at_once():
     script = Script()
     script.until(DriveState.MAPPING)
-    assert [a.acknowledge for a in script.actions] == [True] * (len(script.actions) - 1) + [False]
     answer = script.decide("goal", "frontier 3")
-    assert answer == TickAction(0.0, 0.0, False, True, DriveState.DRIVING, "goal: frontier 3", None)
-    assert script.tick(FORWARD, "following") == TickAction(0.5, 0.0, False, True, DriveState.DRIVING, "goal: frontier 3", None)
+    assert answer == TickAction(0.0, 0.0, False, DriveState.DRIVING, "goal: frontier 3", None)
+    assert script.tick(FORWARD, "following") == TickAction(0.5, 0.0, False, DriveState.DRIVING, "goal: frontier 3", None)
 
 
 def test_late_decision_is_waited_for_without_moving():
@@ -133,8 +132,8 @@ def test_late_decision_is_waited_for_without_moving():
     end = script.t
     for _ in range(100):
         action = script.tick(FORWARD, "following")
-        assert (action.v, action.acknowledge, action.state) == (0.0, False, DriveState.MAPPING)
-    assert script.decide("goal", stamp=end).acknowledge
+        assert (action.v, action.state) == (0.0, DriveState.MAPPING)
+    assert script.decide("goal", stamp=end).state is DriveState.DRIVING
     assert script.tick(FORWARD, "following").v == 0.5
 
 
@@ -150,7 +149,7 @@ def test_decision_that_overtakes_the_end_of_its_sweep_is_used_then():
     script.tick()
     assert script.decide("goal", "early") is None
     action = script.until(DriveState.DRIVING)
-    assert action.acknowledge and action.reason == "goal: early" and script.machine.sweeps == 1
+    assert action.reason == "goal: early" and script.machine.sweeps == 1
     assert "mapping" not in script.states()
 
 
@@ -161,7 +160,7 @@ def test_decision_that_nobody_awaits_is_ignored():
     assert script.decide("explored") is None
     script.until(DriveState.SWEEPING, command=FORWARD, follower="following")
     assert script.decide("explored", stamp=2.0) is None
-    assert script.until(DriveState.MAPPING).acknowledge is False
+    assert script.until(DriveState.MAPPING).v == 0.0
 
 
 def test_unknown_decision_is_refused():
@@ -297,17 +296,17 @@ def test_end_of_the_exploration_stands(kind):
     script = Script()
     script.until(DriveState.MAPPING)
     answer = script.decide(kind.value, "no frontier is left")
-    assert answer.state is DriveState.FINISHED and answer.acknowledge and answer.reason == f"{kind.value}: no frontier is left"
+    assert answer.state is DriveState.FINISHED and answer.reason == f"{kind.value}: no frontier is left"
     for follower in ["following"] * 5 + ["reached"] * 20 + ["idle"] * 200 + ["paused"] * 20:  # the old path's end, and none
         action = script.tick(FORWARD, follower)
-        assert (action.v, action.w, action.state, action.acknowledge) == (0.0, 0.0, DriveState.FINISHED, True)
+        assert (action.v, action.w, action.state) == (0.0, 0.0, DriveState.FINISHED)
 
 
 def test_sweep_that_does_not_begin_fails_with_a_reason():
     script = Script()
     script.obeys_sweeps = False
     action = script.until(DriveState.FAILED)
-    assert action.reason == "the sweep did not begin within 3.0 s" and action.acknowledge
+    assert action.reason == "the sweep did not begin within 3.0 s"
     assert script.tick(FORWARD, "following").v == 0.0 and script.machine.sweeps == 0
 
 
