@@ -230,7 +230,8 @@ class OctomapServerAloneTest(unittest.TestCase):
             damaged, coarse = Path(folder) / "damaged.bt", Path(folder) / "coarse.bt"
             damaged.write_bytes(b"# Octomap OcTree binary file\nid OcTree\nsize 5\nres 0.1\ndata\n\x00")
             other = OctreeMap(0.2)
-            other.insert_plane((0.0, 0.0, 0.0), 1.0)
+            middles = other.unknown_on_plane((0.0, 0.0, 0.0), 1.0)
+            other.insert_sweep(middles, middles)
             other.write_bt(coarse)
             for path, reason in (
                 (damaged, "damaged.bt"),
