@@ -41,7 +41,7 @@ from exploration_evaluation.scores import (
     motion,
     trajectory_errors,
 )
-from exploration_evaluation.shortest_path import path_ratio, shortest_legs, shortest_length
+from exploration_evaluation.shortest_path import path_ratio, shortest_legs
 from exploration_evaluation.truth import ReachableGround, reachable_ground
 
 __all__ = [
@@ -87,7 +87,6 @@ __all__ = [
     "read_trajectory",
     "relative_pose_error",
     "shortest_legs",
-    "shortest_length",
     "swept_ground",
     "trajectory_errors",
     "write_json",

@@ -78,16 +78,6 @@ class StopScanAndGo:
         """Way driven since the start by odometry, metres."""
         return self._travel.total_m
 
-    @property
-    def distance_since_sweep_m(self) -> float:
-        """Way driven since the last sweep, metres."""
-        return self._travel.distance_m
-
-    @property
-    def yaw_since_sweep_rad(self) -> float:
-        """Sum of turns since the last sweep, radians."""
-        return self._travel.yaw_rad
-
     def step(self, tick: TickObservation) -> TickAction:
         """The answer to one tick, called once when all its data are there; ValueError when its stamp is not finite."""
         if not math.isfinite(tick.stamp_s):

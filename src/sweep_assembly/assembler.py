@@ -80,11 +80,6 @@ class SweepAssembler:
         """How many messages, scans and sweeps were given up, by reason."""
         return dict(self._dropped)
 
-    @property
-    def buffered(self) -> int:
-        """Messages held at present."""
-        return len(self._joints) + len(self._odometry) + len(self._scans)
-
     def set_backlash(self, backlash_rad: float) -> None:
         """The mount's play from now on; not while it sweeps. ValueError when it can be none."""
         self._tilt_geometry = self._tilt_geometry.with_backlash(backlash_rad)

@@ -191,9 +191,9 @@ def test_long_way_is_interrupted_by_a_sweep_and_goes_on_to_the_same_goal():
     script = Script(max_distance_m=2.0).driving()
     action = script.until(DriveState.SETTLING, command=FORWARD, follower="following")
     assert action.sweep_kind is SweepKind.INTERMEDIATE and action.v == 0.0 and "since the last sweep" in action.reason
-    assert 2.0 < script.machine.distance_since_sweep_m < 2.1
+    assert 2.0 < script.machine._travel.distance_m < 2.1
     script.until(DriveState.MAPPING, command=FORWARD, follower="following")
-    assert script.machine.distance_since_sweep_m == 0.0
+    assert script.machine._travel.distance_m == 0.0
     assert script.machine.distance_m == pytest.approx(script.x, abs=1e-9)
     assert script.decide("keep", "intermediate").state is DriveState.DRIVING
     assert script.tick(FORWARD, "following").v == 0.5
@@ -206,7 +206,7 @@ def test_tracked_robot_drives_on_until_its_position_is_not_known_well_enough():
     for k in range(100):
         command = FORWARD if k < 60 else (0.0, 0.8)
         assert script.tick(command, "following", pose_sigma_m=0.02).state is DriveState.DRIVING
-    assert script.machine.distance_since_sweep_m > 1.4 and script.machine.yaw_since_sweep_rad > 1.4
+    assert script.machine._travel.distance_m > 1.4 and script.machine._travel.yaw_rad > 1.4
     action = script.tick(FORWARD, "following", pose_sigma_m=0.04)
     assert action.sweep_kind is SweepKind.INTERMEDIATE and "known to 4.0 cm only" in action.reason
 
@@ -214,14 +214,14 @@ def test_tracked_robot_drives_on_until_its_position_is_not_known_well_enough():
 def test_tracked_robot_is_swept_where_the_terrain_that_it_knows_ends():
     script = Script(max_distance_m=1.0, max_tracked_distance_m=2.0).driving()
     action = script.until(DriveState.SETTLING, command=FORWARD, follower="following", pose_sigma_m=0.001)
-    assert action.sweep_kind is SweepKind.INTERMEDIATE and 2.0 < script.machine.distance_since_sweep_m < 2.1
+    assert action.sweep_kind is SweepKind.INTERMEDIATE and 2.0 < script.machine._travel.distance_m < 2.1
 
 
 @pytest.mark.parametrize("unknown", [None, math.nan, math.inf])
 def test_sigma_that_nobody_knows_leaves_the_distance(unknown):
     script = Script(max_distance_m=1.0, max_tracked_distance_m=4.0).driving()
     script.until(DriveState.SETTLING, command=FORWARD, follower="following", pose_sigma_m=unknown)
-    assert 1.0 < script.machine.distance_since_sweep_m < 1.1
+    assert 1.0 < script.machine._travel.distance_m < 1.1
 
 
 def test_turning_to_and_fro_adds_up_to_a_sweep():
@@ -231,7 +231,7 @@ def test_turning_to_and_fro_adds_up_to_a_sweep():
         if action.state is DriveState.SETTLING:
             break
     assert action.sweep_kind is SweepKind.INTERMEDIATE and "rad" in action.reason
-    assert abs(script.yaw) < 1.0 and 2.0 < script.machine.yaw_since_sweep_rad < 2.1
+    assert abs(script.yaw) < 1.0 and 2.0 < script.machine._travel.yaw_rad < 2.1
 
 
 @pytest.mark.parametrize(("slope_rad", "sweeps"), [(0.1, True), (0.0, False)])
@@ -251,7 +251,7 @@ def test_turn_in_place_on_a_slope_asks_for_a_sweep_before_the_robot_drives_on(sl
 
 def test_goal_that_is_reached_where_the_way_is_long_enough_counts_as_reached():
     script = Script(max_distance_m=1.01).driving()
-    while script.machine.distance_since_sweep_m < 0.99:
+    while script.machine._travel.distance_m < 0.99:
         script.tick(FORWARD, "following")
     assert script.tick(FORWARD, "reached").sweep_kind is SweepKind.REACHED
 
