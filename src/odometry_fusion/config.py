@@ -69,7 +69,6 @@ class OdometryConfig:
     displaced_sigma_m: float = parameter(
         5.0, "m", "nothing is known of the way then; sigma that it adds to the position, sample by sample", low=1.0, high=1000.0
     )
-    jump_back_s: float = parameter(0.5, "s", "a stamp this much older than its topic's latest is a jump of time: start afresh", low=0.0)
     buffer_s: float = parameter(60.0, "s", "oldest data kept while the other topic is silent", low=1.0)
 
     def validate(self) -> list[str]:

@@ -19,7 +19,7 @@ from odometry_fusion.error_state import GYRO_BIAS, SLIP, VELOCITY, ProcessNoise,
 from odometry_fusion.interval import ImuInterval, imu_interval
 from odometry_fusion.stamp_watch import StampWatch
 from odometry_fusion.track import Track, Wheels, anchored, at_stamp, track_covariance
-from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer
+from rigid_geometry import JUMP_BACK_S, STAMP_TOLERANCE_S, StampedBuffer
 from robot_body import RobotBody
 
 FloatArray = NDArray[np.float64]
@@ -63,8 +63,8 @@ class OdometryFilter:
             slip_time_s=config.forward_slip_time_s,
         )
         self._dropped: Counter[str] = Counter()
-        self._imu: StampedBuffer[list[float]] = StampedBuffer("imu", config.jump_back_s, config.buffer_s, self._dropped)
-        self._wheels: StampedBuffer[list[float]] = StampedBuffer("wheels", config.jump_back_s, config.buffer_s, self._dropped)
+        self._imu: StampedBuffer[list[float]] = StampedBuffer("imu", config.buffer_s, self._dropped)
+        self._wheels: StampedBuffer[list[float]] = StampedBuffer("wheels", config.buffer_s, self._dropped)
         self._buffers = {buffer.source: buffer for buffer in (self._imu, self._wheels)}
         self._set_back, self._ahead = StampWatch(self._dropped, "late"), StampWatch(self._dropped, "ahead")
         self._track: Track | None = None
@@ -135,12 +135,12 @@ class OdometryFilter:
         elif buffer.jumps_back(stamp_s):
             if self._set_back.hold(buffer.source, stamp_s, row):
                 self._begin_again()
-        elif len(newest) == 2 and stamp_s > max(newest) + self._config.jump_back_s:
+        elif len(newest) == 2 and stamp_s > max(newest) + JUMP_BACK_S:
             # Of a pause, or a clock that was set forward, both inputs tell; of a stamp that is wrong one does.
             if self._ahead.hold(buffer.source, stamp_s, row):
                 for source, held_s, held in self._ahead.believed():
                     self._buffers[source].append(held_s, held)
-        elif buffer.judge(stamp_s) is Arrival.IN_ORDER:
+        elif buffer.takes(stamp_s, self._begin_again):
             self._set_back.forget(buffer.source)
             self._ahead.forget(buffer.source)
             buffer.append(stamp_s, row)

@@ -11,7 +11,7 @@ from rigid_geometry.leap_watch import LeapWatch
 from rigid_geometry.polyline import legs_of
 from rigid_geometry.pose_history import PoseHistory
 from rigid_geometry.skid_steering import slide_per_rad
-from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S, Arrival, StampedBuffer
+from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S, StampedBuffer
 from rigid_geometry.transforms import (
     angle_difference,
     as_covariance,
@@ -38,7 +38,6 @@ __all__ = [
     "JUMP_BACK_S",
     "LONGEST_SILENCE_S",
     "STAMP_TOLERANCE_S",
-    "Arrival",
     "LeapWatch",
     "PoseHistory",
     "StampedBuffer",
