@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from odometry_fusion.error_state import State, orthonormal
+from odometry_fusion.error_state import State
+from rigid_geometry import renormalised
 
 FloatArray = NDArray[np.float64]
 
@@ -80,4 +81,4 @@ def track_covariance(track: Track) -> FloatArray:
 
 def at_stamp(state: State, stamp_s: float) -> State:
     """The state with an exact stamp and rotation, after sums of many steps."""
-    return replace(state, stamp_s=stamp_s, R_odom_base=orthonormal(state.R_odom_base))
+    return replace(state, stamp_s=stamp_s, R_odom_base=renormalised(state.R_odom_base))

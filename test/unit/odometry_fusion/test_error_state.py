@@ -18,13 +18,12 @@ from odometry_fusion.error_state import (
     ProcessNoise,
     State,
     exp_rotation,
-    orthonormal,
     predict,
-    skew,
     update,
 )
 from odometry_fusion.interval import ImuInterval
 from odometry_fusion.track import carried
+from rigid_geometry import renormalised, skew
 from robot_body import RobotBody
 
 QUIET = ProcessNoise(0.0, (0.0, 0.0), 0.0, 0.0, 0.0, 60.0)
@@ -127,9 +126,9 @@ def test_robot_in_a_bend_slides_outwards_as_on_a_slope():
     assert state.velocity[1] == pytest.approx(-rate * RobotBody().turning_slide_m * math.sqrt(fall / 0.1), rel=0.05)
 
 
-def test_orthonormal_mends_rounding():
+def test_renormalised_rotation_is_without_rounding():
     R = exp_rotation(np.array([0.3, 0.2, -1.0])) + RNG.normal(size=(3, 3)) * 1e-7
-    fixed = orthonormal(R)
+    fixed = renormalised(R)
     np.testing.assert_allclose(fixed @ fixed.T, np.eye(3), atol=1e-12)
 
 
