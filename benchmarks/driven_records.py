@@ -29,7 +29,7 @@ from sweep_assembly import Scan, ScanChain, ScanFilterConfig, ScanGeometry, Tilt
 
 Array = NDArray[np.float64]
 
-LAYOUT = 1  # of the cached files; to be raised when what is in them changes
+LAYOUT = 2  # of the cached files; to be raised when what is in them changes
 TILT_JOINT = read_robot_model(RobotBody()).tilt_joint
 CLEAR_S, REST_S = 1.0, 1.5
 NEAR_M, TURN_RPS, ALIGNED_RAD = 0.15, 0.8, 0.1

@@ -1,6 +1,6 @@
 """What this version would call wrongly safe and wrongly unsafe in the maps of finished runs, beside their true worlds; as a table.
 
-    python benchmarks/terrain_safety.py RUN_DIR .. [--set slope_margin_rad=0.035 ..] [--way]
+    python benchmarks/terrain_safety.py RUN_DIR .. [--set slope_tolerance_rad=0.035 ..] [--way]
 
 With PYTHONPATH as benchmarks/README.md sets it. A run's sweeps are put into a map at the poses that it ended with, the map is classified
 as a whole and judged as in a run's summary. --set tries other values of `octomap_server_3dnav_node`'s ~terrain/ parameters. A few seconds

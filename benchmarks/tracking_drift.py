@@ -144,8 +144,8 @@ class Drive:
         if len(self._mapper.graph):
             self._looked_at(stamp_s)
         near = self._estimates[min(self._estimates, key=lambda at: abs(at - stamp_s))]
-        up = near.up_in_base if near.standing else None
-        update = self._mapper.add_sweep(stamp_s, points, origins, T_odom_base, up, near.up_sigma_rad if up is not None else None)
+        up, up_sigma_rad = near.T_odom_base[2, :3], float(np.sqrt(near.pose_covariance[[3, 4], [3, 4]].max()))  # as `odometry_gravity`
+        update = self._mapper.add_sweep(stamp_s, points, origins, T_odom_base, up, up_sigma_rad)
         area = self._mapper.area_cloud(AREA_M)
         covariance = None
         T_map_base = self._mapper.graph.pose(update.vertex_id)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from house_graph import calls_reached, import_circles
+from house_graph import import_circles
 
 ROOT = Path(__file__).resolve().parents[1]
 SRC = ROOT / "src"
@@ -100,32 +100,6 @@ def fields_of(path: Path, name: str) -> list[str]:
     return [n.target.id for n in found.body if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)]
 
 
-def numeric_constants(below: Path) -> list[str]:
-    """Names at module level that stand for one number, as "module.NAME = ..."; arrays and lists of codes are none."""
-    found = []
-    for path in modules(below):
-        for node in parsed(path).body:
-            target = node.targets[0] if isinstance(node, ast.Assign) else node.target if isinstance(node, ast.AnnAssign) else None
-            if isinstance(target, ast.Name) and node.value is not None and _is_number(node.value):  # type: ignore[union-attr]
-                found.append(f"{path.stem}.{target.id} = {ast.unparse(node.value)}")  # type: ignore[union-attr]
-    return found
-
-
-def _is_number(value: ast.expr) -> bool:
-    """An expression of numbers, names of constants and calls of functions on them."""
-    if isinstance(value, ast.Constant):
-        return isinstance(value.value, int | float) and not isinstance(value.value, bool)
-    if isinstance(value, ast.BinOp):
-        return _is_number(value.left) and _is_number(value.right)
-    if isinstance(value, ast.UnaryOp):
-        return _is_number(value.operand)
-    if isinstance(value, ast.Call):
-        called = value.func.attr if isinstance(value.func, ast.Attribute) else getattr(value.func, "id", "")
-        scalar = called in ("tan", "sin", "cos", "sqrt", "radians", "deg2rad", "hypot", "float", "int", "mean")
-        return scalar and all(_is_number(a) for a in value.args)
-    return isinstance(value, ast.Name) and value.id.strip("_").isupper()
-
-
 def prose(text: str) -> str:
     """A page without its figures in code fences, tables' rules and marks of Markdown."""
     text = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
@@ -148,16 +122,13 @@ def sentence_lengths(text: str) -> list[int]:
 
 
 def terrain_counts() -> list[Count]:
-    """What the rewrite of the terrain is measured by."""
+    """What the terrain is measured by."""
     page = PAGE.read_text(encoding="utf-8")
-    reached = calls_reached(SRC, "octomap_server_3dnav", "octomap_server_3dnav.terrain.classify:classify")
-    fields, constants = fields_of(TERRAIN / "config.py", "TerrainConfig"), numeric_constants(TERRAIN)
+    fields = fields_of(TERRAIN / "config.py", "TerrainConfig")
     sizes = [f"{p.name}: {line_count(p)}" for p in modules(TERRAIN)]
     return [
         Count("lines of terrain/", sum(map(line_count, modules(TERRAIN))), 1800, tuple(sizes)),
         Count("fields of TerrainConfig", len(fields), 20, tuple(fields)),
-        Count("functions that classify reaches", len(reached), 90, tuple(reached)),
-        Count("numeric constants in terrain/", len(constants), 0, tuple(constants)),
         Count("words of docs/terrain.md", len(words_of(page)), 1200),
         Count("its median sentence, words", statistics.median(sentence_lengths(page)), 18),
     ]

@@ -1,8 +1,6 @@
-"""Who imports and who calls whom, read from the text of the code: the graphs that `count_house.py` and the rules of the house ask."""
+"""Who imports whom, read from the text of the code: the graph that `count_house.py` and the rules of the house ask."""
 
 import ast
-from collections.abc import Iterator
-from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
@@ -53,80 +51,3 @@ def _circle_from(start: str, edges: dict[str, set[str]]) -> list[str] | None:
                 seen.add(following)
                 ways.append([*way, following])
     return None
-
-
-@dataclass
-class _Module:
-    """What a module defines and knows by name: functions as "Class.name" or "name", classes, and imported names to "module:name"."""
-
-    functions: dict[str, ast.FunctionDef] = field(default_factory=dict)
-    classes: set[str] = field(default_factory=set)
-    imported: dict[str, str] = field(default_factory=dict)
-
-
-def calls_reached(src: Path, package: str, start: str) -> list[str]:
-    """Functions and methods of a package that a function reaches, itself among them; names as "module:Class.name".
-
-    Static, by names: whatever function a body names counts as called, numba kernels too. A method on an object counts wherever a class that
-    the module defines or imports has one of that name, so that it is a little too many rather than too few.
-    """
-    modules = {n: _read(p, src) for n, p in modules_below(src).items() if n == package or n.startswith(package + ".")}
-    reached, open_ = {start}, [start]
-    while open_:
-        module, _, name = open_.pop().partition(":")
-        for called in _named_in(modules, module, name):
-            if called not in reached:
-                reached.add(called)
-                open_.append(called)
-    return sorted(reached)
-
-
-def _read(path: Path, src: Path) -> _Module:
-    found = _Module()
-    for node in _tree(path).body:
-        if isinstance(node, ast.FunctionDef):
-            found.functions[node.name] = node
-        elif isinstance(node, ast.ClassDef):
-            found.classes.add(node.name)
-            found.functions |= {f"{node.name}.{n.name}": n for n in node.body if isinstance(n, ast.FunctionDef)}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            for alias in node.names:
-                inner = f"{node.module}.{alias.name}"
-                found.imported[alias.asname or alias.name] = f"{inner}:" if inner in modules_below(src) else f"{node.module}:{alias.name}"
-    return found
-
-
-def _named_in(modules: dict[str, _Module], module: str, name: str) -> Iterator[str]:
-    """The package's functions that a function's body names."""
-    here = modules[module]
-    for node in (inner for line in here.functions[name].body for inner in ast.walk(line)):
-        if isinstance(node, ast.Name):
-            yield from _meant_by(modules, module, node.id)
-        elif isinstance(node, ast.Attribute):
-            base = here.imported.get(node.value.id, "") if isinstance(node.value, ast.Name) else ""
-            if base.endswith(":"):
-                yield from _meant_by(modules, base[:-1], node.attr)
-            else:
-                yield from _methods(modules, module, node.attr)
-
-
-def _meant_by(modules: dict[str, _Module], module: str, name: str) -> Iterator[str]:
-    """The function of a name in a module, or what making an object of a class of that name calls."""
-    if module not in modules:
-        return
-    here = modules[module]
-    if name in here.functions:
-        yield f"{module}:{name}"
-    elif name in here.classes:
-        yield from (f"{module}:{name}.{m}" for m in ("__init__", "__post_init__") if f"{name}.{m}" in here.functions)
-    elif name in here.imported:
-        origin, _, inner = here.imported[name].partition(":")
-        if inner and origin != module:
-            yield from _meant_by(modules, origin, inner)
-
-
-def _methods(modules: dict[str, _Module], module: str, name: str) -> Iterator[str]:
-    here = modules[module]
-    classes = [(module, c) for c in here.classes]
-    classes += [(o, c) for o, _, c in (i.partition(":") for i in here.imported.values()) if o in modules and c in modules[o].classes]
-    yield from (f"{o}:{c}.{name}" for o, c in classes if f"{c}.{name}" in modules[o].functions)

@@ -6,27 +6,19 @@ counts, `tables`, `charts`, `gallery` and `configuration` are what is shown, `co
 run missed, `write_soak` tells what failed of many runs. Nothing here judges: scores come from `exploration_evaluation`.
 """
 
-from evaluation_report.campaign import Campaign, Run, Status, load_campaign
+from evaluation_report.campaign import Status, load_campaign
 from evaluation_report.config import ReportConfig
 from evaluation_report.missed import missed_view
 from evaluation_report.report import write_report
 from evaluation_report.soak import write_soak
-from evaluation_report.statistics import Interval, Mean, Ratio, SuccessCount, paired_ratio, success_count, wilson_interval
-from evaluation_report.thesis_tables import THESIS_TABLES, Mark, ThesisRun, ThesisTable
+from evaluation_report.statistics import paired_ratio, success_count, wilson_interval
+from evaluation_report.thesis_tables import THESIS_TABLES, Mark
 
 __all__ = [
     "THESIS_TABLES",
-    "Campaign",
-    "Interval",
     "Mark",
-    "Mean",
-    "Ratio",
     "ReportConfig",
-    "Run",
     "Status",
-    "SuccessCount",
-    "ThesisRun",
-    "ThesisTable",
     "load_campaign",
     "missed_view",
     "paired_ratio",

@@ -91,15 +91,6 @@ def classification(
     )
 
 
-def judged_safety(
-    true: TrueClasses, voxels_world: ArrayLike, labels: ArrayLike, config: ClassificationConfig | None = None
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Areas in m2 that are wrongly safe and wrongly unsafe, by cause, as in `classification`."""
-    config = config or ClassificationConfig()
-    voxels, label = _checked(voxels_world, labels, config)
-    return _false_safe(true, voxels[label == _TRAVERSABLE], config), _false_unsafe(true, voxels, label, config)
-
-
 def _checked(voxels_world: ArrayLike, labels: ArrayLike, config: ClassificationConfig) -> tuple[Floats, NDArray[np.generic]]:
     voxels, label = np.asarray(voxels_world, dtype=np.float64).reshape(-1, 3), np.asarray(labels)
     if problems := config.validate():

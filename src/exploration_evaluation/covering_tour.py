@@ -7,7 +7,7 @@ others in by what they show for the seconds that they cost, leaves out those tha
 import numpy as np
 from numpy.typing import NDArray
 
-from visiting_order import best_order, order_cost
+from exploration_evaluation.visiting_order import best_order, order_cost
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -45,11 +45,6 @@ def shortest_legs(ground: ReachableGround, places: ArrayLike) -> Floats:
     return np.asarray(legs)
 
 
-def shortest_length(ground: ReachableGround, places: ArrayLike) -> float:
-    """Metres of all of them."""
-    return float(shortest_legs(ground, places).sum())
-
-
 def path_ratio(driven_m: float, shortest_m: float) -> float:
     """Metres driven to those of the shortest way through the same places; ValueError for a shortest way of next to nothing."""
     if not shortest_m >= _LEAST_WAY_M:

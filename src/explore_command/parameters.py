@@ -196,7 +196,7 @@ def _section_problems(node: str, section: str, values: Mapping[str, object]) -> 
     if section not in sections:
         return [f"{node} has no section {section!r}{_nearest(section, sections)}"]
     try:
-        load_config(config_class(sections[section]), values, section)
+        load_config(config_class(sections[section]), values)
     except ConfigError as error:
         return [f"{node}: {line.partition(': ')[2]}" for line in str(error).splitlines()]
     return []

@@ -19,8 +19,6 @@ from local_terrain_costmap.window import Window, shifted
 from rigid_geometry import JUMP_BACK_S
 from robot_body import RobotBody
 
-_BEARINGS = 72  # five degrees each
-
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 
@@ -54,14 +52,12 @@ class LineLayer:
         self._newest_s = -math.inf
         self.marked: NDArray[np.bool_] = np.zeros(shape[1:], dtype=np.bool_)
         self._since_s: Floats = np.full(shape[1:], math.inf)
-        self._unseen_s: Floats = np.zeros(shape[1:])  # for how long nothing looked to where a mark is
 
     def move(self, window: Window, terrain: TerrainLayer) -> None:
         """Keep the evidence that lies in `window`, at its place; `terrain` has moved there already."""
         self._met_s = shifted(self._met_s, self._window, window, -math.inf)
         self._z = shifted(self._z, self._window, window, math.nan)
         self._since_s = shifted(self._since_s, self._window, window, math.inf)
-        self._unseen_s = shifted(self._unseen_s, self._window, window, 0.0)
         self._window = window
         self.explain(terrain)
 
@@ -79,9 +75,8 @@ class LineLayer:
             self.clear()
         if stamp_s <= self._newest_s:
             return False
-        passed_s, self._newest_s = stamp_s - self._newest_s, stamp_s
+        self._newest_s = stamp_s
         ends = np.concatenate([hits, free_ends])
-        self._hold_unseen(passed_s, ends, origin)
         corner = np.array([*self._window.origin_xy, 0.0])
         settled_s = stamp_s - self._config.settling_s
         _pass(self._met_s, ends, origin, corner, self._window.resolution, (self._config.clearing_range_m, settled_s))
@@ -90,21 +85,9 @@ class LineLayer:
         self._mark()
         return not np.array_equal(before, self.marked)
 
-    def _hold_unseen(self, passed_s: float, ends: Floats, origin: Floats) -> None:
-        """What is marked where no beam of a line looks is kept as much longer: nobody can have seen it go."""
-        rows, columns = np.nonzero(self.marked)
-        if not rows.size:
-            return
-        looks = np.zeros(_BEARINGS, dtype=np.bool_)
-        looks[_bearing((ends - origin)[:, :2])] = True
-        places = (np.column_stack([columns, rows]) + 0.5) * self._window.resolution + self._window.origin_xy
-        unseen = ~looks[_bearing(places - origin[:2])]
-        self._unseen_s[rows[unseen], columns[unseen]] += passed_s
-
     def _mark(self) -> None:
         self.marked = self._judged()
         self._since_s = np.where(self.marked, np.minimum(self._since_s, self._newest_s), math.inf)
-        self._unseen_s[~self.marked] = 0.0
 
     def _keep(self, stamp_s: float, hits: Floats) -> None:
         """Evidence where at least `least_hits` of them lie in a voxel, at their mean height: a point without company is none."""
@@ -116,7 +99,6 @@ class LineLayer:
         enough = count >= self._config.least_hits
         self._met_s.flat[found[enough]] = stamp_s
         self._z.flat[found[enough]] = mean[enough]
-        self._unseen_s.flat[found[enough] % self._unseen_s.size] = 0.0
 
     def _know(self, terrain: TerrainLayer) -> None:
         """The ground of a column without its own is the nearest known, as much less exact as the steepest slope takes it up or down.
@@ -142,17 +124,11 @@ class LineLayer:
         return np.asarray(met & ~stands)
 
     def _judged(self, within_s: float = math.inf) -> NDArray[np.bool_]:
-        oldest_s = self._newest_s - within_s if within_s < self._config.keep_s else self._newest_s - self._config.keep_s - self._unseen_s
+        oldest_s = self._newest_s - min(within_s, self._config.keep_s)
         above = np.where(self._met_s >= oldest_s, self._z, np.nan) - self._ground
         # Comparisons with NaN are False: evidence over ground that is not known marks nothing.
         in_the_way = (above > self._allowed_m) & (above < self._overhead_m + self._half_cell_m)
         return np.asarray((in_the_way | (above < -self._allowed_m)).any(axis=0) & ~self.is_known)
-
-
-def _bearing(off: Floats) -> NDArray[np.int64]:
-    """(N,) numbers of the bearings, five degrees each, in which points (N, 2) lie."""
-    turns = np.arctan2(off[:, 1], off[:, 0]) / (2.0 * math.pi)
-    return np.floor(turns * _BEARINGS).astype(np.int64) % _BEARINGS
 
 
 @njit(cache=True)

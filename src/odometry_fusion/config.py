@@ -41,7 +41,6 @@ class OdometryConfig:
     still_delay_s: float = parameter(0.5, "s", "for how long both before the robot counts as standing: one that rocks turns back", low=0.0)
     still_velocity_sigma_mps: float = parameter(1e-3, "m/s", "noise of the zero velocity while standing", low=1e-6)
     still_rate_sigma: float = parameter(2e-4, "rad/s", "noise of the zero rate while standing, beside the gyroscope's own", low=1e-7)
-    up_sigma_floor_rad: float = parameter(5e-4, "rad", "the direction of gravity is never trusted more than this", low=0.0)
     max_imu_gap_s: float = parameter(0.1, "s", "a longer pause of the IMU adds gap_rate_sigma times its length to the attitude", low=1e-3)
     gap_rate_sigma: float = parameter(0.3, "rad/s", "how fast the robot may have turned unseen", low=0.0)
     max_wheel_gap_s: float = parameter(0.3, "s", "after a longer pause of the wheels nothing is known to have stood still", low=1e-3)
@@ -70,7 +69,6 @@ class OdometryConfig:
     displaced_sigma_m: float = parameter(
         5.0, "m", "nothing is known of the way then; sigma that it adds to the position, sample by sample", low=1.0, high=1000.0
     )
-    jump_back_s: float = parameter(0.5, "s", "a stamp this much older than its topic's latest is a jump of time: start afresh", low=0.0)
     buffer_s: float = parameter(60.0, "s", "oldest data kept while the other topic is silent", low=1.0)
 
     def validate(self) -> list[str]:

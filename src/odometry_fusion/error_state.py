@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigid_geometry import skew
+
 FloatArray = NDArray[np.float64]
 
 POSITION, ATTITUDE, VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
@@ -52,12 +54,6 @@ class ProcessNoise:
     slip_time_s: float
     skid_walk: float = 0.0
     attitude_variance: float = 0.0
-
-
-def skew(v: FloatArray) -> FloatArray:
-    """(3, 3) matrix of the cross product with v from the left."""
-    x, y, z = v.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def exp_rotation(vector: FloatArray) -> FloatArray:
@@ -131,11 +127,6 @@ def update(state: State, residual: FloatArray, H: FloatArray, variances: FloatAr
         covariance=0.5 * (covariance + covariance.T),
         anchor_cross=state.anchor_cross - gain @ (H @ state.anchor_cross),
     )
-
-
-def orthonormal(R: FloatArray) -> FloatArray:
-    """The rotation nearest to a product of many: one Newton step, enough where rounding is all that is wrong."""
-    return np.asarray(R @ (1.5 * np.eye(3) - 0.5 * R.T @ R), dtype=np.float64)
 
 
 def _transition(moved: FloatArray, R_integral: FloatArray, slip_decay: float) -> FloatArray:

@@ -15,7 +15,7 @@ class ImuInterval:
     """IMU over (start, end], the end at `end_stamp_s`.
 
     `rates` (K, 3) rad/s, means over consecutive stretches of `durations` (K,) s; `mean_rate` (3,) rad/s over all; `mean_accel`
-    (3,) m/s^2 of the `samples` inside, None when there are none; `longest_gap_s` between samples.
+    (3,) m/s^2 of the samples inside, None when there are none; `longest_gap_s` between samples.
     """
 
     end_stamp_s: float
@@ -23,7 +23,6 @@ class ImuInterval:
     durations: FloatArray
     mean_rate: FloatArray
     mean_accel: FloatArray | None
-    samples: int
     longest_gap_s: float
 
     @property
@@ -40,13 +39,11 @@ def imu_interval(imu: StampedBuffer[list[float]], start_s: float, end_s: float) 
     knots = np.concatenate([[start_s], stamps[inside & (stamps < end_s)], [end_s]])
     at_knots = np.column_stack([np.interp(knots, stamps, rows[:, axis]) for axis in range(3)])
     rates, durations = 0.5 * (at_knots[:-1] + at_knots[1:]), np.diff(knots)
-    count = int(inside.sum())
     return ImuInterval(
         end_stamp_s=end_s,
         rates=rates,
         durations=durations,
         mean_rate=durations @ rates / (end_s - start_s),
-        mean_accel=rows[inside, 3:].mean(axis=0) if count else None,
-        samples=count,
+        mean_accel=rows[inside, 3:].mean(axis=0) if inside.any() else None,
         longest_gap_s=float(np.diff(stamps, prepend=min(start_s, stamps[0])).max()),
     )

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from odometry_fusion.config import OdometryConfig
-from odometry_fusion.error_state import ACCEL_BIAS, ATTITUDE, GYRO_BIAS, SIZE, SLIP, VELOCITY, State, skew, update
+from odometry_fusion.error_state import ACCEL_BIAS, ATTITUDE, GYRO_BIAS, SIZE, SLIP, VELOCITY, State, update
 from odometry_fusion.interval import ImuInterval
-from rigid_geometry import slide_per_rad
+from rigid_geometry import skew, slide_per_rad
 from robot_body import RobotBody
 
 FloatArray = NDArray[np.float64]

@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike, NDArray
 from odometry_fusion import measurements
 from odometry_fusion.config import OdometryConfig
 from odometry_fusion.displacement import DisplacementWatch, begun_again, displaced
-from odometry_fusion.error_state import ACCEL_BIAS, GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, predict, rest
+from odometry_fusion.error_state import GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, predict, rest
 from odometry_fusion.interval import ImuInterval, imu_interval
 from odometry_fusion.stamp_watch import StampWatch
-from odometry_fusion.track import Rest, Track, Wheels, anchored, at_stamp, longer, track_covariance
-from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer
+from odometry_fusion.track import Track, Wheels, anchored, at_stamp, track_covariance
+from rigid_geometry import JUMP_BACK_S, STAMP_TOLERANCE_S, StampedBuffer
 from robot_body import RobotBody
 
 FloatArray = NDArray[np.float64]
@@ -32,11 +32,9 @@ class OdometryEstimate:
     """Where the robot is at `stamp_s`, and how sure that is.
 
     `T_odom_base` (4, 4); `pose_covariance` (6, 6): x, y, z, rotation about x, y, z, in axes of odom, as nav_msgs/Odometry has it,
-    summed up from stop to stop so that `pose_increment` finds the true covariance of the movement between two stops.
+    summed up from stop to stop: between two stops its difference is the true covariance of the movement.
     `twist` (6,) m/s and rad/s, linear then angular, in base_link, with `twist_covariance` (6, 6). `standing`: wheels and body are
-    still. Only then `up_in_base` (3,) is the unit direction against gravity in base_link, the mean over the time of standing, less
-    the accelerometer's bias as far as known, with `up_sigma_rad` an axis; otherwise both are None. `displaced`: why nothing is known of
-    the way just now, as the covariance says; "" where it is.
+    still. `displaced`: why nothing is known of the way just now, as the covariance says; "" where it is.
     """
 
     stamp_s: float
@@ -45,8 +43,6 @@ class OdometryEstimate:
     twist: FloatArray
     twist_covariance: FloatArray
     standing: bool
-    up_in_base: FloatArray | None
-    up_sigma_rad: float | None
     displaced: str = ""
 
 
@@ -67,8 +63,8 @@ class OdometryFilter:
             slip_time_s=config.forward_slip_time_s,
         )
         self._dropped: Counter[str] = Counter()
-        self._imu: StampedBuffer[list[float]] = StampedBuffer("imu", config.jump_back_s, config.buffer_s, self._dropped)
-        self._wheels: StampedBuffer[list[float]] = StampedBuffer("wheels", config.jump_back_s, config.buffer_s, self._dropped)
+        self._imu: StampedBuffer[list[float]] = StampedBuffer("imu", config.buffer_s, self._dropped)
+        self._wheels: StampedBuffer[list[float]] = StampedBuffer("wheels", config.buffer_s, self._dropped)
         self._buffers = {buffer.source: buffer for buffer in (self._imu, self._wheels)}
         self._set_back, self._ahead = StampWatch(self._dropped, "late"), StampWatch(self._dropped, "ahead")
         self._track: Track | None = None
@@ -139,12 +135,12 @@ class OdometryFilter:
         elif buffer.jumps_back(stamp_s):
             if self._set_back.hold(buffer.source, stamp_s, row):
                 self._begin_again()
-        elif len(newest) == 2 and stamp_s > max(newest) + self._config.jump_back_s:
+        elif len(newest) == 2 and stamp_s > max(newest) + JUMP_BACK_S:
             # Of a pause, or a clock that was set forward, both inputs tell; of a stamp that is wrong one does.
             if self._ahead.hold(buffer.source, stamp_s, row):
                 for source, held_s, held in self._ahead.believed():
                     self._buffers[source].append(held_s, held)
-        elif buffer.judge(stamp_s) is Arrival.IN_ORDER:
+        elif buffer.takes(stamp_s, self._begin_again):
             self._set_back.forget(buffer.source)
             self._ahead.forget(buffer.source)
             buffer.append(stamp_s, row)
@@ -191,7 +187,7 @@ class OdometryFilter:
         disturbance = abs(strength - self._config.gravity_mps2) + (0.0 if still else self._config.gravity_driving_sigma)
         duration_s = max(float(np.ptp(stamps[before])), 0.01)
         state = measurements.level(wheels.stamp_s, force, duration_s, disturbance, still, self._config)
-        return begun_again(Track(state, wheels, rows[before, :3][-1], -math.inf, None, None), self._before, self._config)
+        return begun_again(Track(state, wheels, rows[before, :3][-1], -math.inf, False, None), self._before, self._config)
 
     def _advanced(self, track: Track, wheels: Wheels) -> Track:
         """The track at the next wheel message, with its measurements."""
@@ -199,9 +195,8 @@ class OdometryFilter:
         self._count_gaps(interval, wheels.stamp_s - track.wheels.stamp_s)
         if self._stands(track, interval, wheels):
             state = measurements.stand_still(rest(track.state, interval.duration_s, self._noise), interval, self._config)
-            stood = replace(
-                track, state=at_stamp(state, wheels.stamp_s), wheels=wheels, rate=interval.rates[-1], rest=longer(track.rest, interval)
-            )
+            standing = track.standing or interval.mean_accel is not None
+            stood = replace(track, state=at_stamp(state, wheels.stamp_s), wheels=wheels, rate=interval.rates[-1], standing=standing)
             return self._watched(stood, interval)
         track = anchored(track)
         state = self._driven(track.state, interval)
@@ -267,10 +262,9 @@ class OdometryFilter:
             self._dropped["wheels_gap"] += 1
 
     def _described(self, track: Track) -> OdometryEstimate:
-        state, standing = track.state, track.rest is not None
+        state, standing = track.state, track.standing
         T_odom_base = np.eye(4)
         T_odom_base[:3, :3], T_odom_base[:3, 3] = state.R_odom_base, state.position
-        up, up_sigma = self._up(state, track.rest) if track.rest else (None, None)
         rate = np.zeros(3) if standing else track.rate - state.gyro_bias
         return OdometryEstimate(
             stamp_s=state.stamp_s,
@@ -279,8 +273,6 @@ class OdometryFilter:
             twist=np.concatenate([np.zeros(3) if standing else state.velocity, rate]),
             twist_covariance=self._twist_covariance(state),
             standing=standing,
-            up_in_base=up,
-            up_sigma_rad=up_sigma,
             displaced=track.displaced,
         )
 
@@ -290,11 +282,3 @@ class OdometryFilter:
         covariance[0, 0] += state.covariance[SLIP, SLIP] * state.velocity[0] ** 2
         covariance[3:, 3:] = state.covariance[GYRO_BIAS, GYRO_BIAS] + np.eye(3) * self._config.gyro_noise**2 * IMU_RATE_HZ
         return covariance
-
-    def _up(self, state: State, rest_sums: Rest) -> tuple[FloatArray, float]:
-        force = rest_sums.accel_sum / rest_sums.samples - state.accel_bias
-        strength = float(np.linalg.norm(force))
-        up = force / strength
-        P = state.covariance[ACCEL_BIAS, ACCEL_BIAS]
-        level_variance = 0.5 * float(np.trace(P) - up @ P @ up) + self._config.accel_noise**2 / rest_sums.duration_s
-        return up, math.hypot(math.sqrt(level_variance) / strength, self._config.up_sigma_floor_rad)

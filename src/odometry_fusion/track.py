@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from odometry_fusion.error_state import State, orthonormal
-from odometry_fusion.increments import carried
-from odometry_fusion.interval import ImuInterval
+from odometry_fusion.error_state import State
+from rigid_geometry import renormalised
 
 FloatArray = NDArray[np.float64]
 
@@ -23,15 +22,6 @@ class Wheels:
 
 
 @dataclass(frozen=True, eq=False)
-class Rest:
-    """Sums of the accelerometer over the present time of standing: `accel_sum` (3,) m/s^2 of so many samples."""
-
-    accel_sum: FloatArray
-    samples: int
-    duration_s: float
-
-
-@dataclass(frozen=True, eq=False)
 class Anchor:
     """The end of the latest stop: position, covariance (6, 6) of the pose in the filter, and that summed up from stop to stop."""
 
@@ -42,25 +32,35 @@ class Anchor:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """All that is known at the latest processed instant; `rocked_s`: when the body last moved; `displaced`: why odometry knows nothing of
-    the way, "" where it does."""
+    """All that is known at the latest processed instant.
+
+    `rocked_s`: when the body last moved. `standing`: wheels and body are still, and the accelerometer told so. `anchor`: of the latest
+    stop. `displaced`: why odometry knows nothing of the way, "" where it does.
+    """
 
     state: State
     wheels: Wheels
     rate: FloatArray
     rocked_s: float
-    rest: Rest | None
+    standing: bool
     anchor: Anchor | None
     displaced: str = ""
 
 
 def anchored(track: Track) -> Track:
     """The track as the robot leaves: a stop that ends becomes the anchor."""
-    if track.rest is None:
+    if not track.standing:
         return track
     state = track.state
     anchor = Anchor(state.position, state.covariance[:6, :6], track_covariance(track))
-    return replace(track, state=replace(state, anchor_cross=state.covariance[:, :6]), rest=None, anchor=anchor)
+    return replace(track, state=replace(state, anchor_cross=state.covariance[:, :6]), standing=False, anchor=anchor)
+
+
+def carried(lever: FloatArray) -> FloatArray:
+    """(6, 6) matrix that takes the error of a pose to that of a pose (3,) `lever` metres away in odom: a turn moves it along."""
+    carry = np.eye(6)
+    carry[:3, 3:] = np.cross(np.eye(3), lever).T
+    return carry
 
 
 def track_covariance(track: Track) -> FloatArray:
@@ -81,14 +81,4 @@ def track_covariance(track: Track) -> FloatArray:
 
 def at_stamp(state: State, stamp_s: float) -> State:
     """The state with an exact stamp and rotation, after sums of many steps."""
-    return replace(state, stamp_s=stamp_s, R_odom_base=orthonormal(state.R_odom_base))
-
-
-def longer(before: Rest | None, interval: ImuInterval) -> Rest | None:
-    """The time of standing, with another interval; None as long as no accelerometer sample fell into it."""
-    if interval.mean_accel is None:
-        return before
-    accel_sum = interval.mean_accel * interval.samples
-    if before is None:
-        return Rest(accel_sum, interval.samples, interval.duration_s)
-    return Rest(before.accel_sum + accel_sum, before.samples + interval.samples, before.duration_s + interval.duration_s)
+    return replace(state, stamp_s=stamp_s, R_odom_base=renormalised(state.R_odom_base))

@@ -159,7 +159,5 @@ class PathFollower:
             self._task.pause(seconds)
 
     def _output(self, motion: Motion, reason: str) -> FollowerOutput:
-        task = self._task
-        off_path, remaining = (task.off_path, task.remaining_m) if task else (None, None)
-        self.latest = FollowerOutput(motion.v, motion.w, self.state, reason, off_path, remaining)
+        self.latest = FollowerOutput(motion.v, motion.w, self.state, reason)
         return self.latest

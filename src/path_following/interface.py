@@ -65,11 +65,9 @@ class FollowerObservation:
 
 @dataclass(frozen=True)
 class FollowerOutput:
-    """Command `v` m/s and `w` rad/s, what the follower does and why; distances are None where there is no path or pose."""
+    """Command `v` m/s and `w` rad/s, what the follower does and why."""
 
     v: float
     w: float
     state: FollowerState
     reason: str
-    off_path_m: float | None = None
-    remaining_m: float | None = None

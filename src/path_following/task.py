@@ -22,7 +22,7 @@ AT_BEGIN_M = 0.08  # so near to where a passage begins the robot is there
 class Task:
     """A path to follow and the heading wanted at its end, and how far the robot is with it.
 
-    `s`: arc length of the place beside the robot, and the `farthest` so far; `off_path`: its signed distance, None before the first step;
+    `s`: arc length of the place beside the robot, and the `farthest` so far;
     `entered`: the latest passage at whose beginning the robot was. `exact`: it is to stand at the end, not only to look from there.
     """
 
@@ -31,7 +31,6 @@ class Task:
     exact: bool = False
     s: float = 0.0
     farthest: float = 0.0
-    off_path: float | None = None
     entered: Stretch | None = None
     watch: ProgressWatch | None = None
 
@@ -40,15 +39,10 @@ class Task:
         """Of the tolerances of the goal, what counts here."""
         return _EXACTLY if self.exact else 1.0
 
-    @property
-    def remaining_m(self) -> float | None:
-        """What is left of the path; None before the first step."""
-        return None if self.off_path is None else self.path.length - self.s
-
     def locate(self, pose: Pose, gone_m: float = 0.0) -> Projection:
         """The place beside the robot; near the last one only, which may be `gone_m` behind: the path may pass over or under itself."""
         at = self.path.project(np.array(pose[:2]), self.s - 0.5, self.s + gone_m + 1.0)
-        self.s, self.off_path = at.s, at.off_path
+        self.s = at.s
         self.farthest = max(self.farthest, at.s)
         return at
 

@@ -145,9 +145,6 @@ class RegistrationConfig:
 
     chain_min_range_m: float = parameter(0.3, "m", "shorter beams are dropped", low=0.0)
     chain_max_range_m: float = parameter(30.0, "m", "longer beams are dropped", low=0.1)
-    chain_reduction: str = parameter("voxel", "-", "density filter", choices=("voxel", "random"))
-    chain_random_ratio: float = parameter(0.15, "-", "share of points a random reduction keeps", low=0.001, high=1.0)
-    chain_random_seed: int = parameter(1, "-", "seed of the random reduction, the same in every match", low=0)
     chain_trim_ratio: float = parameter(0.7, "-", "share of nearest matches that are used", low=0.01, high=1.0, at_runtime=True)
     chain_max_distance_m: float = parameter(1.0, "m", "matches farther apart are outliers", low=0.01)
     chain_max_normal_angle_rad: float = parameter(

@@ -8,23 +8,12 @@ from pybullet_simulation.disturbances import DISTURBANCES_FILE, KINDS, disturban
 from pybullet_simulation.lidar_config import SpinningLidarConfig
 from pybullet_simulation.open_ground import crowd_in
 from pybullet_simulation.realism import HARDWARE_OR_IDEAL, IDEAL, IDEAL_TIMING, realistic
-from pybullet_simulation.records import (
-    Contact,
-    Delivery,
-    ImuSample,
-    JointSample,
-    Revolution,
-    Scan,
-    ScanGeometry,
-    TickData,
-    Truth,
-    WheelOdometry,
-)
+from pybullet_simulation.records import Delivery, ImuSample, JointSample, Revolution, Scan, ScanGeometry, TickData, Truth, WheelOdometry
 from pybullet_simulation.simulation import TICK_S, Simulation
 from pybullet_simulation.timing_config import SENSOR_TOPICS, TimingConfig
 from pybullet_simulation.world import World
 from pybullet_simulation.worlds import WORLDS, load_world
-from world_files import HeightField, MeshFrame, WorldDescription
+from world_files import MeshFrame, WorldDescription
 
 __all__ = [
     "DISTURBANCES_FILE",
@@ -35,9 +24,7 @@ __all__ = [
     "SENSOR_TOPICS",
     "TICK_S",
     "WORLDS",
-    "Contact",
     "Delivery",
-    "HeightField",
     "ImuSample",
     "JointSample",
     "Revolution",

@@ -41,7 +41,7 @@ _IDEAL: dict[type, dict[str, object]] = {
 }
 
 
-def realistic(cls: type[C], realism: str, values: Mapping[str, object], section: str = "") -> C:
+def realistic(cls: type[C], realism: str, values: Mapping[str, object]) -> C:
     """A configuration of the simulator: the values of `hardware` or `ideal`, and over them `values`.
 
     ConfigError for another realism, and as `load_config` raises it.
@@ -49,7 +49,7 @@ def realistic(cls: type[C], realism: str, values: Mapping[str, object], section:
     if realism not in HARDWARE_OR_IDEAL:
         raise ConfigError(f"realism = {realism!r} is none of {', '.join(HARDWARE_OR_IDEAL)}")
     start = _IDEAL.get(cls, {}) if realism == "ideal" else {}
-    return load_config(cls, {**start, **values}, section)
+    return load_config(cls, {**start, **values})
 
 
 IDEAL = realistic(SimulationConfig, "ideal", {})

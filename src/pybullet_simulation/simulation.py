@@ -147,11 +147,6 @@ class Simulation:
         return self._mount_drive.sweep_left_s(self.stamp_s)
 
     @property
-    def sweep_duration_s(self) -> float:
-        """How long a sweep takes, from level to level."""
-        return self._profile.duration_s
-
-    @property
     def scan_geometry(self) -> ScanGeometry:
         """Angles, times and limits of the laser."""
         return ScanGeometry(range_min=self._config.range_min_m, range_max=self._config.range_max_m)

@@ -10,8 +10,9 @@ from rigid_geometry.far_origin import FAR_M, lost_digits_m, origin_bytes, origin
 from rigid_geometry.leap_watch import LeapWatch
 from rigid_geometry.polyline import legs_of
 from rigid_geometry.pose_history import PoseHistory
+from rigid_geometry.rotations import renormalised, skew
 from rigid_geometry.skid_steering import slide_per_rad
-from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S, Arrival, StampedBuffer
+from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S, StampedBuffer
 from rigid_geometry.transforms import (
     angle_difference,
     as_covariance,
@@ -38,7 +39,6 @@ __all__ = [
     "JUMP_BACK_S",
     "LONGEST_SILENCE_S",
     "STAMP_TOLERANCE_S",
-    "Arrival",
     "LeapWatch",
     "PoseHistory",
     "StampedBuffer",
@@ -56,11 +56,13 @@ __all__ = [
     "origin_text",
     "quat_xyzw_from_transform",
     "read_origin",
+    "renormalised",
     "rotation_angle",
     "rotation_angles",
     "rotation_from_quat",
     "rotation_from_rpy",
     "rpy_from_rotation",
+    "skew",
     "slide_per_rad",
     "tilt_angle",
     "transform_from_quat",

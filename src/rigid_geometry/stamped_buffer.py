@@ -2,7 +2,7 @@
 
 from bisect import bisect_left, bisect_right
 from collections import Counter
-from enum import Enum, auto
+from collections.abc import Callable
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -14,20 +14,11 @@ JUMP_BACK_S = 0.5  # a stamp so much older than its topic's newest is no late me
 STAMP_TOLERANCE_S = 1e-6  # stamps nearer than this are the same instant: sums of periods and nanoseconds round differently
 
 
-class Arrival(Enum):
-    """How a sample's stamp stands to the latest one of its source."""
-
-    IN_ORDER = auto()
-    LATE = auto()
-    TIME_JUMP = auto()
-
-
 class StampedBuffer(Generic[V]):
     """Values with increasing stamps; what is refused or overflows is counted under `<source>_late`, `time_jump`, `<source>_overflow`."""
 
-    def __init__(self, source: str, jump_back_s: float, keep_s: float, dropped: Counter[str]) -> None:
+    def __init__(self, source: str, keep_s: float, dropped: Counter[str]) -> None:
         self.source = source
-        self._jump_back_s = jump_back_s
         self._keep_s = keep_s
         self._dropped = dropped
         self._stamps: list[float] = []
@@ -54,17 +45,18 @@ class StampedBuffer(Generic[V]):
 
     def jumps_back(self, stamp_s: float) -> bool:
         """Whether this stamp is too old for a late message."""
-        return self._last_stamp_s is not None and stamp_s <= self._last_stamp_s - self._jump_back_s
+        return self._last_stamp_s is not None and stamp_s <= self._last_stamp_s - JUMP_BACK_S
 
-    def judge(self, stamp_s: float) -> Arrival:
-        """Whether a sample with this stamp comes in order; counts it when not."""
+    def takes(self, stamp_s: float, begin_again: Callable[[], None]) -> bool:
+        """Whether a sample with this stamp is to be appended; one that is late is not. Calls `begin_again` first when time jumped back."""
         if self._last_stamp_s is None or stamp_s > self._last_stamp_s:
-            return Arrival.IN_ORDER
+            return True
         if self.jumps_back(stamp_s):
             self._dropped["time_jump"] += 1
-            return Arrival.TIME_JUMP
+            begin_again()
+            return True
         self._dropped[f"{self.source}_late"] += 1
-        return Arrival.LATE
+        return False
 
     def append(self, stamp_s: float, value: V) -> None:
         """Adds the newest sample and forgets what is older than the buffer is long."""

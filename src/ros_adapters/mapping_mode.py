@@ -31,7 +31,7 @@ class ResultTimes:
 def result_times(node: str) -> ResultTimes:
     """What /results says; a wrong value ends the node with exit code 2."""
     try:
-        return load_config(ResultTimes, rospy.get_param("results", {}), rospy.resolve_name("results"))
+        return load_config(ResultTimes, rospy.get_param("results", {}))
     except ConfigError as error:
         sys.stderr.write(f"{node}: wrong parameter: {'; '.join(str(error).splitlines())}\n")
         sys.exit(2)

@@ -80,7 +80,7 @@ class Node:
         try:
             values = rospy.get_param("~" + section, {})
             values = {k: v for k, v in values.items() if k not in own}
-            return load_config(cls, values, section, own)
+            return load_config(cls, values, own)
         except ConfigError as error:
             sys.stderr.write(f"{self.name}: wrong parameter: {'; '.join(str(error).splitlines())}\n")
             sys.exit(2)

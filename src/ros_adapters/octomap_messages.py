@@ -42,10 +42,3 @@ def octomap_message(stamp_s: float, frame: str, resolution: float, data: bytes, 
 def whole_octomap(stamp_s: float, tree: OctreeMap, *, binary: bool) -> "Octomap":
     """All of a tree in the map frame, as octomap_server publishes and serves it."""
     return octomap_message(stamp_s, frames().map, tree.resolution, tree.to_binary() if binary else tree.to_full(), binary=binary)
-
-
-def octomap_bytes(message: "Octomap") -> bytes:
-    """The bytes of a received Octomap; ValueError when it is not an OcTree with a usable resolution."""
-    if message.id != "OcTree" or not message.resolution > 0:
-        raise ValueError(f"octomap of type {message.id!r} and resolution {message.resolution}, expected an OcTree")
-    return np.asarray(message.data, dtype=np.int8).tobytes()

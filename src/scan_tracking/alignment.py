@@ -12,11 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigid_geometry import skew
 from scan_tracking.bundle import Bundle
 from scan_tracking.config import ScanTrackingConfig
 from scan_tracking.estimate import OWN, POSE, Estimate
 from scan_tracking.local_map import LocalMap, Partners, cell_keys
-from scan_tracking.pose_error import moved_by, skew
+from scan_tracking.pose_error import moved_by
 
 Array = NDArray[np.float64]
 

@@ -78,7 +78,6 @@ class ScanTrackingConfig:
         5.0, "m", "of the position where odometry knows nothing of the way, until a sweep tells", low=1.0, high=1000.0
     )
     displaced_sigma_rad: float = parameter(1.8, "rad", "and of the heading: that of all headings", low=0.1, high=10.0)
-    jump_back_s: float = parameter(0.5, "s", "a stamp this much older than its topic's latest is a jump of time: start afresh", low=0.0)
     buffer_s: float = parameter(5.0, "s", "oldest data kept while another topic is silent", low=1.0)
 
     def validate(self) -> list[str]:

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigid_geometry import rotation_angles
+from rigid_geometry import rotation_angles, skew
 from scan_tracking.config import ScanTrackingConfig
-from scan_tracking.pose_error import skew
 
 Array = NDArray[np.float64]
 

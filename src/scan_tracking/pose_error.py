@@ -7,18 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from rigid_geometry import rotation_angles
+from rigid_geometry import renormalised, rotation_angles
 
 Array = NDArray[np.float64]
 
 TURN_ARM_M = 0.3
 """A turn counts as the way that a point so far out makes."""
-
-
-def skew(v: Array) -> Array:
-    """(3, 3) matrix of the cross product with v from the left."""
-    x, y, z = v.tolist()
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def moved_by(T: Array, error: Array) -> Array:
@@ -36,9 +30,9 @@ def error_between(T_from: Array, T_to: Array) -> Array:
 
 
 def orthonormal(T: Array) -> Array:
-    """The rigid transform nearest to a product of many: one Newton step, enough where rounding is all that is wrong."""
-    R, clean = T[:3, :3], T.copy()
-    clean[:3, :3] = R @ (1.5 * np.eye(3) - 0.5 * R.T @ R)
+    """The (4, 4) transform with its rotation `renormalised`."""
+    clean = T.copy()
+    clean[:3, :3] = renormalised(T[:3, :3])
     return clean
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mount_calibration import TiltDirection
-from rigid_geometry import STAMP_TOLERANCE_S, Arrival, StampedBuffer, as_covariance, as_transform, inverse, rotation_angle
+from rigid_geometry import STAMP_TOLERANCE_S, StampedBuffer, as_covariance, as_transform, inverse, rotation_angle
 from scan_tracking.bundle import Bundle, Bundler, Motion, Samples
 from scan_tracking.config import ScanTrackingConfig
 from scan_tracking.estimate import Estimate
@@ -124,7 +124,7 @@ class ScanTracker:
             return
         if not np.isfinite(stamp_s):
             self._counts["odometry_not_finite"] += 1
-        elif self._arrives(self._odometry, stamp_s):
+        elif self._odometry.takes(stamp_s, self._reset):
             if self._track is None:
                 self._begin(stamp_s, pose)
             elif self._jumped(stamp_s, pose):
@@ -139,7 +139,7 @@ class ScanTracker:
         """Takes the mount's measured tilt. What is not finite, late or repeated is dropped and counted."""
         if not np.isfinite([stamp_s, tilt_rad]).all():
             self._counts["tilt_not_finite"] += 1
-        elif self._arrives(self._tilts, stamp_s):
+        elif self._tilts.takes(stamp_s, self._reset):
             self._tilts.append(stamp_s, (tilt_rad, self._direction.after(tilt_rad)))
 
     def add_scan(self, stamp_s: float, filtered: object) -> None:
@@ -150,7 +150,7 @@ class ScanTracker:
         reading = self._sensor.checked(filtered)
         if not np.isfinite(stamp_s):
             self._counts["scan_not_finite"] += 1
-        elif self._arrives(self._scans, stamp_s):
+        elif self._scans.takes(stamp_s, self._reset):
             self._scans.append(stamp_s, reading)
             self._longest_s = max(self._longest_s, self._sensor.duration_of(reading))
 
@@ -165,18 +165,11 @@ class ScanTracker:
 
     def _reset(self) -> None:
         config = self._config
-        self._odometry: StampedBuffer[Array] = StampedBuffer("odometry", config.jump_back_s, config.buffer_s, self._counts)
-        self._tilts: StampedBuffer[tuple[float, float]] = StampedBuffer("tilt", config.jump_back_s, config.buffer_s, self._counts)
-        self._scans: StampedBuffer[Any] = StampedBuffer("scan", config.jump_back_s, config.buffer_s, self._counts)
+        self._odometry: StampedBuffer[Array] = StampedBuffer("odometry", config.buffer_s, self._counts)
+        self._tilts: StampedBuffer[tuple[float, float]] = StampedBuffer("tilt", config.buffer_s, self._counts)
+        self._scans: StampedBuffer[Any] = StampedBuffer("scan", config.buffer_s, self._counts)
         self._direction = TiltDirection(self._backlash_rad)
         self._due: list[tuple[float, Array]] = []
-
-    def _arrives(self, buffer: StampedBuffer[Any], stamp_s: float) -> bool:
-        """Whether a sample is to be kept; when time jumped back, all that waits is forgotten first."""
-        arrival = buffer.judge(stamp_s)
-        if arrival is Arrival.TIME_JUMP:
-            self._reset()
-        return arrival is not Arrival.LATE
 
     def _jumped(self, stamp_s: float, pose: Array) -> bool:
         """Whether odometry moved faster than the robot can, be it that time jumped back."""

@@ -10,13 +10,13 @@ from stage_config import check_ranges, parameter
 
 FloatArray = NDArray[np.float64]
 _DEGREES = math.degrees(1.0)
+_GRAVITY_MPS2 = 9.81  # anywhere on the Earth it is so within 0.03, far nearer than a right IMU may be off
 
 
 @dataclass(frozen=True)
 class ImuLimits:
     """How far a right IMU may be from gravity and wheels."""
 
-    gravity_mps2: float = parameter(9.81, "m/s^2", "local gravity", low=9.0, high=10.0)
     gravity_off_mps2: float = parameter(
         1.0, "m/s^2", "the mean specific force may differ from gravity by this: ten times the bias of a cheap IMU", low=0.1, high=3.0
     )
@@ -38,10 +38,10 @@ def gravity_fault(force_base: FloatArray, frame: str, limits: ImuLimits) -> str 
     """
     strength = float(np.linalg.norm(force_base))
     lean = math.acos(min(max(float(force_base[2]) / strength, -1.0), 1.0)) if strength > 0.0 else 0.0
-    if abs(strength - limits.gravity_mps2) <= limits.gravity_off_mps2:
+    if abs(strength - _GRAVITY_MPS2) <= limits.gravity_off_mps2:
         return _mounting_fault(force_base / strength, lean, frame) if lean > limits.most_lean_rad else None
-    felt = f"the IMU feels {strength:.2f} m/s^2, gravity is {limits.gravity_mps2:.2f}"
-    share = limits.gravity_off_mps2 / limits.gravity_mps2
+    felt = f"the IMU feels {strength:.2f} m/s^2, gravity is {_GRAVITY_MPS2:.2f}"
+    share = limits.gravity_off_mps2 / _GRAVITY_MPS2
     if abs(strength - 1.0) <= share:
         return f"{felt}: it is in g; let the driver publish m/s^2 (REP 145)"
     if abs(strength / 1000.0 - 1.0) <= share:

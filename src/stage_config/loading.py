@@ -6,8 +6,6 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any, ClassVar, Protocol, TypeVar, cast
 
-from stage_config.old_names import OLD_NAMES
-
 C = TypeVar("C")
 V = TypeVar("V")
 
@@ -81,26 +79,22 @@ def _coerce(field: dataclasses.Field[Any], value: Any) -> Any:
     return value
 
 
-def _unknown(name: str, section: str, known: Collection[str], others: Collection[str]) -> str:
-    path = f"{section}/{name}".lstrip("/")
-    if path in OLD_NAMES:
-        return f"{path} now stands in {OLD_NAMES[path]}"
+def _unknown(name: str, known: Collection[str], others: Collection[str]) -> str:
     near = difflib.get_close_matches(name, [*known, *others], n=1, cutoff=0.5)
     return f"unknown parameter {name}" + (f", did you mean {near[0]}?" if near else f"; known: {', '.join(known)}")
 
 
-def load_config(cls: type[C], values: Mapping[str, object], section: str = "", others: Collection[str] = ()) -> C:
+def load_config(cls: type[C], values: Mapping[str, object], others: Collection[str] = ()) -> C:
     """A `cls` from its defaults and `values`; ConfigError lists unknown names (with the nearest), wrong types and ranges.
 
-    `section`: below which the values stand, by which names that moved elsewhere are known (`OLD_NAMES`). `others`: names that stand beside
-    those of `cls`, and may be what an unknown one means.
+    `others`: names that stand beside those of `cls`, and may be what an unknown one means.
     """
     fields = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
     problems: list[str] = []
     known: dict[str, Any] = {}
     for name, value in values.items():
         if name not in fields:
-            problems.append(_unknown(name, section, fields, others))
+            problems.append(_unknown(name, fields, others))
             continue
         try:
             known[name] = _coerce(fields[name], value)

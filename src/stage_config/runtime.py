@@ -45,7 +45,7 @@ def changed_sections(sections: Mapping[str, Configuration], changes: Mapping[str
     found: dict[str, Configuration] = {}
     for section, values in by_section.items():
         try:
-            found[section] = load_config(type(sections[section]), {**to_mapping(sections[section]), **values}, section)
+            found[section] = load_config(type(sections[section]), {**to_mapping(sections[section]), **values})
         except ConfigError as error:
             problems.append(str(error))
     if problems:

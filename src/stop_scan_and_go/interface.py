@@ -118,15 +118,14 @@ class TickObservation:
 
 @dataclass(frozen=True)
 class TickAction:
-    """Command `v` m/s and `w` rad/s for the wheels, whether a sweep is to start now, and whether the tick is answered.
+    """Command `v` m/s and `w` rad/s for the wheels, and whether a sweep is to start now.
 
-    While `acknowledge` is False the clock stands. `sweep_kind` is that of the sweep being prepared, made or mapped, None while driving.
+    `sweep_kind` is that of the sweep being prepared, made or mapped, None while driving.
     """
 
     v: float
     w: float
     start_sweep: bool
-    acknowledge: bool
     state: DriveState
     reason: str
     sweep_kind: SweepKind | None = None

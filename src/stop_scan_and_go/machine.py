@@ -78,16 +78,6 @@ class StopScanAndGo:
         """Way driven since the start by odometry, metres."""
         return self._travel.total_m
 
-    @property
-    def distance_since_sweep_m(self) -> float:
-        """Way driven since the last sweep, metres."""
-        return self._travel.distance_m
-
-    @property
-    def yaw_since_sweep_rad(self) -> float:
-        """Sum of turns since the last sweep, radians."""
-        return self._travel.yaw_rad
-
     def step(self, tick: TickObservation) -> TickAction:
         """The answer to one tick, called once when all its data are there; ValueError when its stamp is not finite."""
         if not math.isfinite(tick.stamp_s):
@@ -184,8 +174,7 @@ class StopScanAndGo:
         self._state, self._reason, self._entered_s = state, reason, self._stamp
 
     def _answer(self, v: float = 0.0, w: float = 0.0, *, start_sweep: bool = False, reason: str = "") -> TickAction:
-        acknowledge = self._state is not DriveState.MAPPING
-        return TickAction(v, w, start_sweep, acknowledge, self._state, reason or self._reason, self._kind)
+        return TickAction(v, w, start_sweep, self._state, reason or self._reason, self._kind)
 
     def _starting(self, tick: TickObservation) -> TickAction:
         known = tick.finite_pose is not None and tick.twist is not None and tick.tilt_rad is not None

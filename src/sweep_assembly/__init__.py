@@ -11,18 +11,14 @@ from sweep_assembly.beams import LaserScans, LidarRevolutions
 from sweep_assembly.geometry import ScanGeometry, TiltGeometry
 from sweep_assembly.line_source import Line, LineSource
 from sweep_assembly.revolution import LidarConfig, Revolution
-from sweep_assembly.revolution_chain import LEVEL_BEAMS, FilteredRevolution, RevolutionChain
+from sweep_assembly.revolution_chain import LEVEL_BEAMS, RevolutionChain
 from sweep_assembly.revolution_filter import RevolutionFilter
 from sweep_assembly.scan import Scan
-from sweep_assembly.scan_chain import FilteredScan, ScanChain
+from sweep_assembly.scan_chain import ScanChain
 from sweep_assembly.scan_filter import ScanFilter, ScanFilterConfig
-from sweep_assembly.sweep_window import SweepWindow, SweepWindowDetector
-from sweep_assembly.tilt_history import TiltHistory
 
 __all__ = [
     "LEVEL_BEAMS",
-    "FilteredRevolution",
-    "FilteredScan",
     "LaserScans",
     "LidarConfig",
     "LidarRevolutions",
@@ -39,8 +35,5 @@ __all__ = [
     "Sweep",
     "SweepAssembler",
     "SweepAssemblyConfig",
-    "SweepWindow",
-    "SweepWindowDetector",
     "TiltGeometry",
-    "TiltHistory",
 ]

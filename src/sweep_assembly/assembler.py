@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from mount_calibration import Place, TiltDirection, TiltedBeams, steady_directions
 from rigid_geometry import (
-    Arrival,
     StampedBuffer,
     as_transform,
     interpolate_transforms,
@@ -80,11 +79,6 @@ class SweepAssembler:
         """How many messages, scans and sweeps were given up, by reason."""
         return dict(self._dropped)
 
-    @property
-    def buffered(self) -> int:
-        """Messages held at present."""
-        return len(self._joints) + len(self._odometry) + len(self._scans)
-
     def set_backlash(self, backlash_rad: float) -> None:
         """The mount's play from now on; not while it sweeps. ValueError when it can be none."""
         self._tilt_geometry = self._tilt_geometry.with_backlash(backlash_rad)
@@ -94,7 +88,7 @@ class SweepAssembler:
         """Takes the tilt at a time. What is not finite, late or repeated is dropped and counted."""
         if not np.isfinite([stamp_s, tilt_rad]).all():
             self._dropped["joint_not_finite"] += 1
-        elif self._arrives(self._joints, stamp_s):
+        elif self._joints.takes(stamp_s, self._reset):
             self._joints.append(stamp_s, (tilt_rad, self._direction.after(tilt_rad)))
             if not isinstance(self._detector, TravelWindowDetector):
                 self._ends_with(self._detector.add(stamp_s, tilt_rad))
@@ -108,7 +102,7 @@ class SweepAssembler:
             return
         if not np.isfinite(stamp_s):
             self._dropped["odometry_not_finite"] += 1
-        elif self._arrives(self._odometry, stamp_s):
+        elif self._odometry.takes(stamp_s, self._reset):
             self._odometry.append(stamp_s, pose)
             if isinstance(self._detector, TravelWindowDetector):
                 self._ends_with(self._detector.add(stamp_s, pose))
@@ -138,7 +132,7 @@ class SweepAssembler:
         reading = self._sensor.checked(filtered)
         if not np.isfinite(stamp_s):
             self._dropped["scan_not_finite"] += 1
-        elif self._arrives(self._scans, stamp_s):
+        elif self._scans.takes(stamp_s, self._reset):
             self._scans.append(stamp_s, reading)
             self._longest_s = max(self._longest_s, self._sensor.duration_of(reading))
 
@@ -155,19 +149,12 @@ class SweepAssembler:
 
     def _reset(self) -> None:
         config = self._config
-        self._joints: StampedBuffer[tuple[float, float]] = StampedBuffer("joint", config.jump_back_s, config.buffer_s, self._dropped)
-        self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", config.jump_back_s, config.buffer_s, self._dropped)
-        self._scans: StampedBuffer[Any] = StampedBuffer("scan", config.jump_back_s, config.buffer_s, self._dropped)
+        self._joints: StampedBuffer[tuple[float, float]] = StampedBuffer("joint", config.buffer_s, self._dropped)
+        self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", config.buffer_s, self._dropped)
+        self._scans: StampedBuffer[Any] = StampedBuffer("scan", config.buffer_s, self._dropped)
         self._direction = TiltDirection(self._tilt_geometry.calibration.backlash_rad)
         self._detector = _detector(config, self._dropped)
         self._pending: list[SweepWindow] = []
-
-    def _arrives(self, buffer: StampedBuffer[Any], stamp_s: float) -> bool:
-        """Whether a message is to be kept; when time jumped back everything older is forgotten first."""
-        arrival = buffer.judge(stamp_s)
-        if arrival is Arrival.TIME_JUMP:
-            self._reset()
-        return arrival is not Arrival.LATE
 
     def _complete(self, window: SweepWindow) -> bool:
         """Whether nothing of the sweep can be missing any more."""

@@ -7,13 +7,13 @@ between topics; a line is given out when joint samples and odometry reach its la
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Generic
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mount_calibration import TiltDirection
-from rigid_geometry import JUMP_BACK_S, STAMP_TOLERANCE_S, Arrival, StampedBuffer, as_transform, interpolate_transforms
+from rigid_geometry import STAMP_TOLERANCE_S, StampedBuffer, as_transform, interpolate_transforms
 from sweep_assembly.assembler import along_nodes
 from sweep_assembly.assembly_config import SweepAssemblyConfig
 from sweep_assembly.beams import FreeBeams, Reading, Sensor
@@ -21,8 +21,6 @@ from sweep_assembly.geometry import FloatArray, TiltGeometry
 
 BUFFER_S = 5.0
 NODE_S = 0.005  # the laser's pose is linear between nodes: 3 rad/s bends a beam of 3 m by 0.1 mm
-
-V = TypeVar("V")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,22 +47,22 @@ class LineSource(Generic[Reading]):
         self._reset()
 
     def _reset(self) -> None:
-        self._joints: StampedBuffer[tuple[float, float]] = StampedBuffer("joint", JUMP_BACK_S, BUFFER_S, self.dropped)
-        self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", JUMP_BACK_S, BUFFER_S, self.dropped)
-        self._waiting: StampedBuffer[Reading] = StampedBuffer("scan", JUMP_BACK_S, BUFFER_S, self.dropped)
+        self._joints: StampedBuffer[tuple[float, float]] = StampedBuffer("joint", BUFFER_S, self.dropped)
+        self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", BUFFER_S, self.dropped)
+        self._waiting: StampedBuffer[Reading] = StampedBuffer("scan", BUFFER_S, self.dropped)
         self._direction = TiltDirection(self._mount.calibration.backlash_rad)
 
     def add_joint(self, stamp_s: float, tilt_rad: float) -> None:
         """Takes the tilt at a time; ValueError when it is not finite. What is late is dropped and counted."""
         if not np.isfinite([stamp_s, tilt_rad]).all():
             raise ValueError(f"tilt {tilt_rad} rad at {stamp_s} s: both must be finite")
-        if self._arrives(self._joints, stamp_s):
+        if self._joints.takes(stamp_s, self._reset):
             self._joints.append(stamp_s, (tilt_rad, self._direction.after(tilt_rad)))
 
     def add_odometry(self, stamp_s: float, T_odom_base: ArrayLike) -> None:
         """Takes the (4, 4) pose of base_link at a time; ValueError when it is none. What is late is dropped and counted."""
         pose = as_transform(T_odom_base)
-        if self._arrives(self._odometry, stamp_s):
+        if self._odometry.takes(stamp_s, self._reset):
             self._odometry.append(stamp_s, pose)
 
     def add_reading(self, stamp_s: float, filtered: object) -> None:
@@ -73,15 +71,8 @@ class LineSource(Generic[Reading]):
         What is late is dropped and counted.
         """
         reading = self._sensor.checked(filtered)
-        if self._arrives(self._waiting, stamp_s):
+        if self._waiting.takes(stamp_s, self._reset):
             self._waiting.append(stamp_s, reading)
-
-    def _arrives(self, buffer: StampedBuffer[V], stamp_s: float) -> bool:
-        """Whether a message is to be kept; when time jumped back everything older is forgotten first."""
-        arrival = buffer.judge(stamp_s)
-        if arrival is Arrival.TIME_JUMP:
-            self._reset()
-        return arrival is not Arrival.LATE
 
     def poll(self) -> Iterator[Line]:
         """What is complete by now, oldest first."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigid_geometry import JUMP_BACK_S, STAMP_TOLERANCE_S, Arrival, StampedBuffer, as_transform, interpolate_transforms, inverse
+from rigid_geometry import STAMP_TOLERANCE_S, StampedBuffer, as_transform, interpolate_transforms, inverse
 from robot_body import RobotBody
 from sweep_assembly.assembler import along_nodes
 from sweep_assembly.geometry import FloatArray, TiltGeometry
@@ -58,8 +58,8 @@ class RevolutionChain:
 
     def _reset(self) -> None:
         self._tilts = TiltHistory()
-        self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", JUMP_BACK_S, BUFFER_S, self.dropped)
-        self._waiting: StampedBuffer[Revolution] = StampedBuffer("revolution", JUMP_BACK_S, BUFFER_S, self.dropped)
+        self._odometry: StampedBuffer[FloatArray] = StampedBuffer("odometry", BUFFER_S, self.dropped)
+        self._waiting: StampedBuffer[Revolution] = StampedBuffer("revolution", BUFFER_S, self.dropped)
         self._ticks: list[float] = []
         self._last_end_s: float | None = None
 
@@ -70,7 +70,7 @@ class RevolutionChain:
     def add_odometry(self, stamp_s: float, T_odom_base: ArrayLike) -> None:
         """Takes the (4, 4) pose of base_link at a time; ValueError when it is none. What is late is dropped and counted."""
         pose = as_transform(T_odom_base)
-        if self._arrives(self._odometry, stamp_s):
+        if self._odometry.takes(stamp_s, self._reset):
             self._odometry.append(stamp_s, pose)
             self._ticks = [*self._ticks[-MOST_TICKS:], stamp_s]
 
@@ -80,7 +80,7 @@ class RevolutionChain:
         What is late is dropped and counted.
         """
         stamp_s, turn = self._from_first_beam(stamp_s, counted_from_below(revolution, self._lidar))
-        if self._arrives(self._waiting, stamp_s):
+        if self._waiting.takes(stamp_s, self._reset):
             self._waiting.append(stamp_s, turn)
 
     def _from_first_beam(self, stamp_s: float, revolution: Revolution) -> tuple[float, Revolution]:
@@ -92,12 +92,6 @@ class RevolutionChain:
             return stamp_s + first_s, Revolution(revolution.points, revolution.rings, times_s - first_s)
         said = f"{times_s.min():.4f} to {times_s.max():.4f} s"
         raise ValueError(f"beams of a revolution are within one turn, {self._lidar.duration_s:.3f} s, of its stamp, not {said} after it")
-
-    def _arrives(self, buffer: StampedBuffer[FloatArray] | StampedBuffer[Revolution], stamp_s: float) -> bool:
-        arrival = buffer.judge(stamp_s)
-        if arrival is Arrival.TIME_JUMP:
-            self._reset()
-        return arrival is not Arrival.LATE
 
     def poll(self) -> Iterator[FilteredRevolution]:
         """What is complete by now, oldest first; for each stamp of the odometry at which no revolution ended, that none did."""

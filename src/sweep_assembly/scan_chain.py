@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from rigid_geometry import JUMP_BACK_S, Arrival, StampedBuffer
+from rigid_geometry import StampedBuffer
 from robot_body import RobotBody
 from sweep_assembly.geometry import TiltGeometry
 from sweep_assembly.revolution_chain import BUFFER_S
@@ -33,7 +33,7 @@ class ScanChain:
         self._filter = ScanFilter(config, mount, robot)
         self._tilts = TiltHistory()
         self.dropped: Counter[str] = Counter()
-        self._waiting: StampedBuffer[Scan] = StampedBuffer("scan", JUMP_BACK_S, BUFFER_S, self.dropped)
+        self._waiting: StampedBuffer[Scan] = StampedBuffer("scan", BUFFER_S, self.dropped)
 
     def add_joint(self, stamp_s: float, tilt_rad: float) -> None:
         """Takes the tilt at a time; ValueError when it is not finite."""
@@ -41,10 +41,7 @@ class ScanChain:
 
     def add_scan(self, stamp_s: float, scan: Scan) -> None:
         """Takes a scan with the stamp of its first beam. What is late is dropped and counted; time that jumps back lets go what waits."""
-        arrival = self._waiting.judge(stamp_s)
-        if arrival is Arrival.TIME_JUMP:
-            self._waiting.clear()
-        if arrival is not Arrival.LATE:
+        if self._waiting.takes(stamp_s, self._waiting.clear):
             self._waiting.append(stamp_s, scan)
 
     def poll(self) -> Iterator[FilteredScan]:

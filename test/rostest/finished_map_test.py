@@ -9,13 +9,13 @@ import rospy
 from explore_3dnav.msg import ExplorationDecision, MappedSweep
 from explore_3dnav.srv import PlanPath, RestoreSweep, StorePlan, StorePlanRequest, StorePlanResponse
 from geometry_msgs.msg import PoseStamped
-from node_testing import DiagnosticsOf, Inbox, feed, floor_and_walls, wait_for_node
+from node_testing import DiagnosticsOf, Inbox, feed, floor_and_walls, octomap_bytes, wait_for_node
 from std_srvs.srv import Trigger, TriggerResponse
 
 import rostest
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import cloud_message, header, pose_message
-from ros_adapters.octomap_messages import GetOctomap, octomap_bytes
+from ros_adapters.octomap_messages import GetOctomap
 
 NODE = "octomap_server_3dnav_node"
 AWAY = transform_from_rpy((1.0, 0.5, 0.132), (0.0, 0.0, 0.3))

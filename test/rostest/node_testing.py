@@ -211,6 +211,11 @@ def imu(
     return message
 
 
+def octomap_bytes(message: Any) -> bytes:
+    """The tree of a received octomap_msgs/Octomap."""
+    return np.asarray(message.data, dtype=np.int8).tobytes()
+
+
 def floor_and_walls(half_m: float = 3.0, step_m: float = 0.06) -> tuple[np.ndarray, np.ndarray]:
     """(N, 3) points of a square room around the robot and (N, 3) origins at the laser, float32, in base_link."""
     line = np.arange(-half_m, half_m, step_m)

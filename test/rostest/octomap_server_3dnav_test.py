@@ -11,7 +11,7 @@ from explore_3dnav.srv import PlanPath, StorePlan, StorePlanRequest, StorePlanRe
 from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
-from node_testing import DiagnosticsOf, Inbox, feed, floor_and_walls, one_line_of, run_misconfigured, wait_for_node
+from node_testing import DiagnosticsOf, Inbox, feed, floor_and_walls, octomap_bytes, one_line_of, run_misconfigured, wait_for_node
 from std_srvs.srv import Empty, Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -21,7 +21,7 @@ from octomap_server_3dnav.octree.octree import OctreeMap
 from rigid_geometry import transform_from_rpy
 from ros_adapters.conversions import cloud_message, header, pose_message
 from ros_adapters.grid_messages import terrain_grid
-from ros_adapters.octomap_messages import BoundingBoxQuery, GetOctomap, Octomap, octomap_bytes
+from ros_adapters.octomap_messages import BoundingBoxQuery, GetOctomap, Octomap
 
 NODE = "octomap_server_3dnav_node"
 T_MAP_BASE = transform_from_rpy((0.0, 0.0, 0.132))

@@ -17,7 +17,7 @@ from explore_3dnav.srv import LoadMap
 from geometry_msgs.msg import Point, PoseStamped
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.srv import GetPlan
-from node_testing import DiagnosticsOf, Inbox, feed, floor_and_walls, wait_for_node, wait_until
+from node_testing import DiagnosticsOf, Inbox, feed, floor_and_walls, octomap_bytes, wait_for_node, wait_until
 from sensor_msgs.msg import PointCloud2, PointField
 from std_srvs.srv import Empty, Trigger
 from tf2_msgs.msg import TFMessage
@@ -28,7 +28,7 @@ from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.octree import OctreeMap
 from rigid_geometry import inverse, transform_from_rpy, transform_points
 from ros_adapters.conversions import header, pose_message, transform_stamped
-from ros_adapters.octomap_messages import BoundingBoxQuery, GetOctomap, Octomap, octomap_bytes
+from ros_adapters.octomap_messages import BoundingBoxQuery, GetOctomap, Octomap
 
 NODE = "octomap_server_3dnav_node"
 RESOLUTION_M = 0.1
@@ -230,7 +230,8 @@ class OctomapServerAloneTest(unittest.TestCase):
             damaged, coarse = Path(folder) / "damaged.bt", Path(folder) / "coarse.bt"
             damaged.write_bytes(b"# Octomap OcTree binary file\nid OcTree\nsize 5\nres 0.1\ndata\n\x00")
             other = OctreeMap(0.2)
-            other.insert_plane((0.0, 0.0, 0.0), 1.0)
+            middles = other.unknown_on_plane((0.0, 0.0, 0.0), 1.0)
+            other.insert_sweep(middles, middles)
             other.write_bt(coarse)
             for path, reason in (
                 (damaged, "damaged.bt"),

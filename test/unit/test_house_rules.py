@@ -23,7 +23,6 @@ ORDER: dict[str, set[str]] = {
     "robot_body": {"rigid_geometry", "stage_config"},
     "point_cloud2": set(),
     "sensor_checks": BASE,
-    "visiting_order": set(),
     "map_zones": {"stage_config", "whole_files"},
     "node_life": {"whole_files"},
     "world_files": {"rigid_geometry", "stage_config"},
@@ -48,7 +47,7 @@ ORDER: dict[str, set[str]] = {
     "path_following": BASE,
     "collision_monitor": BASE,
     "stop_scan_and_go": BASE,
-    "exploration_evaluation": BASE | {"map_zones", "visiting_order"},  # the judge knows no stage that it judges
+    "exploration_evaluation": BASE | {"map_zones"},  # the judge knows no stage that it judges
     # between the stages and ROS
     ADAPTERS: BASE
     | MAPPING
@@ -89,7 +88,7 @@ ORDER: dict[str, set[str]] = {
     "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "node_life", "roslaunch_process"},
 }
 """Every package and what it may import, earlier ones only. Rooms count as packages."""
-SHARED = BASE | {"map_zones", "node_life", "point_cloud2", "visiting_order", "world_files"}
+SHARED = BASE | {"map_zones", "node_life", "point_cloud2", "world_files"}
 PROGRAMS = set(list(ORDER)[list(ORDER).index(ADAPTERS) + 1 :])
 STAGES = {name.partition(".")[0] for name in ORDER} - SHARED - PROGRAMS - {ADAPTERS}
 ROS = {

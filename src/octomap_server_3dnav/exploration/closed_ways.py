@@ -48,4 +48,4 @@ def entrance(terrain: Terrain, way: Lookout, distance_m: NDArray[np.float64]) ->
         return None
     node = int(way.nodes[np.flatnonzero(is_open)[-1]])
     length = float(distance_m[node])
-    return Frontier(way.xyz, node, way.voxels, length, length, inflated=True, last=True, potential_cliff=False, gain_m2=way.gain_m2)
+    return Frontier(way.xyz, node, way.voxels, length, length, last=True, potential_cliff=False, gain_m2=way.gain_m2)

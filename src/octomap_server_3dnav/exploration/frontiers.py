@@ -59,9 +59,9 @@ class FrontierConfig:
 class Frontier:
     """A place worth a look: xyz of its middle voxel in map, the traversable node nearest to it, its voxels (node indices).
 
-    `distance_m` over the ground, and its `cost`; `inflated`: it lies beside inflated ground only; `last`: and is so small that it may be
-    a side of what stands there, and is looked at when nothing else is left; `potential_cliff`: most of its voxels are; gain_m2: ground
-    that a look may show.
+    `distance_m` over the ground, and its `cost`; `last`: it lies beside inflated ground only and is so small that it may be a side of
+    what stands there, and is looked at when nothing else is left; `potential_cliff`: most of its voxels are; gain_m2: ground that a look
+    may show.
     """
 
     xyz: tuple[float, float, float]
@@ -69,7 +69,6 @@ class Frontier:
     voxels: tuple[int, ...]
     distance_m: float
     cost: float
-    inflated: bool
     last: bool
     potential_cliff: bool
     gain_m2: float
@@ -142,7 +141,7 @@ def find_frontiers(terrain: Terrain, T_map_base: Transform, config: FrontierConf
     straight = np.linalg.norm(xyz - np.asarray(terrain.robot_xyz, dtype=np.float32), axis=1)
     length = np.where(node >= 0, distance[node] + gap if config.frontier_distance == "path" else straight, np.inf)
     cost = _costs(terrain, frontier, length, T_map_base, config.angle_weight_m_per_rad)
-    groups, inflated, small = _groups(terrain, frontier, cost, config)
+    groups, small = _groups(terrain, frontier, cost, config)
     middle = np.array([_middle(xyz, members) for members in groups], dtype=np.int64)
     gain = unknown_area_m2(terrain, frontier[middle], config.gain_radius_m)
     least = [cost[members].min() for members in groups] - config.gain_weight_m_per_m2 * gain
@@ -153,7 +152,6 @@ def find_frontiers(terrain: Terrain, T_map_base: Transform, config: FrontierConf
             voxels=tuple(np.sort(frontier[members]).tolist()),
             distance_m=float(length[m]),
             cost=float(least[i]),
-            inflated=inflated[i],
             last=small[i],
             potential_cliff=_are_edges(terrain, frontier[members]),
             gain_m2=float(gain[i]),
@@ -166,10 +164,10 @@ def find_frontiers(terrain: Terrain, T_map_base: Transform, config: FrontierConf
 
 def _groups(
     terrain: Terrain, frontier: NDArray[np.int64], cost: NDArray[np.float64], config: FrontierConfig
-) -> tuple[list[NDArray[np.int64]], list[bool], list[bool]]:
-    """The voxels (indices into `frontier`) of every target, whether it lies beside inflated ground only, and is small for that."""
+) -> tuple[list[NDArray[np.int64]], list[bool]]:
+    """The voxels (indices into `frontier`) of every target, and whether it lies beside inflated ground only and is small for that."""
     xyz, cluster = terrain.centers(frontier), cluster_voxels(np.stack([terrain.ix, terrain.iy, terrain.z], axis=1)[frontier])
-    groups, inflated, small = [], [], []
+    groups, small = [], []
     for number in range(int(cluster.max()) + 1):
         members = np.flatnonzero(cluster == number)
         is_inflated = not terrain.reached[frontier[members]].any()
@@ -178,9 +176,8 @@ def _groups(
             continue
         parts = _split(xyz[usable], cost[usable], config.target_radius_m)
         groups += [usable[part] for part in parts]
-        inflated += [is_inflated] * len(parts)
         small += [is_inflated and members.size < config.min_inflated_voxels] * len(parts)
-    return groups, inflated, small
+    return groups, small
 
 
 def _middle(xyz: NDArray[np.float32], members: NDArray[np.int64]) -> int:

@@ -130,22 +130,3 @@ class ColumnRuns:
     def z_range(self) -> tuple[int, int] | None:
         """Lowest and highest known voxel index, inclusive; None when nothing is known."""
         return (int(self.z_lo.min()), int(self.z_hi.max())) if self.z_lo.size else None
-
-    def to_dense(self, z_range: tuple[int, int] | None = None) -> NDArray[np.uint8]:
-        """(nx, ny, nz) array of VoxelState values for the voxel layers `z_range` (inclusive), else for `self.z_range`.
-
-        Meant for small blocks and tests. ValueError when z_range is empty.
-        """
-        z_range = z_range or self.z_range
-        if z_range is None:
-            return np.zeros((self.nx, self.ny, 0), dtype=np.uint8)
-        low, high = z_range
-        if high < low:
-            raise ValueError(f"z_range must be (lowest, highest), not {z_range}")
-        first = np.clip(self.z_lo, low, high + 1) - low
-        end = np.clip(self.z_hi.astype(np.int32) + 1, low, high + 1) - low
-        state = np.where(self.occupied, VoxelState.OCCUPIED, VoxelState.FREE).astype(np.int8)
-        step = np.zeros((self.nx * self.ny, high - low + 2), dtype=np.int8)
-        np.add.at(step, (self.columns, first), state)
-        np.subtract.at(step, (self.columns, end), state)
-        return np.cumsum(step, axis=1, dtype=np.int8)[:, :-1].astype(np.uint8).reshape(self.nx, self.ny, -1)

@@ -110,17 +110,12 @@ class OctreeMap:
         self._tree.apply(voxels)
         return InsertionReport(voxels.free, voxels.occupied, voxels.dropped)
 
-    def insert_plane(self, center_xyz: ArrayLike, half_size: float, up: ArrayLike = _UP) -> int:
-        """Count one hit for every unknown voxel of a plane over a square, and say how many these were (thesis 5.5, Alg. 3 line 2).
-
-        `center_xyz` (3,) and `half_size` in metres, along the axes of map; `up` (3,) its normal, upwards. For the blind spot under the
-        robot at the start: what beams have seen, free or occupied, stays as it is, and later beams overrule the guess.
-        """
-        middles = self.unknown_on_plane(center_xyz, half_size, up)
-        return self.insert(self.trace_sweep(middles, middles)).occupied  # beams that end where they begin
-
     def unknown_on_plane(self, center_xyz: ArrayLike, half_size: float, up: ArrayLike = _UP) -> NDArray[np.float32]:
-        """(N, 3) middles of the voxels that `insert_plane` would hit."""
+        """(N, 3) middles of the unknown voxels of a plane over a square, for the blind spot under the robot (thesis 5.5, Alg. 3 line 2).
+
+        `center_xyz` (3,) and `half_size` in metres, along the axes of map; `up` (3,) its normal, upwards. Inserted as beams that end where
+        they begin, each is one hit: what beams have seen stays as it is, and later beams overrule the guess.
+        """
         center, normal = _corner("center_xyz", center_xyz), _corner("up", up)
         if not (np.isfinite(center).all() and half_size > 0 and math.isfinite(half_size)):
             raise ValueError(f"center_xyz must be finite and half_size positive, not {center_xyz!r}, {half_size!r}")

@@ -6,10 +6,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+_REACH, _RISE = 2, 3  # voxels are linked when at most so far apart in x and y, and in z
+
 
 @njit(cache=True)
-def _cluster_labels(ix: Any, iy: Any, z: Any, order: Any, reach: Any, rise: Any) -> Any:
-    """(F,) cluster of each voxel: linked when at most `reach` apart on x and y and `rise` in z; `order` sorts by ix."""
+def _cluster_labels(ix: Any, iy: Any, z: Any, order: Any) -> Any:
+    """(F,) cluster of each voxel; `order` sorts by ix."""
     cluster = np.full(ix.size, -1, np.int64)
     stack = np.empty(ix.size, np.int64)
     rank = np.empty(ix.size, np.int64)
@@ -25,9 +27,9 @@ def _cluster_labels(ix: Any, iy: Any, z: Any, order: Any, reach: Any, rise: Any)
             a = stack[top]
             for way in (-1, 1):
                 i = rank[a] + way
-                while 0 <= i < order.size and abs(ix[order[i]] - ix[a]) <= reach:
+                while 0 <= i < order.size and abs(ix[order[i]] - ix[a]) <= _REACH:
                     b = order[i]
-                    if cluster[b] < 0 and abs(iy[b] - iy[a]) <= reach and abs(z[b] - z[a]) <= rise:
+                    if cluster[b] < 0 and abs(iy[b] - iy[a]) <= _REACH and abs(z[b] - z[a]) <= _RISE:
                         cluster[b], stack[top] = count, b
                         top += 1
                     i += way
@@ -35,8 +37,8 @@ def _cluster_labels(ix: Any, iy: Any, z: Any, order: Any, reach: Any, rise: Any)
     return cluster
 
 
-def cluster_voxels(voxels: NDArray[np.integer], reach: int = 2, rise: int = 3) -> NDArray[np.int64]:
-    """(F,) cluster number of (F, 3) voxel indices; voxels are linked when at most `reach` apart in x and y and `rise` in z."""
+def cluster_voxels(voxels: NDArray[np.integer]) -> NDArray[np.int64]:
+    """(F,) cluster number of (F, 3) voxel indices."""
     voxels = np.asarray(voxels, dtype=np.int64).reshape(-1, 3)
     order = np.lexsort((voxels[:, 2], voxels[:, 1], voxels[:, 0]))
-    return np.asarray(_cluster_labels(voxels[:, 0].copy(), voxels[:, 1].copy(), voxels[:, 2].copy(), order, reach, rise))
+    return np.asarray(_cluster_labels(voxels[:, 0].copy(), voxels[:, 1].copy(), voxels[:, 2].copy(), order))

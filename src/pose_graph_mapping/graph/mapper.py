@@ -112,7 +112,6 @@ class PoseGraphMapper:
         if gravity_sigma_rad is not None and not gravity_sigma_rad > 0.0:
             raise ValueError(f"gravity_sigma_rad must be positive, not {gravity_sigma_rad}")
         cloud = voxel_downsample(sweep, self._config.vertex_voxel_m)
-        edges_before = self.graph.measurements()
         with self._whole():
             if placement is not None:
                 placed: _Placed | None = self._localised_vertex(placement)
@@ -129,9 +128,7 @@ class PoseGraphMapper:
             self._T_odom_last = T_odom_base  # 5
             loops = detect_loop_closures(self.graph, self._clouds.cloud, self._match, self._config)  # 20
             self._look_through(len(self.graph) - 1)
-        rejected = {id(edge) for edge in self.graph.rejected()}
-        update = self._update(placed, loops)
-        return dataclasses.replace(update, rejected_edges=tuple(edge for edge in edges_before if id(edge) in rejected))
+        return self._update(placed, loops)
 
     @contextlib.contextmanager
     def _whole(self) -> Iterator[None]:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pose_graph_mapping.graph.graph_measurements import Edge
 from pose_graph_mapping.registration.matching import RegistrationResult
 
 Array = NDArray[np.float64]
@@ -18,8 +17,7 @@ class MappingUpdate:
     """What a sweep changed.
 
     vertex_poses (V, 4, 4) T_map_base; result of the match, None for the first sweep; match_used: an edge came of it; tries: how many
-    matches were called; loop_closures: new loop edges; rejected_edges: older edges that this update found to contradict the rest, and
-    left out.
+    matches were called; loop_closures: new loop edges.
     """
 
     vertex_id: int
@@ -29,7 +27,6 @@ class MappingUpdate:
     match_used: bool
     tries: int
     loop_closures: int
-    rejected_edges: tuple[Edge, ...] = ()
 
     @property
     def match_refused(self) -> bool:

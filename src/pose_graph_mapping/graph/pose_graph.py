@@ -12,7 +12,6 @@ import dataclasses
 import heapq
 import os
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,7 +23,6 @@ from pose_graph_mapping.graph.graph_problem import GraphProblem, poses_of, tree_
 from pose_graph_mapping.graph.gravity_bias import estimated_bias
 from pose_graph_mapping.graph.incremental_graph import IncrementalGraph
 from rigid_geometry import as_covariance, as_transform
-from whole_files import write_whole
 
 Array = NDArray[np.float64]
 
@@ -184,10 +182,6 @@ class PoseGraph:
         """
         count = len(self) if vertices is None else vertices
         return g2o_text(dict(enumerate(self._poses[:count])), [e for e in self.measurements() if max(e.i, e.j) < count])
-
-    def save_g2o(self, path: str | os.PathLike[str]) -> None:
-        """Write `g2o_text` to a file."""
-        write_whole(Path(path), self.g2o_text())
 
     @classmethod
     def load_g2o(cls, path: str | os.PathLike[str], outlier_chi2: float = 30.0) -> PoseGraph:

@@ -110,11 +110,7 @@ class ThesisChainRegistration:
         if cloud.origins is not None:
             ranges = np.linalg.norm(cloud.points - cloud.origins, axis=1)
             cloud = cloud.selected((ranges >= config.chain_min_range_m) & (ranges <= config.chain_max_range_m))
-        if config.chain_reduction == "voxel":
-            cloud = voxel_downsample(cloud, config.voxel_m)
-        else:
-            kept = np.random.default_rng(config.chain_random_seed).random(len(cloud)) < config.chain_random_ratio
-            cloud = cloud.selected(kept)
+        cloud = voxel_downsample(cloud, config.voxel_m)
         return with_normals(PointCloud(cloud.points, cloud.origins), config.normal_neighbours)
 
     def _iterated(self, clouds: _Pair, T_guess: Array) -> RegistrationResult:

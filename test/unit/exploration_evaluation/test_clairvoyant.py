@@ -10,7 +10,7 @@ from hand_made_worlds import box, join, plate, room, wall
 from exploration_evaluation import reachable_ground
 from exploration_evaluation.clairvoyant import SENSOR_VIEWS, clairvoyant
 from exploration_evaluation.covering_tour import covering_tour
-from visiting_order import best_order, order_cost
+from exploration_evaluation.visiting_order import best_order, order_cost
 
 VIEW = SENSOR_VIEWS["tilting"]
 STOP_S = VIEW.sweep_s + VIEW.settle_s

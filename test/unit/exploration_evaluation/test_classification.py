@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hand_made_worlds import Mesh, box, join, plate, ramp, room, wall
 
-from exploration_evaluation import RobotShape, reachable_ground, terrain_safety
+from exploration_evaluation import RobotShape, reachable_ground
 from exploration_evaluation.classification import Classification, ClassificationConfig, classification
 from exploration_evaluation.true_classes import BARRIERS, TRUE_CLASSES, true_classes
 
@@ -143,18 +143,6 @@ def test_top_of_a_box_is_other_and_its_edge_an_obstacle_to_the_floor() -> None:
     found = judged(world, voxels, labels)
     assert found.false_safe_by_cause["cliff"] == found.false_safe_by_cause["low ceiling"] == 0.0
     assert found.confusion_m2["other"]["traversable"] > 0.0
-
-
-def test_safety_in_four_figures_tells_one_voxel_beside_the_border_from_the_rest() -> None:
-    true = true_classes(*room(4, 4), reachable_ground(*room(4, 4), START))
-    voxels = floor()
-    everywhere = terrain_safety(true, voxels, np.full(len(voxels), TRAVERSABLE), CONFIG)
-    assert everywhere.wrongly_safe_beyond_m2 == pytest.approx(16.0 - PLACES - EDGE)
-    assert everywhere.wrongly_safe_within_m2 == pytest.approx(EDGE)
-    assert (everywhere.wrongly_unsafe_m2, everywhere.turning_m2) == pytest.approx((0.0, PLACES))
-    nowhere = terrain_safety(true, voxels, np.full(len(voxels), INFLATION), CONFIG)
-    assert (nowhere.wrongly_safe_beyond_m2, nowhere.wrongly_safe_within_m2) == (0.0, 0.0)
-    assert nowhere.wrongly_unsafe_m2 == pytest.approx(PLACES) and nowhere.wrongly_unsafe_share == pytest.approx(1.0)
 
 
 def test_wrong_voxels_and_labels_are_refused() -> None:

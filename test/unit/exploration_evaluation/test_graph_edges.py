@@ -22,7 +22,7 @@ def written(path, *extra, graph_truth=TRUTH):
                 graph.add_edge(k - 1, k, inverse(graph_truth[k - 1]) @ T, TIGHT, kind)
     for i, j, error, covariance, kind in extra:
         graph.add_edge(i, j, inverse(graph_truth[i]) @ graph_truth[j] @ error, covariance, kind)
-    graph.save_g2o(path / "graph.g2o")
+    (path / "graph.g2o").write_text(graph.g2o_text())
     return read_edges(path / "graph.g2o")
 
 

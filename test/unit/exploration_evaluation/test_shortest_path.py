@@ -7,7 +7,7 @@ import pytest
 from hand_made_worlds import join, plate, ramp, room, wall
 
 from exploration_evaluation import reachable_ground
-from exploration_evaluation.shortest_path import path_ratio, shortest_length
+from exploration_evaluation.shortest_path import path_ratio, shortest_legs
 
 BIAS = 0.005  # of a graph with 40 directions
 BASE_M = 0.132
@@ -16,6 +16,10 @@ BASE_M = 0.132
 @pytest.fixture(scope="module")
 def hall():
     return reachable_ground(*room(10, 10), (5, 5, 0.1))
+
+
+def shortest_length(ground, places):
+    return float(shortest_legs(ground, places).sum())
 
 
 def ways_in_all_directions(ground):

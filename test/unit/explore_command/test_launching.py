@@ -1,6 +1,5 @@
 """From checked arguments to the launch file's, to the parameters that it loads, and to a port for the master."""
 
-import re
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,6 @@ from explore_command.arguments import ArgumentProblem, parse
 from explore_command.launching import as_robot_is_built, effective_robot, launch_arguments, parameter_problem, world_problem
 from explore_command.parameters import all_overrides, override_problems, parsed_overrides, profile_names, read_profile
 from robot_body import DEFAULT_ROBOT_FILE, RobotBody, robot_mapping, urdf_file
-from stage_config.old_names import OLD_NAMES
 
 FIXED = Path(__file__).parents[3] / "config" / "robots" / "husky_vlp16.yaml"
 
@@ -268,26 +266,6 @@ def test_wrong_robot_is_refused_with_one_line_a_violation(
     assert all(line.startswith("./explore: --robot ") and "mine.yaml: " in line for line in lines), lines
     assert len(lines) == len(said) and all(any(text in line for line in lines) for text in said), lines
     assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize(
-    ("text", "home"),
-    [
-        ("octomap_server_3dnav_node/terrain/max_step_m=0.1", "terrain/max_step_m now stands in robot.yaml: max_step_m"),
-        ("move_base_node/follower/footprint_width_m=1", "follower/footprint_width_m now stands in robot.yaml: width_m"),
-        ("scan_filter_node/body_min_m=[1]", "body_min_m now stands in robot.yaml: length_m"),
-        ("pybullet_sim_node/track_factor=1", "track_factor now stands in robot.yaml: effective_track_factor"),
-    ],
-)
-def test_old_name_is_told_with_its_new_home(text: str, home: str) -> None:
-    problem = parameter_problem(parse(["--set", text]))
-    assert problem is not None and home in problem
-
-
-def test_new_homes_are_values_of_the_robot() -> None:
-    robot = robot_mapping(RobotBody())
-    named = [re.findall(r"\w+", home.partition("robot.yaml: ")[2])[0] for home in OLD_NAMES.values() if "robot.yaml: " in home]
-    assert named and set(named) <= set(robot)
 
 
 def test_profile_may_choose_the_mapping_and_nothing_else_of_the_command(tmp_path: Path) -> None:

@@ -71,7 +71,8 @@ def test_damaged_sweep_is_named_and_the_others_are_there(tmp_path: Path) -> None
 
 def test_folder_without_a_session_is_its_octree(tmp_path: Path) -> None:
     tree = OctreeMap(0.08)
-    tree.insert_plane((0.0, 0.0, 0.0), 1.0)
+    middles = tree.unknown_on_plane((0.0, 0.0, 0.0), 1.0)
+    tree.insert_sweep(middles, middles)
     tree.write_ot(tmp_path / "map.ot")
     found = load_map(tmp_path, builder())
     assert found.builder.tree.to_full() == tree.to_full() and found.T_map_base is None

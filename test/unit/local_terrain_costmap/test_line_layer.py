@@ -122,20 +122,6 @@ def test_mark_that_no_beam_meets_stays_between_two_passes_and_is_forgotten_at_la
     assert not marks(costmap)
 
 
-@pytest.mark.parametrize("turned_rad", [math.pi, -2.0])
-def test_mark_to_which_nothing_looks_is_not_forgotten_until_something_does(turned_rad: float) -> None:
-    """A robot with somebody behind it, where its laser does not see: he may stand there still when it drives back."""
-    costmap = on(keep_s=10.0)
-    nod(costmap, 1.0, CRATE)
-    c, s = math.cos(turned_rad), math.sin(turned_rad)
-    away = [SENSOR + (ends - SENSOR) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) for ends in line(-0.3)]
-    for k in range(60):
-        costmap.add_line(4.0 + k, *away, SENSOR)
-    assert is_marked(costmap, 1.92, 0.02) and not len(costmap.strangers(1.3))
-    nod(costmap, 64.0)
-    assert not marks(costmap), "beams pass through its place"
-
-
 @pytest.mark.parametrize("count, marked", [(1, False), (2, True)])
 def test_point_without_company_marks_nothing(count: int, marked: bool) -> None:
     costmap = on()

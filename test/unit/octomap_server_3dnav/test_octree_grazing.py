@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from octree_planes import insert_plane
 
 from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
@@ -29,7 +30,7 @@ def rays(ends: list[tuple[float, float, float]], start: tuple[float, float, floa
 )
 def test_flat_ray_keeps_the_ground_it_skims_as_far_as_it_is_told_to(grazing_m, ground):
     octree = OctreeMap(RES, replace(OCTOMAP, grazing_m=grazing_m))
-    octree.insert_plane([0.85, 0.05, 0.05], 0.849)  # the ground that earlier sweeps saw, x = 0 .. 1.7
+    insert_plane(octree, [0.85, 0.05, 0.05], 0.849)  # the ground that earlier sweeps saw, x = 0 .. 1.7
     for _ in range(3):
         octree.insert_sweep(*rays([(1.75, 0.05, 0.03), (1.75, 0.15, 0.03)], (0.05, 0.05, 0.18)))
     assert row(octree, 0.05) == ground
@@ -52,7 +53,7 @@ def test_ray_down_onto_the_ground_frees_everything_above_it():
 
 def test_ray_under_a_ceiling_keeps_the_ceiling():
     octree = OctreeMap(RES)
-    octree.insert_plane([0.85, 0.05, 0.95], 0.849)
+    insert_plane(octree, [0.85, 0.05, 0.95], 0.849)
     before = row(octree, 0.95)
     for _ in range(5):
         octree.insert_sweep(*rays([(1.65, 0.05, 0.98), (1.65, 0.15, 0.98)], (0.75, 0.05, 0.89)))

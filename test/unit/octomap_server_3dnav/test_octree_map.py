@@ -11,8 +11,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from octree_planes import insert_plane
 
-from octomap_server_3dnav.octree.column_runs import VoxelState
+from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
 
 RES = 0.1
@@ -54,7 +55,8 @@ def test_column_runs_hold_exactly_the_states_of_the_voxels(lo, hi):
     x, y, z = (np.arange(n) for n in (runs.nx, runs.ny, runs.z_range[1] - runs.z_range[0] + 1))
     indices = np.stack(np.meshgrid(x + runs.origin_key[0], y + runs.origin_key[1], z + runs.z_range[0], indexing="ij"), -1)
     states = octree.states_at((indices.reshape(-1, 3) + 0.5) * RES).reshape(indices.shape[:3])
-    assert np.array_equal(runs.to_dense(), states)
+    drawn = ColumnRuns.from_dense(states, indices[0, 0, 0])
+    assert all(np.array_equal(getattr(runs, name), getattr(drawn, name)) for name in ("start", "z_lo", "z_hi", "occupied"))
 
 
 def test_column_runs_of_a_box_are_those_of_a_map_of_it_and_leave_nothing_known_out():
@@ -64,7 +66,7 @@ def test_column_runs_of_a_box_are_those_of_a_map_of_it_and_leave_nothing_known_o
     for name in ("start", "z_lo", "z_hi", "occupied"):
         assert np.array_equal(getattr(runs, name), getattr(alone, name)), name
     inside = ((GRID >= np.round(lo / RES)) & (GRID < np.round(hi / RES))).all(axis=1)
-    assert (runs.to_dense() != UNKNOWN).sum() == (grid_states(octree)[inside] != UNKNOWN).sum()
+    assert (runs.z_hi - runs.z_lo + 1).sum() == (grid_states(octree)[inside] != UNKNOWN).sum()
 
 
 def test_loaded_tree_and_live_tree_have_the_same_runs(tmp_path):
@@ -76,7 +78,7 @@ def test_loaded_tree_and_live_tree_have_the_same_runs(tmp_path):
 
 def test_voxel_below_zero_has_a_negative_index():
     octree = OctreeMap(RES)
-    octree.insert_plane([-0.05, 0.05, -0.05], 0.01)
+    insert_plane(octree, [-0.05, 0.05, -0.05], 0.01)
     runs = octree.column_runs()
     assert (runs.origin_key, runs.nx, runs.ny, runs.z_range) == ((-1, 0), 1, 1, (-1, -1))
 
@@ -89,7 +91,7 @@ def test_empty_map_has_no_columns():
 def test_map_of_too_many_columns_is_refused_with_their_number():
     octree = OctreeMap(RES)
     for place in (-3000.0, 3000.0):
-        octree.insert_plane([place, place, 0.0], 0.1)
+        insert_plane(octree, [place, place, 0.0], 0.1)
     with pytest.raises(ValueError, match="ask for a smaller box"):
         octree.column_runs()
     assert octree.column_runs([2990, 2990, -1], [3010, 3010, 1]).nx > 0
@@ -101,16 +103,16 @@ def test_map_of_too_many_columns_is_refused_with_their_number():
 def test_plane_fills_only_what_is_unknown():
     octree = OctreeMap(RES, SensorModel(grazing_m=0.0))
     octree.insert_sweep(np.array([[0.45, 0.05, 0.05]], np.float32), np.array([[0.05, 0.05, 0.05]], np.float32))
-    assert octree.insert_plane([0.0, 0.0, 0.05], 0.3) == 36 - 3
-    states = octree.column_runs([-9, -9, 0], [9, 9, 0.1]).to_dense()[:, :, 0]
-    rows = ["".join(".1#"[s] for s in row) for row in states.T]
+    assert insert_plane(octree, [0.0, 0.0, 0.05], 0.3) == 36 - 3
+    places = [[[0.1 * x + 0.05, 0.1 * y + 0.05, 0.05] for x in range(-3, 5)] for y in range(-3, 3)]
+    rows = ["".join(".1#"[s] for s in octree.states_at(row)) for row in places]
     assert rows == ["######..", "######..", "######..", "###1111#", "######..", "######.."]
 
 
 @pytest.mark.parametrize("up", [(0.0, 0.0, 1.0), (-0.3, 0.1, 0.9), (0.0, 0.42, 0.9), (1.0, 1.0, 0.8)])
 def test_plane_lies_as_its_normal_says(up):
     octree, center = OctreeMap(RES), np.array([0.33, -0.21, 0.45])
-    assert octree.insert_plane(center, 0.6, up) == 13 * 13
+    assert insert_plane(octree, center, 0.6, up) == 13 * 13
     centers, _ = octree.occupied_voxels()
     off = (centers - center) @ (np.array(up) / up[2])
     assert len(centers) == 13 * 13 and np.abs(off).max() <= RES / 2 + 1e-6
@@ -120,12 +122,12 @@ def test_plane_lies_as_its_normal_says(up):
 @pytest.mark.parametrize("up", [(0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (np.nan, 0.0, 1.0), (0.0, 1.0)])
 def test_plane_whose_normal_does_not_point_upwards_is_refused(up):
     with pytest.raises(ValueError, match="up"):
-        OctreeMap(RES).insert_plane([0.0, 0.0, 0.0], 0.5, up)
+        insert_plane(OctreeMap(RES), [0.0, 0.0, 0.0], 0.5, up)
 
 
 def test_plane_is_overruled_by_what_beams_see_later():
     octree = OctreeMap(RES)
-    octree.insert_plane([0.0, 0.0, 0.05], 0.2)
+    insert_plane(octree, [0.0, 0.0, 0.05], 0.2)
     down = np.array([[0.05 + x / 10, 0.05 + y / 10, -1.05] for x in range(-2, 3) for y in range(-2, 3)], np.float32)
     for _ in range(3):
         octree.insert_sweep(down, down + np.array([0.0, 0.0, 2.1], np.float32))
@@ -157,7 +159,7 @@ def test_binary_of_a_box_is_that_of_a_map_of_it_alone():
 def test_occupied_voxels_are_those_of_the_grid_with_pruned_ones_whole():
     octree = OctreeMap(RES)
     for z in (0.05, 0.15):
-        octree.insert_plane([0.2, 0.1, z], 0.2 - 1e-3)
+        insert_plane(octree, [0.2, 0.1, z], 0.2 - 1e-3)
     centers, sizes = octree.occupied_voxels()
     assert centers.dtype == sizes.dtype == np.float32
     assert np.isclose((sizes.astype(float) ** 3).sum(), 4 * 4 * 2 * RES**3)
@@ -185,7 +187,7 @@ def test_reset_map_is_as_good_as_new():
     octree = room_map()
     octree.reset()
     assert (octree.node_count, octree.leaf_count, octree.to_full()) == (0, 0, b"")
-    octree.insert_plane([0, 0, 0.05], 0.1)
+    insert_plane(octree, [0, 0, 0.05], 0.1)
     assert octree.node_count > 0 and octree.memory_bytes > 0
 
 

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from octree_planes import insert_plane
 
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
@@ -48,7 +49,7 @@ def change(octree: OctreeMap, rng: np.random.Generator, center: np.ndarray) -> O
     if kind <= 2:
         octree.insert_sweep(*random_sweep(rng, center, int(rng.integers(1, 400))), bounds=tuple(box) if kind else None)
     elif kind == 3:
-        octree.insert_plane(center * RES + rng.uniform(-3, 3, 3), rng.uniform(0.05, 1.0))
+        insert_plane(octree, center * RES + rng.uniform(-3, 3, 3), rng.uniform(0.05, 1.0))
     elif kind == 4:
         octree.clear_box(*box)
     elif kind == 5:
@@ -84,7 +85,7 @@ def test_leaves_larger_than_a_region_of_bits_are_seen_whole_and_cut(level):
     octree, edge = tree_of_leaves(level, {0: FREE_LEAF, 1: OCCUPIED_LEAF, 6: OCCUPIED_LEAF}), 65536 >> level + 1
     for x, y, z in itertools.product((0, edge - 1, edge), repeat=3):
         assert_nodes_agree(octree, (x - 4, y - 3, z - 70), (x + 3, y + 3, z + 70))
-    octree.insert_plane([edge * RES, 0.5, (edge + 0.5) * RES], 0.3)
+    insert_plane(octree, [edge * RES, 0.5, (edge + 0.5) * RES], 0.3)
     octree.clear_box([(edge - 2) * RES, -1, -1], [(edge + 3) * RES, 1, (edge + 1) * RES])
     octree.insert_sweep(np.array([[edge * RES, 0.2, 1.0]], np.float32), np.array([[edge * RES - 1.0, 0.4, 0.1]], np.float32))
     assert_nodes_agree(octree, (edge - 12, -6, -70), (edge + 8, 12, 80))
@@ -102,14 +103,14 @@ def test_map_that_is_one_leaf_is_known_in_every_layer():
 def test_columns_at_the_ends_of_the_index_range_are_whole():
     octree = OctreeMap(RES)
     for z in (-3276.8, 3276.7):
-        octree.insert_plane([0.05, 0.05, z + 0.05], 0.01)
+        insert_plane(octree, [0.05, 0.05, z + 0.05], 0.01)
     runs = octree.column_runs()
     assert (runs.nx, runs.ny, runs.z_lo.tolist(), runs.z_hi.tolist()) == (1, 1, [-32768, 32767], [-32768, 32767])
 
 
 def test_memory_counts_the_bits_beside_the_nodes():
     octree = OctreeMap(RES)
-    octree.insert_plane([0.05, 0.05, 0.05], 0.01)
+    insert_plane(octree, [0.05, 0.05, 0.05], 0.01)
     assert octree.memory_bytes >= 65536
     octree.reset()
     assert octree.memory_bytes < 65536

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from odometry_fusion import OdometryConfig, measurements, pose_increment
+from odometry_fusion import OdometryConfig, measurements
 from odometry_fusion.error_state import (
     ACCEL_BIAS,
     ATTITUDE,
@@ -18,14 +18,12 @@ from odometry_fusion.error_state import (
     ProcessNoise,
     State,
     exp_rotation,
-    orthonormal,
     predict,
-    skew,
     update,
 )
-from odometry_fusion.increments import carried
 from odometry_fusion.interval import ImuInterval
-from rigid_geometry import inverse, transform_from_rpy
+from odometry_fusion.track import carried
+from rigid_geometry import renormalised, skew
 from robot_body import RobotBody
 
 QUIET = ProcessNoise(0.0, (0.0, 0.0), 0.0, 0.0, 0.0, 60.0)
@@ -101,7 +99,7 @@ def test_slip_shortens_the_way_and_is_not_learnt_from_wheels():
     assert np.linalg.norm(carried_slip) == pytest.approx(0.01 * 0.05, rel=1e-3)
     config = OdometryConfig()
     level = measurements.level(0.0, np.array([0.0, 0.0, 9.81]), 1.0, 0.0, True, config)
-    interval = ImuInterval(0.05, rates, np.full(1, 0.05), np.zeros(3), None, 0, 0.01)
+    interval = ImuInterval(0.05, rates, np.full(1, 0.05), np.zeros(3), None, 0.01)
     after = measurements.roll_wheels(level, interval, 0.5, 0.0, config, RobotBody())
     assert after.covariance[15, 15] == level.covariance[15, 15]
 
@@ -111,7 +109,7 @@ def test_robot_that_turns_slides_to_the_side_that_is_downhill(fall, share):
     config = OdometryConfig()
     up = np.array([0.0, -fall, math.sqrt(1.0 - fall**2)])  # felt in base_link: its left side is low
     state = measurements.level(0.0, 9.81 * up, 1.0, 0.0, False, config)
-    turning = ImuInterval(0.05, np.array([[0.0, 0.0, -0.5]]), np.full(1, 0.05), np.array([0.0, 0.0, -0.5]), None, 0, 0.01)
+    turning = ImuInterval(0.05, np.array([[0.0, 0.0, -0.5]]), np.full(1, 0.05), np.array([0.0, 0.0, -0.5]), None, 0.01)
     for _ in range(200):
         state = measurements.roll_wheels(state, turning, 0.0, -0.5, config, RobotBody())
     assert state.velocity[1] == pytest.approx(0.5 * RobotBody().turning_slide_m * share, rel=0.05, abs=1e-3)
@@ -122,15 +120,15 @@ def test_robot_in_a_bend_slides_outwards_as_on_a_slope():
     forward, rate = 0.5, 0.49
     fall = forward * rate / config.gravity_mps2  # one in forty
     state = measurements.level(0.0, np.array([0.0, 0.0, 9.81]), 1.0, 0.0, False, config)
-    left_bend = ImuInterval(0.05, np.array([[0.0, 0.0, rate]]), np.full(1, 0.05), np.array([0.0, 0.0, rate]), None, 0, 0.01)
+    left_bend = ImuInterval(0.05, np.array([[0.0, 0.0, rate]]), np.full(1, 0.05), np.array([0.0, 0.0, rate]), None, 0.01)
     for _ in range(200):
         state = measurements.roll_wheels(state, left_bend, forward, rate, config, RobotBody())
     assert state.velocity[1] == pytest.approx(-rate * RobotBody().turning_slide_m * math.sqrt(fall / 0.1), rel=0.05)
 
 
-def test_orthonormal_mends_rounding():
+def test_renormalised_rotation_is_without_rounding():
     R = exp_rotation(np.array([0.3, 0.2, -1.0])) + RNG.normal(size=(3, 3)) * 1e-7
-    fixed = orthonormal(R)
+    fixed = renormalised(R)
     np.testing.assert_allclose(fixed @ fixed.T, np.eye(3), atol=1e-12)
 
 
@@ -138,20 +136,3 @@ def test_carried_error_is_the_cross_product():
     lever, turn = np.array([3.0, -1.0, 0.5]), np.array([0.01, 0.02, -0.03])
     np.testing.assert_allclose((carried(lever) @ np.r_[0, 0, 0, turn])[:3], np.cross(turn, lever))
     np.testing.assert_allclose(carried(lever)[:3, 3:], -skew(lever))
-
-
-def test_increment_of_dead_reckoning_forgets_the_uncertainty_before_it():
-    """b's covariance is a's carried over plus what was gained: the increment has exactly the gain, in axes of b."""
-    T_a, T_b = transform_from_rpy((1, 2, 0), (0.1, 0, 0.5)), transform_from_rpy((4, 3, 0.5), (0, 0.2, 2.0))
-    A = RNG.normal(size=(6, 6))
-    gain = np.diag([0.1, 0.2, 0.05, 0.01, 0.02, 0.03]) ** 2
-    carry, R = carried(T_b[:3, 3] - T_a[:3, 3]), np.kron(np.eye(2), T_b[:3, :3])
-    step = pose_increment(T_a, A @ A.T, T_b, carry @ A @ A.T @ carry.T + R @ gain @ R.T)
-    np.testing.assert_allclose(step.T_a_b, inverse(T_a) @ T_b)
-    np.testing.assert_allclose(step.covariance, gain, atol=1e-9)
-
-
-def test_increment_without_gain_has_the_floor():
-    T = transform_from_rpy((1, 2, 0), (0.1, 0, 0.5))
-    step = pose_increment(T, np.eye(6), T, np.eye(6) * 0.5, position_floor_m=0.01, rotation_floor_rad=0.02)
-    np.testing.assert_allclose(step.covariance, np.diag([1e-4] * 3 + [4e-4] * 3), atol=1e-12)

@@ -23,7 +23,7 @@ UPRIGHT = level(0.0, np.array([0.0, 0.0, GRAVITY]), 1.0, 1.0, True, CONFIG)  # n
 def felt(accel, rate=(0.0, 0.0, 0.0)):
     """A twentieth of a second of the IMU."""
     rates = np.array([rate], dtype=float)
-    return ImuInterval(0.05, rates, np.array([0.05]), rates[0], np.array(accel, dtype=float), 5, 0.01)
+    return ImuInterval(0.05, rates, np.array([0.05]), rates[0], np.array(accel, dtype=float), 0.01)
 
 
 def tilt(state):

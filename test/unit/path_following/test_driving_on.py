@@ -36,6 +36,11 @@ def known_ahead_while_driving(run: Drive, border: float) -> list[tuple[float, fl
     return [(out.v, border - x) for out, (x, *_) in zip(run.outputs, run.poses, strict=True)]
 
 
+def speeds_under_way(run: Drive, end: tuple[float, float]) -> list[float]:
+    """From a second on, as long as the end is farther than a metre."""
+    return [out.v for out, pose in list(zip(run.outputs, run.poses, strict=True))[20:] if math.dist(pose[:2], end) > 1.0]
+
+
 # --- no faster than the known ground ahead allows ---------------------------------------------------------------------------------------
 
 
@@ -63,7 +68,7 @@ def test_ground_that_becomes_known_in_time_is_driven_on_without_a_stop() -> None
 
     run = drive(on_path(line((0, 0), (7, 0))), world, each_tick=seen)
     assert run.last.state is FollowerState.REACHED
-    assert min(o.v for o in run.outputs[20:] if o.remaining_m is not None and o.remaining_m > 1.0) > 0.2
+    assert min(speeds_under_way(run, (7, 0))) > 0.2
 
 
 def test_robot_that_stands_before_unknown_ground_goes_on_when_a_sweep_shows_it() -> None:
@@ -152,8 +157,7 @@ def test_new_path_that_begins_where_the_robot_was_is_gone_over_to_at_full_speed(
     x = 2.0  # where it is by then, nearly
     run = replaced(line((x - behind_m, aside_m), (6, aside_m)), 1.0 + x / 0.5 + 0.35)
     assert run.states() == ["following", "reached"]
-    under_way = [o.v for o in run.outputs[20:] if o.remaining_m is not None and o.remaining_m > 1.0]
-    assert min(under_way) > 0.45
+    assert min(speeds_under_way(run, (6, aside_m))) > 0.45
     assert np.abs(np.diff([o.w for o in run.outputs])).max() <= 3.0 * 0.05 + 1e-9
 
 
@@ -176,7 +180,7 @@ def test_new_path_far_from_the_robot_is_not_driven() -> None:
 def test_new_path_that_was_decided_late_is_gone_over_to_where_the_robot_is_beside_it(behind_m: float) -> None:
     run = replaced(line((3.2 - behind_m, 0.0), (6, 0)), 7.0)
     assert run.states() == ["following", "reached"]
-    assert min(o.v for o in run.outputs[20:] if o.remaining_m is not None and o.remaining_m > 1.0) > 0.45
+    assert min(speeds_under_way(run, (6, 0))) > 0.45
 
 
 @pytest.mark.parametrize("behind_m", [1.6, 2.5])
@@ -208,10 +212,9 @@ def test_paths_that_are_replaced_all_the_time_are_driven_as_one() -> None:
     follower, seen = on_path(line((0, 0), (6, 0))), []
 
     def plan(t: float) -> None:
-        seen.append(follower.latest.remaining_m)
-        if len(seen) % 55 == 0 and seen[-1]:
-            x = 6.0 - seen[-20]  # planned from where it was a second ago
-            follower.set_path(line((x, 0), (6, 0)), None)
+        seen.append(follower._pose[0] if follower._pose else 0.0)
+        if len(seen) % 55 == 0:
+            follower.set_path(line((seen[-20], 0), (6, 0)), None)  # planned from where it was a second ago
 
     run = drive(follower, World(), each_tick=plan)
     assert run.states() == ["following", "reached"] and len(seen) < 14.5 / 0.05
@@ -227,7 +230,7 @@ def test_obstacle_that_appears_as_far_ahead_as_the_robot_stops_is_not_touched(ma
     wall_x = 4.0 + reach
 
     def appears(t: float) -> None:
-        if follower.latest.remaining_m is not None and follower.latest.remaining_m < 9.0 - 4.0:
+        if follower._pose and follower._pose[0] > 4.0:
             world.lethal[world.cells(wall_x, wall_x + 0.3, -3.0, 3.0)] = True
 
     run = drive(follower, world, robot=LATE, each_tick=appears)

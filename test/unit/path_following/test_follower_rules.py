@@ -32,7 +32,7 @@ def is_still(output) -> bool:
 
 def test_without_a_path_it_stands_and_says_so():
     out = PathFollower(FollowerConfig(), RobotBody()).step(seen(1.0))
-    assert is_still(out) and out.state is FollowerState.IDLE and out.reason == "no path yet" and out.remaining_m is None
+    assert is_still(out) and out.state is FollowerState.IDLE and out.reason == "no path yet"
 
 
 @pytest.mark.parametrize(
@@ -101,11 +101,6 @@ def test_clear_stands_with_its_reason_until_the_next_path():
 def test_robot_far_from_its_path_gives_up_with_the_distance():
     out = following().step(seen(1.0, T_map_base=transform_from_rpy([0.5, 1.5, 0.0])))
     assert out.state is FollowerState.STUCK and "1.50 m from the path" in out.reason
-
-
-def test_remaining_distance_and_side_are_told():
-    out = following().step(seen(1.0, T_map_base=transform_from_rpy([1.0, 0.2, 0.0])))
-    assert out.remaining_m == pytest.approx(2.0, abs=0.01) and out.off_path_m == pytest.approx(0.2, abs=1e-6)
 
 
 def test_path_of_one_point_where_the_robot_stands_is_reached():

@@ -217,13 +217,6 @@ def test_without_beam_origins_nothing_is_accepted(room, method):
     assert np.isnan(result.free_space_contradiction)
 
 
-def test_random_reduction_finds_the_transform_too(room):
-    poses, clouds = room
-    matcher = registration("thesis_chain", chain_reduction="random", chain_random_ratio=0.3)
-    result = matcher.match(area_of(poses[:3], clouds[:3]), clouds[3], poses[3])
-    assert error_of(result.T_reference_reading, poses[3])[0] < 0.02
-
-
 def test_free_space_tells_a_shifted_match_from_a_right_one(room):
     poses, clouds = room
     config = RegistrationConfig()

@@ -114,14 +114,14 @@ def test_sweep_ends_level_within_its_time_and_a_second_one_meanwhile_is_refused(
     simulation = simulate()
     assert simulation.sweep_left_s == 0.0
     simulation.start_sweep()
-    assert simulation.sweep_left_s == pytest.approx(simulation.sweep_duration_s)
+    assert simulation.sweep_left_s == pytest.approx(simulation._profile.duration_s)
     with pytest.raises(ValueError, match="a sweep is running"):
         simulation.start_sweep()
     data, points = [], 0
     while simulation.sweeping:
         data.append(simulation.tick(0.0, 0.0))
         points += sum(int(np.isfinite(s.ranges).sum()) for s in data[-1].scans)
-    assert len(data) == math.ceil(simulation.sweep_duration_s / 0.05) and 130_000 < points < 260_000
+    assert len(data) == math.ceil(simulation._profile.duration_s / 0.05) and 130_000 < points < 260_000
     tilt = [joint.positions[0] for d in data for joint in d.joints]
     assert max(tilt) > 2.8 and min(tilt) < -0.55 and abs(tilt[-1]) < 1e-3
     assert data[-1].joints[-1].velocities[0] == 0.0 and not data[-1].sweeping and simulation.sweep_left_s == 0.0

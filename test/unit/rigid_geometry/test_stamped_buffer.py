@@ -4,7 +4,7 @@ from collections import Counter
 
 import pytest
 
-from rigid_geometry import Arrival, StampedBuffer
+from rigid_geometry import StampedBuffer
 
 
 @pytest.fixture
@@ -14,15 +14,15 @@ def dropped() -> Counter[str]:
 
 @pytest.fixture
 def buffer(dropped: Counter[str]) -> StampedBuffer[str]:
-    filled: StampedBuffer[str] = StampedBuffer("imu", 1.0, 10.0, dropped)
+    filled: StampedBuffer[str] = StampedBuffer("imu", 10.0, dropped)
     for stamp_s, value in zip((1.0, 2.0, 3.0, 4.0), "abcd", strict=True):
         filled.append(stamp_s, value)
     return filled
 
 
 def test_arrivals_are_judged_by_the_latest_stamp_and_counted(buffer, dropped):
-    assert [buffer.judge(s) for s in (4.1, 4.0, 3.5, 2.9)] == [Arrival.IN_ORDER, Arrival.LATE, Arrival.LATE, Arrival.TIME_JUMP]
-    assert dropped == {"imu_late": 2, "time_jump": 1}
+    assert [buffer.takes(s, buffer.clear) for s in (4.1, 4.0, 3.6, 3.4)] == [True, False, False, True]
+    assert not len(buffer) and dropped == {"imu_late": 2, "time_jump": 1}
 
 
 def test_what_is_older_than_the_buffer_is_long_is_forgotten_and_counted(buffer, dropped):
@@ -48,4 +48,4 @@ def test_forgetting_keeps_the_sample_that_interpolation_needs(buffer):
 
 def test_cleared_buffer_takes_any_stamp(buffer):
     buffer.clear()
-    assert buffer.first() is None and buffer.last_stamp_s is None and buffer.judge(0.5) is Arrival.IN_ORDER
+    assert buffer.first() is None and buffer.last_stamp_s is None and buffer.takes(0.5, buffer.clear)

@@ -9,14 +9,12 @@ import pytest
 import yaml
 
 from robot_body import RobotBody
-from stage_config.old_names import OLD_NAMES
 
 ROOT = Path(__file__).resolve().parents[3]
 HUSKY = RobotBody()
 MODULES = sorted([p for p in (ROOT / "src").rglob("*.py") if p.parent.name != "robot_body"] + [*(ROOT / "nodes").iterdir()])
 FILES = sorted([p for p in (ROOT / "config").rglob("*.yaml") if p.name != "robot.yaml" and p.parent.name != "robots"])
 OF_THE_BODY = {f.name for f in dataclasses.fields(RobotBody)} - {"name", "urdf", "mounts"}
-OLD = {path.rpartition("/")[2] for path, home in OLD_NAMES.items() if home.startswith("robot.yaml")}
 # A name that also means something else: how fast the follower wants to go, how far the costmap's costs reach, how wide a door is.
 OTHER_KEYS = {"max_speed_mps", "max_turn_rate_radps", "inflation_radius_m"}
 OF_THE_FOLLOWER = {"max_speed_mps", "max_turn_rate_radps", "max_acceleration_mps2", "max_turn_acceleration_radps2"}
@@ -79,7 +77,7 @@ def test_names_and_numbers_are_looked_for_that_there_are() -> None:
 @pytest.mark.parametrize("path", MODULES, ids=relative)
 def test_module_gives_no_name_of_the_body_a_number(path: Path) -> None:
     tree = ast.parse(path.read_text(encoding="utf-8"))
-    named = [name for name in given_numbers(tree) if name.lower() in OF_THE_BODY | OLD and (relative(path), name) not in OTHERS]
+    named = [name for name in given_numbers(tree) if name.lower() in OF_THE_BODY and (relative(path), name) not in OTHERS]
     assert not named, f"{named} of {path}: the robot stands in robot_body"
 
 
@@ -92,5 +90,5 @@ def test_module_holds_no_number_of_the_body(path: Path) -> None:
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.name)
 def test_parameter_file_says_nothing_of_the_body(path: Path) -> None:
-    found = set(keys(yaml.safe_load(path.read_text(encoding="utf-8")))) & (OF_THE_BODY | OLD)
+    found = set(keys(yaml.safe_load(path.read_text(encoding="utf-8")))) & OF_THE_BODY
     assert found <= OTHER_KEYS, f"{found} of {path.name}: the robot stands in robot.yaml"

@@ -13,7 +13,8 @@ from ros_adapters.map_files import MapFiles
 
 def tree(half_m: float) -> OctreeMap:
     made = OctreeMap(0.1)
-    made.insert_plane((0.0, 0.0, 0.0), half_m)
+    middles = made.unknown_on_plane((0.0, 0.0, 0.0), half_m)
+    made.insert_sweep(middles, middles)
     return made
 
 

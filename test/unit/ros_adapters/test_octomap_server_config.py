@@ -32,4 +32,4 @@ def test_typo_of_a_name_without_meaning_is_told_what_it_may_mean() -> None:
     with pytest.raises(ConfigError, match="unknown parameter compres_map, did you mean compress_map"):
         load_config(OctomapServerConfig, {"compres_map": True}, others=without_meaning())
     with pytest.raises(ConfigError, match="unknown parameter max_rnge, did you mean max_range"):
-        load_config(OctomapServerSensorModel, {"max_rnge": 1.0}, "sensor_model", without_meaning("sensor_model"))
+        load_config(OctomapServerSensorModel, {"max_rnge": 1.0}, without_meaning("sensor_model"))

@@ -118,13 +118,12 @@ def test_passing_the_horizon_in_a_sweep_is_not_its_end():
     assert sum(a.state is DriveState.SWEEPING for a in script.actions) >= whole
 
 
-def test_clock_stands_only_while_the_sweep_is_mapped():
+def test_decision_after_the_sweep_is_driven_at_once():
     script = Script()
     script.until(DriveState.MAPPING)
-    assert [a.acknowledge for a in script.actions] == [True] * (len(script.actions) - 1) + [False]
     answer = script.decide("goal", "frontier 3")
-    assert answer == TickAction(0.0, 0.0, False, True, DriveState.DRIVING, "goal: frontier 3", None)
-    assert script.tick(FORWARD, "following") == TickAction(0.5, 0.0, False, True, DriveState.DRIVING, "goal: frontier 3", None)
+    assert answer == TickAction(0.0, 0.0, False, DriveState.DRIVING, "goal: frontier 3", None)
+    assert script.tick(FORWARD, "following") == TickAction(0.5, 0.0, False, DriveState.DRIVING, "goal: frontier 3", None)
 
 
 def test_late_decision_is_waited_for_without_moving():
@@ -133,8 +132,8 @@ def test_late_decision_is_waited_for_without_moving():
     end = script.t
     for _ in range(100):
         action = script.tick(FORWARD, "following")
-        assert (action.v, action.acknowledge, action.state) == (0.0, False, DriveState.MAPPING)
-    assert script.decide("goal", stamp=end).acknowledge
+        assert (action.v, action.state) == (0.0, DriveState.MAPPING)
+    assert script.decide("goal", stamp=end).state is DriveState.DRIVING
     assert script.tick(FORWARD, "following").v == 0.5
 
 
@@ -150,7 +149,7 @@ def test_decision_that_overtakes_the_end_of_its_sweep_is_used_then():
     script.tick()
     assert script.decide("goal", "early") is None
     action = script.until(DriveState.DRIVING)
-    assert action.acknowledge and action.reason == "goal: early" and script.machine.sweeps == 1
+    assert action.reason == "goal: early" and script.machine.sweeps == 1
     assert "mapping" not in script.states()
 
 
@@ -161,7 +160,7 @@ def test_decision_that_nobody_awaits_is_ignored():
     assert script.decide("explored") is None
     script.until(DriveState.SWEEPING, command=FORWARD, follower="following")
     assert script.decide("explored", stamp=2.0) is None
-    assert script.until(DriveState.MAPPING).acknowledge is False
+    assert script.until(DriveState.MAPPING).v == 0.0
 
 
 def test_unknown_decision_is_refused():
@@ -192,9 +191,9 @@ def test_long_way_is_interrupted_by_a_sweep_and_goes_on_to_the_same_goal():
     script = Script(max_distance_m=2.0).driving()
     action = script.until(DriveState.SETTLING, command=FORWARD, follower="following")
     assert action.sweep_kind is SweepKind.INTERMEDIATE and action.v == 0.0 and "since the last sweep" in action.reason
-    assert 2.0 < script.machine.distance_since_sweep_m < 2.1
+    assert 2.0 < script.machine._travel.distance_m < 2.1
     script.until(DriveState.MAPPING, command=FORWARD, follower="following")
-    assert script.machine.distance_since_sweep_m == 0.0
+    assert script.machine._travel.distance_m == 0.0
     assert script.machine.distance_m == pytest.approx(script.x, abs=1e-9)
     assert script.decide("keep", "intermediate").state is DriveState.DRIVING
     assert script.tick(FORWARD, "following").v == 0.5
@@ -207,7 +206,7 @@ def test_tracked_robot_drives_on_until_its_position_is_not_known_well_enough():
     for k in range(100):
         command = FORWARD if k < 60 else (0.0, 0.8)
         assert script.tick(command, "following", pose_sigma_m=0.02).state is DriveState.DRIVING
-    assert script.machine.distance_since_sweep_m > 1.4 and script.machine.yaw_since_sweep_rad > 1.4
+    assert script.machine._travel.distance_m > 1.4 and script.machine._travel.yaw_rad > 1.4
     action = script.tick(FORWARD, "following", pose_sigma_m=0.04)
     assert action.sweep_kind is SweepKind.INTERMEDIATE and "known to 4.0 cm only" in action.reason
 
@@ -215,14 +214,14 @@ def test_tracked_robot_drives_on_until_its_position_is_not_known_well_enough():
 def test_tracked_robot_is_swept_where_the_terrain_that_it_knows_ends():
     script = Script(max_distance_m=1.0, max_tracked_distance_m=2.0).driving()
     action = script.until(DriveState.SETTLING, command=FORWARD, follower="following", pose_sigma_m=0.001)
-    assert action.sweep_kind is SweepKind.INTERMEDIATE and 2.0 < script.machine.distance_since_sweep_m < 2.1
+    assert action.sweep_kind is SweepKind.INTERMEDIATE and 2.0 < script.machine._travel.distance_m < 2.1
 
 
 @pytest.mark.parametrize("unknown", [None, math.nan, math.inf])
 def test_sigma_that_nobody_knows_leaves_the_distance(unknown):
     script = Script(max_distance_m=1.0, max_tracked_distance_m=4.0).driving()
     script.until(DriveState.SETTLING, command=FORWARD, follower="following", pose_sigma_m=unknown)
-    assert 1.0 < script.machine.distance_since_sweep_m < 1.1
+    assert 1.0 < script.machine._travel.distance_m < 1.1
 
 
 def test_turning_to_and_fro_adds_up_to_a_sweep():
@@ -232,7 +231,7 @@ def test_turning_to_and_fro_adds_up_to_a_sweep():
         if action.state is DriveState.SETTLING:
             break
     assert action.sweep_kind is SweepKind.INTERMEDIATE and "rad" in action.reason
-    assert abs(script.yaw) < 1.0 and 2.0 < script.machine.yaw_since_sweep_rad < 2.1
+    assert abs(script.yaw) < 1.0 and 2.0 < script.machine._travel.yaw_rad < 2.1
 
 
 @pytest.mark.parametrize(("slope_rad", "sweeps"), [(0.1, True), (0.0, False)])
@@ -252,7 +251,7 @@ def test_turn_in_place_on_a_slope_asks_for_a_sweep_before_the_robot_drives_on(sl
 
 def test_goal_that_is_reached_where_the_way_is_long_enough_counts_as_reached():
     script = Script(max_distance_m=1.01).driving()
-    while script.machine.distance_since_sweep_m < 0.99:
+    while script.machine._travel.distance_m < 0.99:
         script.tick(FORWARD, "following")
     assert script.tick(FORWARD, "reached").sweep_kind is SweepKind.REACHED
 
@@ -297,17 +296,17 @@ def test_end_of_the_exploration_stands(kind):
     script = Script()
     script.until(DriveState.MAPPING)
     answer = script.decide(kind.value, "no frontier is left")
-    assert answer.state is DriveState.FINISHED and answer.acknowledge and answer.reason == f"{kind.value}: no frontier is left"
+    assert answer.state is DriveState.FINISHED and answer.reason == f"{kind.value}: no frontier is left"
     for follower in ["following"] * 5 + ["reached"] * 20 + ["idle"] * 200 + ["paused"] * 20:  # the old path's end, and none
         action = script.tick(FORWARD, follower)
-        assert (action.v, action.w, action.state, action.acknowledge) == (0.0, 0.0, DriveState.FINISHED, True)
+        assert (action.v, action.w, action.state) == (0.0, 0.0, DriveState.FINISHED)
 
 
 def test_sweep_that_does_not_begin_fails_with_a_reason():
     script = Script()
     script.obeys_sweeps = False
     action = script.until(DriveState.FAILED)
-    assert action.reason == "the sweep did not begin within 3.0 s" and action.acknowledge
+    assert action.reason == "the sweep did not begin within 3.0 s"
     assert script.tick(FORWARD, "following").v == 0.0 and script.machine.sweeps == 0
 
 

@@ -65,8 +65,6 @@ def test_profile_s_robot_lies_over_that_of_the_file(tmp_path: Path) -> None:
         ("terrain: {look_m: high}", ["look_m = 'high' is no float"]),
         ("terrain: 3", ["terrain"]),
         ("terrain: {look_m: .inf, zzz: 1}\nplanner: {climb_weight: -1}", ["look_m", "zzz", "climb_weight"]),
-        ("terrain: {max_step_m: 0.2}", ["terrain/max_step_m now stands in robot.yaml: max_step_m"]),
-        ("base_height_m: 0.2", ["base_height_m now stands in robot.yaml: base_height_m"]),
         ("robot: {max_stp_m: 0.2}\nplanner_node: {}", ["--robot", "max_stp_m, did you mean max_step_m?"]),
         ("robot: 3", ["robot = 3 is no mapping"]),
         ("- terrain", ["expected sections"]),

@@ -5,27 +5,25 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from visiting_order import best_order, order_cost
+from exploration_evaluation.visiting_order import best_order, order_cost
 
 
 def times_between(places):
     return np.linalg.norm(places[:, None] - places[None], axis=2)
 
 
-def brute_force(times, weights=None):
-    return min(order_cost(times, (0, *rest), weights) for rest in permutations(range(1, len(times))))
+def brute_force(times):
+    return min(order_cost(times, (0, *rest)) for rest in permutations(range(1, len(times))))
 
 
 @pytest.mark.parametrize("stops", range(8))
-@pytest.mark.parametrize("latency", [0.0, 0.3])
-def test_up_to_seven_stops_no_order_costs_less(stops, latency):
+def test_up_to_seven_stops_no_order_costs_less(stops):
     for seed in range(3):
-        rng = np.random.default_rng(seed)
-        times, weights = rng.random((stops + 1, stops + 1)), latency * rng.random(stops + 1)  # one way is not the other
-        order = best_order(times, range(stops + 1), weights)
+        times = np.random.default_rng(seed).random((stops + 1, stops + 1))  # one way is not the other
+        order = best_order(times, range(stops + 1))
         assert order[0] == 0
         assert sorted(order) == list(range(stops + 1))
-        assert order_cost(times, order, weights) == pytest.approx(brute_force(times, weights))
+        assert order_cost(times, order) == pytest.approx(brute_force(times))
 
 
 def test_many_stops_on_a_ring_are_visited_around_it():
@@ -38,12 +36,6 @@ def test_order_of_many_stops_is_within_a_few_percent_of_many_tries():
     times = times_between(np.random.default_rng(2).random((12, 2)))
     tries = (best_order(times, (0, *np.random.default_rng(k).permutation(np.arange(1, 12)))) for k in range(30))
     assert order_cost(times, best_order(times, range(12))) < 1.06 * min(order_cost(times, order) for order in tries)
-
-
-def test_what_weighs_more_is_visited_first_where_that_costs_the_others_little():
-    times = times_between(np.array([[0.0], [-1.0], [1.2]]))
-    assert best_order(times, (0, 1, 2)) == [0, 1, 2]
-    assert best_order(times, (0, 1, 2), (0.0, 0.0, 1.0)) == [0, 2, 1]
 
 
 def test_order_that_is_best_stays():

@@ -1,4 +1,6 @@
-"""The order of least cost: every order of a few places; of more, one that no reversed and no moved piece makes cheaper.
+"""In which order to visit places, from a start and not back to it, so that the last is reached soonest.
+
+Of a few places every order is tried; of more one is found that no reversed and no moved piece makes cheaper.
 
 These are the moves 2-opt (Croes 1958) and or-opt (Or 1976), each costed anew as a whole: so a leg may take longer one way than the other.
 """
@@ -16,26 +18,25 @@ _ALL_ORDERS = 7  # places of which every order is tried: 5,040
 _PIECE = 3  # longest piece that is moved
 
 
-def order_cost(times_s: ArrayLike, order: ArrayLike, weights: ArrayLike | None = None) -> float:
-    """Seconds until the last place is reached, and `weights` times the seconds until each is.
+def order_cost(times_s: ArrayLike, order: ArrayLike) -> float:
+    """Seconds until the last place is reached.
 
-    times_s (M, M): from place to place. order (N,): places, the start first. weights (M,): how much it costs that a place waits a second.
-    ValueError for another shape.
+    times_s (M, M): from place to place. order (N,): places, the start first. ValueError for another shape.
     """
-    times, at, waits = _checked(times_s, order, weights)
-    return float(_costs(times, at[None], waits)[0])
+    times, at = _checked(times_s, order)
+    return float(_costs(times, at[None])[0])
 
 
-def best_order(times_s: ArrayLike, order: ArrayLike, weights: ArrayLike | None = None) -> list[int]:
+def best_order(times_s: ArrayLike, order: ArrayLike) -> list[int]:
     """The same places, the start first, in an order that costs least; of more than seven, least among its neighbours.
 
     Arguments and errors as of `order_cost`. Where nothing is cheaper the order stays.
     """
-    times, at, waits = _checked(times_s, order, weights)
-    changes, cost = _changes(len(at) - 1), _costs(times, at[None], waits)[0]
+    times, at = _checked(times_s, order)
+    changes, cost = _changes(len(at) - 1), _costs(times, at[None])[0]
     while len(changes):
         found = at[changes]
-        costs = _costs(times, found, waits)
+        costs = _costs(times, found)
         best = int(np.argmin(costs))
         if not costs[best] < cost - 1e-9:
             break
@@ -43,11 +44,10 @@ def best_order(times_s: ArrayLike, order: ArrayLike, weights: ArrayLike | None =
     return [int(place) for place in at]
 
 
-def _costs(times: Floats, orders: Ints, weights: Floats) -> Floats:
+def _costs(times: Floats, orders: Ints) -> Floats:
     """(K,) costs of (K, N) orders."""
     arrivals = np.cumsum(times[orders[:, :-1], orders[:, 1:]], axis=1)
-    last = arrivals[:, -1] if arrivals.shape[1] else np.zeros(len(orders))
-    return np.asarray(last + (arrivals * weights[orders[:, 1:]]).sum(axis=1))
+    return arrivals[:, -1] if arrivals.shape[1] else np.zeros(len(orders))
 
 
 @lru_cache(maxsize=64)
@@ -76,11 +76,10 @@ def _moved_pieces(rest: list[int]) -> set[tuple[int, ...]]:
     return found
 
 
-def _checked(times_s: ArrayLike, order: ArrayLike, weights: ArrayLike | None) -> tuple[Floats, Ints, Floats]:
+def _checked(times_s: ArrayLike, order: ArrayLike) -> tuple[Floats, Ints]:
     times, at = np.asarray(times_s, dtype=np.float64), np.asarray(order, dtype=np.int64)
-    waits = np.zeros(len(times)) if weights is None else np.asarray(weights, dtype=np.float64)
-    if times.ndim != 2 or times.shape[0] != times.shape[1] or waits.shape != (len(times),):
-        raise ValueError(f"times are (M, M) and weights (M,), not {times.shape} and {waits.shape}")
+    if times.ndim != 2 or times.shape[0] != times.shape[1]:
+        raise ValueError(f"times are (M, M), not {times.shape}")
     if at.ndim != 1 or not len(at) or len(set(at.tolist())) < len(at) or at.min() < 0 or at.max() >= len(times):
         raise ValueError(f"an order names a start and other places among 0..{len(times) - 1}, each once, not {at.tolist()}")
-    return times, at, waits
+    return times, at
