@@ -37,6 +37,7 @@ class Tree:
 def trace_sweep(
     points: NDArray[np.float32],
     origins: NDArray[np.float32],
+    met: int,
     resolution: float,
     max_range: float,
     grazing: float,

@@ -57,12 +57,12 @@ std::unique_ptr<Tree> make_tree(double resolution, double hit, double miss, doub
 
 using Sweeps = std::vector<const SweepVoxels*>;
 
-SweepVoxels trace(const Array& points, const Array& origins, double resolution, double max_range, double grazing, const Corner& lo, const Corner& hi) {
+SweepVoxels trace(const Array& points, const Array& origins, std::size_t met, double resolution, double max_range, double grazing, const Corner& lo, const Corner& hi) {
   const float* p = points.data();
   const float* o = origins.data();
   const auto n = static_cast<std::size_t>(points.shape(0));
   const py::gil_scoped_release release;
-  return trace_sweep(p, o, n, {resolution, max_range, grazing, box_of(lo, hi)});
+  return trace_sweep(p, o, n, {resolution, met, max_range, grazing, box_of(lo, hi)});
 }
 
 SweepVoxels known_free(Tree& self, const Corner& lo, const Corner& hi) {

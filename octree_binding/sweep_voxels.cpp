@@ -182,7 +182,7 @@ Voxel voxel_on(const Ray& ray, double t, const VoxelBox& bounds) {
 }
 
 // The ray from an origin to a point, shortened to range and bounds; false when nothing of it is left.
-bool make_ray(const float* origin, const float* point, const SweepRules& rules, Ray& ray) {
+bool make_ray(const float* origin, const float* point, bool met, const SweepRules& rules, Ray& ray) {
   double squared = 0, target[3];
   for (int axis = 0; axis < 3; ++axis) {
     ray.from[axis] = origin[axis] * (1 / rules.resolution);  // as octomap computes its keys
@@ -198,7 +198,7 @@ bool make_ray(const float* origin, const float* point, const SweepRules& rules, 
     ray.length = rules.max_range;
   }
   const bool ends_inside = in_tree(target) && rules.bounds.contains(voxel_at(target));
-  ray.hit = ends_inside && !too_far;
+  ray.hit = met && ends_inside && !too_far;
   ray.carve_last = !ends_inside;
   double begin, end;
   if (!clip(ray, rules.bounds, begin, end)) {
@@ -300,14 +300,15 @@ struct Rays {
   VoxelBlocks hits, carved_to;  // where they end, with and without a hit
   std::size_t dropped = 0;
 
-  void add(const float* points, const float* origins, std::size_t n, const SweepRules& rules) {
+  void add(const float* points, const float* origins, std::size_t begin, std::size_t end, const SweepRules& rules) {
     const auto finite = [](const float* p) { return std::isfinite(p[0]) && std::isfinite(p[1]) && std::isfinite(p[2]); };
-    rays.reserve(n);
+    rays.reserve(end - begin);
     Ray ray;
-    for (std::size_t i = 0; i < n; ++i, points += 3, origins += 3) {
-      if (!finite(points) || !finite(origins)) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const float *point = points + 3 * i, *origin = origins + 3 * i;
+      if (!finite(point) || !finite(origin)) {
         ++dropped;
-      } else if (make_ray(origins, points, rules, ray)) {
+      } else if (make_ray(origin, point, i < rules.met, rules, ray)) {
         add(ray);
       }
     }
@@ -340,8 +341,7 @@ void in_two(const F& f) {
 Rays rays_of(const float* points, const float* origins, std::size_t n, const SweepRules& rules) {
   Rays halves[2];
   in_two([&](std::size_t half) {
-    const std::size_t first = half ? n / 2 : 0, end = half ? n : n / 2;
-    halves[half].add(points + 3 * first, origins + 3 * first, end - first, rules);
+    halves[half].add(points, origins, half ? n / 2 : 0, half ? n : n / 2, rules);
   });
   halves[0].add(halves[1]);
   return std::move(halves[0]);

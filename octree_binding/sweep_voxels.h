@@ -9,6 +9,7 @@ namespace octree_binding {
 
 struct SweepRules {
   double resolution;
+  std::size_t met;   // so many points, the first ones, are hits; the others are where beams that met nothing end: they only carve
   double max_range;  // metres; points beyond it only carve, up to it
   double grazing;    // metres before a hit in which the layer of the surface itself is not carved; 0 turns that off
   VoxelBox bounds;   // nothing outside is touched

@@ -89,6 +89,13 @@ class SimulationConfig:
         low=-0.1,
         high=0.1,
     )
+    reflectivity: float = parameter(
+        0.0,
+        "-",
+        "share of the light that surfaces throw back, all alike: echoes that are too faint are reported as inf; 0: none is too faint",
+        low=0.0,
+        high=1.0,
+    )
     range_step_m: float = parameter(
         0.001, "m", "ranges are whole multiples of it: a Hokuyo sends millimetres; 0 for none", low=0.0, high=0.1
     )

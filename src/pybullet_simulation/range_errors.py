@@ -24,7 +24,7 @@ class RangeErrors:
 
         `incidence` (N,): the cosine of the angle between beam and normal, 1 where a beam meets its surface head on.
         """
-        seen = np.where(hits <= self._config.range_max_m, hits, np.float32(np.inf))
+        seen = np.where((hits <= self._config.range_max_m) & ~self._faint(hits, incidence), hits, np.float32(np.inf))
         veiled = self._veiled(seen)
         ranges = veiled + self._errors(veiled, incidence)
         if self._config.range_step_m:
@@ -32,6 +32,12 @@ class RangeErrors:
         ranges[ranges > self._config.range_max_m] = np.inf
         ranges[ranges < self._config.range_min_m] = -np.inf
         return np.asarray(ranges, np.float32)
+
+    def _faint(self, hits: Ranges, incidence: Ranges) -> NDArray[np.bool_]:
+        """(N,) whether less light comes back than from a surface of 10 % at FAR_M, met head on; a Lambertian one throws back its cosine."""
+        if not self._config.reflectivity:
+            return np.zeros(hits.shape, np.bool_)
+        return np.asarray(self._config.reflectivity * incidence / np.square(hits) < 0.1 / FAR_M**2)
 
     def _errors(self, ranges: Ranges, incidence: Ranges) -> Array:
         """(N,) errors: noise and bias, neither more than the data sheet's accuracy."""

@@ -32,7 +32,13 @@ class SweepAssemblyConfig:
 
     standing_m: float = parameter(0.01, "m", "odometry may differ by so much over a sweep of a robot that stands", low=0.0, high=1.0)
     standing_rad: float = parameter(0.005, "rad", "and may turn by so much", low=0.0, high=0.5)
-    free_range_m: float = parameter(12.0, "m", "beams that met nothing are known to be free up to here", low=0.5, high=60.0)
+    free_range_m: float = parameter(
+        5.0,
+        "m",
+        "beams without an echo are free up to here: farther off, a dark floor at a grazing angle sends none either",
+        low=0.5,
+        high=60.0,
+    )
     free_beam_stride: int = parameter(3, "-", "of those beams one in so many is kept", low=1, high=100)
     stray_neighbours: int = parameter(
         2, "-", "a point with fewer others near it is no surface, and is left out; 0: all are kept", high=20, low=0

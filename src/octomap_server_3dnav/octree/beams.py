@@ -22,10 +22,3 @@ class Beams:
 def inside(points: NDArray[np.float32], bounds: Bounds) -> NDArray[np.float32]:
     """The points (N, 3) between two corners."""
     return points[((points >= bounds[0]) & (points <= bounds[1])).all(axis=1)]
-
-
-def beyond(ends: NDArray[np.float32], origins: NDArray[np.float32], max_range_m: float) -> NDArray[np.float32]:
-    """`ends` moved out along their beams to beyond the range of insertion, so that they free their way and occupy nothing."""
-    way = ends - origins
-    length = np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-6)
-    return np.asarray(origins + way * (2.0 * max_range_m / length), dtype=np.float32)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from octomap_server_3dnav.octree.beams import Beams as Beams
-from octomap_server_3dnav.octree.beams import Bounds, beyond, inside
+from octomap_server_3dnav.octree.beams import Bounds, inside
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.octree.map_config import MapConfig as MapConfig  # the map is made with one
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel, SweepVoxels
@@ -236,7 +236,7 @@ class MapBuilder:
 
     def _ends(self, b: Beams, T: Transform) -> NDArray[np.float32]:
         """In map, first of the beams that met something."""
-        return transform_points(T, np.concatenate([b.points, beyond(b.free_ends, b.free_origins, self.config.max_range_m)]))
+        return transform_points(T, np.concatenate([b.points, b.free_ends]))
 
     def _bounds(self, centre: NDArray[np.floating]) -> Bounds:
         """Lowest and highest corner of what is drawn of a sweep."""
@@ -258,7 +258,7 @@ class MapBuilder:
         """
         c = self.config
         bounds, stood_on = self._bounds(centre), np.zeros((0, 3), dtype=np.float32)
-        voxels = [self._tree.trace_sweep(ends, origins, c.max_range_m, bounds)]
+        voxels = [self._tree.trace_sweep(ends, origins, c.max_range_m, bounds, hit_count)]
         hits = inside(ends[:hit_count], bounds)
         if stands is not None and c.start_plane_half_m > 0 and stands[2, 2] > _UPRIGHT:
             middles, stood_on = self._ground_under(stands, voxels[0], self._blind_m(stands, hits))

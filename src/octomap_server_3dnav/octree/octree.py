@@ -94,16 +94,24 @@ class OctreeMap:
         return self.insert(self.trace_sweep(points_map, origins_map, max_range_m, bounds))
 
     def trace_sweep(
-        self, points_map: NDArray[np.float32], origins_map: NDArray[np.float32], max_range_m: float = math.inf, bounds: Bounds | None = None
+        self,
+        points_map: NDArray[np.float32],
+        origins_map: NDArray[np.float32],
+        max_range_m: float = math.inf,
+        bounds: Bounds | None = None,
+        met: int | None = None,
     ) -> SweepVoxels:
-        """What `insert_sweep` would insert. Neither asks the map nor changes it."""
+        """What `insert_sweep` would insert. Neither asks the map nor changes it. Only the first `met` beams met something, or all of them:
+        the others free their way up to where they end."""
         points, origins = _rows_of_three("points_map", points_map), _rows_of_three("origins_map", origins_map)
         if points.shape != origins.shape:
             raise ValueError(f"points_map and origins_map must have one row a beam each, not {points.shape} and {origins.shape}")
         if not max_range_m > 0:
             raise ValueError(f"max_range_m must be positive, not {max_range_m!r}")
         lo, hi = self._box(*(bounds or (None, None)))
-        return _octree_binding.trace_sweep(points, origins, self._resolution, max_range_m, self._model.grazing_m, lo, hi)
+        return _octree_binding.trace_sweep(
+            points, origins, len(points) if met is None else met, self._resolution, max_range_m, self._model.grazing_m, lo, hi
+        )
 
     def insert(self, voxels: SweepVoxels) -> InsertionReport:
         """Count one observation of every voxel of a sweep or plane that was traced for a map like this one."""

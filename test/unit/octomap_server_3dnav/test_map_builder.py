@@ -54,6 +54,8 @@ def test_beam_that_met_nothing_frees_its_way_and_occupies_nothing():
     built.add_sweep(wall(free_ends=down_a_hole), 0, [pose()])
     halfway = (np.array(SENSOR) + (down_a_hole[0] - SENSOR) * 0.3 + [0, 0, 0.132]).tolist()
     assert state(built, *halfway) is VoxelState.FREE
+    at_its_end = (down_a_hole[0] + [0.1, 0, 0.032]).tolist()
+    assert state(built, *at_its_end) is VoxelState.UNKNOWN, "nobody knows what sends no echo from farther off"
     centers, _ = built.tree.occupied_voxels()
     assert centers[:, 2].min() > -0.1
 

@@ -114,6 +114,13 @@ def test_point_beyond_the_range_frees_its_ray_up_to_the_range_and_occupies_nothi
     assert octree.states_at(centers((4, 0, 0), (5, 0, 0), (9, 0, 0))).tolist() == [FREE, UNKNOWN, UNKNOWN]
 
 
+@pytest.mark.parametrize("max_range_m, free", [(9.0, 9), (0.5, 5)])
+def test_beam_that_met_nothing_frees_its_way_up_to_its_end_or_the_range(max_range_m, free):
+    octree, ends = OctreeMap(RES, PLAIN), centers((0, 4, 0), (9, 0, 0))
+    octree.insert(octree.trace_sweep(ends, centers((0, 4, 0), (0, 0, 0)), max_range_m, met=1))
+    assert octree.states_at(centers((0, 4, 0), (free - 1, 0, 0), (free, 0, 0))).tolist() == [OCCUPIED, FREE, UNKNOWN]
+
+
 def test_ray_that_ends_by_its_range_where_a_cube_of_voxels_begins_leaves_that_cube_unknown():
     octree = OctreeMap(RES, PLAIN)
     report = one_ray(octree, (0, 0, 0), (20, 0, 0), max_range_m=0.8)

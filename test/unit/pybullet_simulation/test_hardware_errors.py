@@ -64,6 +64,14 @@ def test_range_has_the_noise_and_the_accuracy_of_the_data_sheet(range_m, sigma, 
     assert errors.std() == pytest.approx(clipped, rel=0.02) and np.abs(errors).max() == pytest.approx(limit, abs=1e-3)
 
 
+def test_floor_that_is_met_at_a_grazing_angle_sends_no_echo_from_afar():
+    """Of the light that falls on it a surface of 40 % at 10 m sends back four times what a surface of 10 % does."""
+    config, ranges = replace(EXACT, reflectivity=0.4), np.array([4.0, 9.9, 10.1, 19.9, 20.1], np.float32)
+    assert np.isfinite(measured(config, ranges)).tolist() == [True, True, True, True, False]
+    assert np.isfinite(measured(config, ranges, 0.25)).tolist() == [True, True, False, False, False]
+    assert np.isfinite(measured(EXACT, ranges, 0.01)).all()
+
+
 def test_ranges_are_whole_millimetres():
     ranges = RangeErrors(HARDWARE, rng()).measured(np.linspace(1.0, 20.0, 500, dtype=np.float32), np.ones(500, np.float32))
     assert np.abs(ranges * 1000.0 - np.round(ranges * 1000.0)).max() < 2e-3

@@ -92,7 +92,7 @@ def test_beams_that_met_nothing_end_free_and_those_that_are_not_known_nowhere() 
     given["reading"] = [(0.003, Scan(GEOMETRY, ranges))]
     (line,) = fed(source, given)
     assert len(line.hits) == 0 and len(line.free_ends) == 15
-    assert np.allclose(np.linalg.norm(line.free_ends - line.origin, axis=1), 12.0, atol=0.02)
+    assert np.allclose(np.linalg.norm(line.free_ends - line.origin, axis=1), SweepAssemblyConfig().free_range_m, atol=0.02)
 
 
 @pytest.mark.parametrize("topic, gap_s, reason", [("joint", 0.12, "joints"), ("odometry", 0.22, "odometry")])
