@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from registration_scores import text_table, write_json
 
 from explore_command.parameters import read_profile
+from mapping_tools.bag_sweeps import gravity_of
 from odometry_fusion import OdometryEstimate
 from pose_graph_mapping.config import MappingConfig, RegistrationConfig
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
@@ -144,8 +145,8 @@ class Drive:
         if len(self._mapper.graph):
             self._looked_at(stamp_s)
         near = self._estimates[min(self._estimates, key=lambda at: abs(at - stamp_s))]
-        up, up_sigma_rad = near.T_odom_base[2, :3], float(np.sqrt(near.pose_covariance[[3, 4], [3, 4]].max()))  # as `odometry_gravity`
-        update = self._mapper.add_sweep(stamp_s, points, origins, T_odom_base, up, up_sigma_rad)
+        gravity = gravity_of(near.T_odom_base, near.pose_covariance.ravel()) or ()
+        update = self._mapper.add_sweep(stamp_s, points, origins, T_odom_base, *gravity)
         area = self._mapper.area_cloud(AREA_M)
         covariance = None
         T_map_base = self._mapper.graph.pose(update.vertex_id)
