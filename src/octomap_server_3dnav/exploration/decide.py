@@ -249,7 +249,8 @@ class Explorer:
         return self._without_frontiers([f for f in frontiers if f.last], view)  # 26
 
     def _seen_within(self, dist_limit: float | None, observation: Observation) -> View:
-        view = View(observation.terrain_within(dist_limit), observation.T_map_base, "global" if dist_limit is None else "local")
+        o, scope = observation, "global" if dist_limit is None else "local"
+        view = View(o.terrain_within(dist_limit), o.T_map_base, scope, o.vertex_poses)
         if dist_limit is not None:
             self._goals.notice(view)
         return view

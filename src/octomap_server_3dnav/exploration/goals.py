@@ -16,6 +16,7 @@ from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
 from octomap_server_3dnav.exploration.lookouts import Lookout, WayOut, find_lookouts
+from octomap_server_3dnav.exploration.nearest_ground import nearest_ground
 from octomap_server_3dnav.exploration.tried_places import Place, TriedPlaces
 from octomap_server_3dnav.navigation.passages import TerrainSettings
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, distances_over_ground, plan_into, plan_path, straight_path
@@ -23,16 +24,22 @@ from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClas
 from rigid_geometry import yaw_of
 from rigid_geometry.transforms import Transform
 
+_SAME_STAND_M = 1.0  # from so near it looks the same
 _STILL_WORTH = 0.5  # of what a look must show at least: with less a robot that went in turns back
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """The terrain around the robot, "local" or "global" by its `scope`, and the robot's pose in it."""
+    """The terrain around the robot, "local" or "global" by its `scope`, the robot's pose in it, and those of all sweeps (V, 4, 4)."""
 
     terrain: Terrain
     T_map_base: Transform
     scope: str
+    vertex_poses: NDArray[np.float64]
+
+    def has_looked_from(self, node: int) -> bool:
+        """Whether a sweep was made beside a node."""
+        return bool((np.linalg.norm(self.vertex_poses[:, :3, 3] - self.terrain.centers(np.array([node])), axis=1) <= _SAME_STAND_M).any())
 
 
 class GoalSearch:
@@ -107,7 +114,7 @@ class GoalSearch:
         """
         looks = (lambda: self.towards(last, view), lambda: self._lookout_in(view))
         first, second = looks if self._sent_to is None else looks[::-1]
-        return first() or second() or self._entrance(view) or self._out_of(view)
+        return first() or second() or self._entrance(view) or self._nearer(view) or self._out_of(view)
 
     def decision(self, kind: DecisionKind, reason: str, view: View, left: int = 0) -> Decision:
         """A decision in a view that left so many frontiers to visit."""
@@ -168,6 +175,14 @@ class GoalSearch:
         ways = closed_ways(view.terrain, self._frontier_config, self._terrain_settings)
         found = [place for way in ways if (place := entrance(view.terrain, way, distance))]
         return self.towards([place for place in found if not self._tried.is_aside(place.xyz)], view)
+
+    def _nearer(self, view: View) -> Decision | None:
+        """To the ground nearest to floor that no way leads to: what was seen from afar only may look like a step that is none."""
+        if not self._config.lookouts or self.is_inside(view):
+            return None
+        distance = distances_over_ground(view.terrain, self._planner_config)
+        found = nearest_ground(view.terrain, self._frontier_config, distance)
+        return self.towards([f for f in found if not self._tried.is_aside(f.xyz) and not view.has_looked_from(f.node)], view)
 
     def _lookouts_left(self, terrain: Terrain, is_inside: bool) -> Iterator[Lookout]:
         """The one that the robot is on its way to, then all others: first those that lie straight ahead."""

@@ -90,6 +90,26 @@ def test_robot_in_a_closet_is_trapped():
     assert decision.kind is TRAPPED and run.state is State.TRAPPED and "near" in decision.reason and decision.path is None
 
 
+def behind_posts() -> np.ndarray:
+    """A hall with posts across it that the robot does not fit between, and floor that ends unseen a metre behind them."""
+    hall = room(150, 60)
+    hall[120:, 1:-1] = UNKNOWN
+    for k in range(8):
+        hall[106:108, 3 + 7 * k : 5 + 7 * k, BELOW : BELOW + 8] = OCCUPIED
+    return hall
+
+
+def test_floor_that_no_way_leads_to_is_looked_at_from_the_nearest_ground_unless_the_robot_was_there() -> None:
+    run = Run(behind_posts())
+    decision = run.sweep((1.6, 2.4))
+    assert decision.kind is GOAL and decision.goal is not None and 6.5 < decision.goal[0] < 8.4
+    assert run.sweep(decision.goal[:2]).kind is EXPLORED
+    passed = Run(behind_posts())
+    passed.poses.append(pose(*decision.path[-1, :2]))
+    assert passed.sweep((1.6, 2.4)).kind is EXPLORED
+    assert Run(behind_posts(), lookouts=False).sweep((1.6, 2.4)).kind is EXPLORED
+
+
 # -- under way
 
 
