@@ -92,11 +92,6 @@ class OctomapServer3dnavLocalTest(unittest.TestCase):
         self.assertEqual(code, 2, stderr)
         self.assertIn("did you mean size_m?", one_line_of(stderr))
 
-    def test_old_parameter_ends_the_node_with_its_new_home(self) -> None:
-        code, stderr = run_misconfigured(NODE, "radius_m:=3.0")
-        self.assertEqual(code, 2, stderr)
-        self.assertIn("exploration/local_radius_m", one_line_of(stderr))
-
 
 if __name__ == "__main__":
     rospy.init_node("octomap_server_3dnav_local_test")
