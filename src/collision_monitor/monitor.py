@@ -5,7 +5,7 @@ separation distance of ISO 13855): its room grows with time. What the map knows 
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,15 +41,20 @@ class CollisionMonitor:
 
     def __init__(self, config: CollisionMonitorConfig, robot: RobotBody) -> None:
         """ValueError lists what is wrong with `config`."""
+        self._robot = robot
         self.configure(config)
         self._half = np.array([robot.half_length_m, robot.half_width_m])
         self._share, self._stamp_s = 1.0, -math.inf
 
     def configure(self, config: CollisionMonitorConfig) -> None:
-        """From the next command on. ValueError lists what is wrong with `config`."""
+        """From the next command on, no braking stronger than the robot's. ValueError lists what is wrong with `config`."""
         if problems := config.validate():
             raise ValueError("; ".join(problems))
-        self._config = config
+        self._config = replace(
+            config,
+            deceleration_mps2=min(config.deceleration_mps2, self._robot.max_acceleration_mps2),
+            turn_deceleration_radps2=min(config.turn_deceleration_radps2, self._robot.max_turn_acceleration_radps2),
+        )
 
     @property
     def memory_s(self) -> float:

@@ -1,6 +1,7 @@
 """The last guard: it stops in time, slows on the way there, and leaves alone what it must not judge."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -41,6 +42,12 @@ def test_stop_comes_in_time_for_a_person_who_walks_up_meanwhile():
         if v == 0.0:
             break
     assert v == 0.0 and gap >= CONFIG.margin_m - 0.05
+
+
+def test_robot_that_brakes_weakly_is_stopped_earlier():
+    weak, stranger = replace(ROBOT, max_acceleration_mps2=0.3), np.array([[FRONT_M + 1.2, 0.0]])
+    slowed = CollisionMonitor(CONFIG, weak).limited(1.0, 0.5, 0.0, stranger).share
+    assert slowed < share(0.5, 0.0, tuple(stranger[0]))
 
 
 def test_turn_on_the_spot_stops_before_who_stands_at_the_corner_s_way():
