@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from octomap_server_3dnav.navigation.passages import is_along, place_of, rest_from
 from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, distances
@@ -183,12 +184,17 @@ def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np
     return np.asarray(total * terrain.resolution + math.dist(centers[:2], terrain.robot_xyz[:2]))
 
 
-def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], tolerance_m: float) -> int | None:
+def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], tolerance_m: float, off_unknown_m: float = 0.0) -> int | None:
     """The traversable node that the robot can reach nearest to a point in map; None when none lies within `tolerance_m`.
 
+    Nearer than `off_unknown_m` to floor that nobody has seen there is none: that may be a cliff.
     A height that is NaN is not known: of the storeys there it is the one nearest to the robot's own height.
     """
-    nodes = np.flatnonzero(terrain.reached & (terrain.label == TerrainClass.TRAVERSABLE))
+    nodes, unknown = np.flatnonzero(terrain.reached & (terrain.label == TerrainClass.TRAVERSABLE)), terrain.frontiers()
+    if off_unknown_m > 0.0 and unknown.size:
+        nodes = nodes[
+            cKDTree(terrain.centers(unknown)).query(terrain.centers(nodes), distance_upper_bound=off_unknown_m)[0] >= off_unknown_m
+        ]
     if not nodes.size:
         return None
     off = terrain.centers(nodes) - np.asarray(xyz, dtype=np.float32)
