@@ -18,12 +18,12 @@ from ros_adapters.tilt_input import TiltInput
 from stage_config import load_config
 from sweep_assembly import LaserScans, LidarConfig, LidarRevolutions, Line, LineSource, SweepAssemblyConfig
 
-_GAPS = ("max_joint_gap_s", "max_odometry_gap_s")
+_AS_SWEEPS = ("max_joint_gap_s", "max_odometry_gap_s", "free_range_m")
 
 
-def _gaps_of_sweeps() -> SweepAssemblyConfig:
-    """What pauses of tilt and odometry a sweep stands, its lines stand, too: told once, to the node that assembles sweeps."""
-    values = {name: rospy.get_param(f"sweep_assembler_node/{name}", None) for name in _GAPS}
+def _config_of_sweeps() -> SweepAssemblyConfig:
+    """What a sweep's pauses and free beams are, its lines' are, too: told once, to the node that assembles sweeps."""
+    values = {name: rospy.get_param(f"sweep_assembler_node/{name}", None) for name in _AS_SWEEPS}
     return load_config(SweepAssemblyConfig, {name: value for name, value in values.items() if value is not None})
 
 
@@ -34,7 +34,7 @@ class LineInput:
         """`lidar`: where one spins in the laser's place; `tilt_joint` and `mount` are `mount_of_laser`'s."""
         spinning, self._laser_frame = sensor_is_spinning(node.name), laser_frame
         sensor = LidarRevolutions(lidar) if spinning else LaserScans()
-        self._lines: LineSource[Any] = LineSource(_gaps_of_sweeps(), mount, sensor)
+        self._lines: LineSource[Any] = LineSource(_config_of_sweeps(), mount, sensor)
         self._tilt, self._newest_s = TiltInput(node, tilt_joint, self._lines.add_joint), -math.inf
         self.topics = (*self._tilt.topics, "points_filtered" if spinning else "scan_filtered")
         if spinning:

@@ -38,7 +38,3 @@ class Scan:
         ranges[ranges >= np.float32(self.range_max_m)] = np.inf
         ranges[ranges < np.float32(self.range_min_m)] = np.nan
         return ranges
-
-    def with_ranges(self, ranges: Ranges) -> "Scan":
-        """The same beams with other ranges."""
-        return Scan(self.geometry, ranges, self.range_min_m, self.range_max_m, self.period_s)

@@ -5,7 +5,7 @@ Inputs come a message at a time, in order within a topic and in any order betwee
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rigid_geometry import StampedBuffer
 from robot_body import RobotBody
@@ -30,7 +30,7 @@ class ScanChain:
 
     def __init__(self, config: ScanFilterConfig, mount: TiltGeometry, robot: RobotBody) -> None:
         """ValueError when the configuration is wrong."""
-        self._filter = ScanFilter(config, mount, robot)
+        self._filter, self._max_range_m = ScanFilter(config, mount, robot), config.max_range_m
         self._tilts = TiltHistory()
         self.dropped: Counter[str] = Counter()
         self._waiting: StampedBuffer[Scan] = StampedBuffer("scan", BUFFER_S, self.dropped)
@@ -52,5 +52,6 @@ class ScanChain:
 
     def _filtered(self, stamp_s: float, scan: Scan) -> FilteredScan:
         tilts = self._tilts.at(stamp_s + scan.geometry.beam_times)
-        filtered = scan.with_ranges(self._filter.filter(scan, tilts))
+        range_max_m = min(scan.range_max_m, self._max_range_m)  # farther, a beam without an echo may have met something
+        filtered = replace(scan, ranges=self._filter.filter(scan, tilts), range_max_m=range_max_m)
         return FilteredScan(stamp_s, filtered, self._filter.horizontal(filtered, tilts))

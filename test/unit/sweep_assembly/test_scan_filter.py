@@ -107,6 +107,15 @@ def test_joint_sample_that_is_late_or_doubled_changes_nothing():
     assert (one.level.ranges == 2.0).all()
 
 
+def test_beams_that_met_something_too_far_to_count_are_free_no_farther():
+    chain = ScanChain(ScanFilterConfig(max_range_m=3.0), TILT, HUSKY)
+    for stamp_s in (0.99, 1.05):
+        chain.add_joint(stamp_s, 0.0)
+    chain.add_scan(1.0, Scan(GEOMETRY, scan(3.5), 0.1, 30.0))
+    (one,) = chain.poll()
+    assert np.isposinf(one.scan.ranges).any() and one.scan.range_max_m == 3.0
+
+
 def test_scan_that_comes_late_is_counted_and_time_that_jumps_back_starts_afresh():
     chain = ScanChain(ScanFilterConfig(), TILT, HUSKY)
     for stamp_s in (10.0, 9.9, 1.0):

@@ -3,7 +3,7 @@
 import math
 import zlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -63,7 +63,7 @@ class StandingLaser:
 
     def _filtered(self, ranges: NDArray[np.float32], tilts: Array) -> Scan:
         scan = Scan(self._geometry, ranges)
-        return scan.with_ranges(self._filter.filter(scan, tilts))
+        return replace(scan, ranges=self._filter.filter(scan, tilts))
 
     def _scans(self, T_map_base: Array, starts_s: Array) -> list[NDArray[np.float32]]:
         motion = self._motion(T_map_base, len(starts_s))
