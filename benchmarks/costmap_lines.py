@@ -13,7 +13,7 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import yaml
@@ -134,7 +134,7 @@ class Drive:
         for start_s, ranges in zip((0.0, SCAN_S), self._laser.scans(motion, np.array([0.0, SCAN_S])), strict=True):
             scan = Scan(geometry, ranges, layout.range_min, layout.range_max)
             at_beams = nod(begin_s + start_s + geometry.beam_times)
-            source.add_reading(begin_s + start_s, scan.with_ranges(self._filter.filter(scan, at_beams)))
+            source.add_reading(begin_s + start_s, replace(scan, ranges=self._filter.filter(scan, at_beams)))
         yield from source.poll()
 
 

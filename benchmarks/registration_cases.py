@@ -99,7 +99,7 @@ class SweepingLaser:
 
     def _filtered(self, ranges: NDArray[np.float32], tilts: Array) -> Scan:
         scan = Scan(self._geometry, ranges)
-        return scan.with_ranges(self._filter.filter(scan, tilts))
+        return replace(scan, ranges=self._filter.filter(scan, tilts))
 
     def _odometry(self, R_map_base: Array, stamps: Array) -> list[Array]:
         """T_odom_base at each stamp as the filter estimates it while the robot stands, after a drive at the same attitude."""

@@ -103,7 +103,7 @@ class Robot:
         for one in data.scans:
             scan = Scan(geometry, one.ranges, layout.range_min, layout.range_max)
             beams = np.interp(one.stamp_s + geometry.beam_times, at, tilts)
-            self._lines.add_reading(one.stamp_s, scan.with_ranges(self._filter.filter(scan, beams)))
+            self._lines.add_reading(one.stamp_s, replace(scan, ranges=self._filter.filter(scan, beams)))
         for line in self._lines.poll():
             self.costmap.add_line(line.stamp_s, line.hits, line.free_ends, line.origin)
 

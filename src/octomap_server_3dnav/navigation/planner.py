@@ -184,17 +184,14 @@ def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np
     return np.asarray(total * terrain.resolution + math.dist(centers[:2], terrain.robot_xyz[:2]))
 
 
-def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], tolerance_m: float, off_unknown_m: float = 0.0) -> int | None:
-    """The traversable node that the robot can reach nearest to a point in map; None when none lies within `tolerance_m`.
+def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], tolerance_m: float, off_m: float = 0.0) -> int | None:
+    """The traversable node that the robot can reach nearest to a point in map, and `off_m` from unseen floor; None beyond `tolerance_m`.
 
-    Nearer than `off_unknown_m` to floor that nobody has seen there is none: that may be a cliff.
     A height that is NaN is not known: of the storeys there it is the one nearest to the robot's own height.
     """
-    nodes, unknown = np.flatnonzero(terrain.reached & (terrain.label == TerrainClass.TRAVERSABLE)), terrain.frontiers()
-    if off_unknown_m > 0.0 and unknown.size:
-        nodes = nodes[
-            cKDTree(terrain.centers(unknown)).query(terrain.centers(nodes), distance_upper_bound=off_unknown_m)[0] >= off_unknown_m
-        ]
+    nodes, unknown = np.flatnonzero(terrain.reached & (terrain.label == TerrainClass.TRAVERSABLE)), terrain.centers(terrain.frontiers())
+    if off_m > 0.0 and len(unknown):
+        nodes = nodes[cKDTree(unknown).query(terrain.centers(nodes), distance_upper_bound=off_m)[0] >= off_m]
     if not nodes.size:
         return None
     off = terrain.centers(nodes) - np.asarray(xyz, dtype=np.float32)
@@ -202,11 +199,10 @@ def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], toler
         gaps = np.hypot(off[:, 0], off[:, 1])
         near = np.flatnonzero(gaps <= gaps.min() + terrain.resolution)
         aside = np.abs(terrain.z[nodes[near]] * terrain.resolution - terrain.robot_xyz[2])
-        near = near[aside <= aside.min() + STOREY_M]
-        best = int(near[np.argmin(gaps[near])])
+        gaps[np.setdiff1d(np.arange(len(gaps)), near[aside <= aside.min() + STOREY_M])] = np.inf
     else:
         gaps = np.linalg.norm(off, axis=1)
-        best = int(np.argmin(gaps))
+    best = int(np.argmin(gaps))
     return int(nodes[best]) if gaps[best] <= max(tolerance_m, terrain.resolution) else None
 
 
