@@ -49,17 +49,19 @@ class DisplacementWatch:
     def begin_again(self) -> None:
         """Forgets what was, as after a jump of time."""
         self._window: deque[_Moment] = deque()
+        self._accel: FloatArray | None = None  # what was felt last
         self._reason = ""
         self._moved_s = -math.inf  # when it was last felt to move, while it is displaced
 
     def reason(self, state: State, interval: ImuInterval, wheels: Wheels) -> str:
         """In words, "" where the wheels explain the way; `state` and `wheels` at the interval's end."""
-        if interval.mean_accel is None or interval.longest_gap_s > self._config.max_imu_gap_s:
+        self._accel = self._accel if interval.mean_accel is None else interval.mean_accel  # none came where wheels tell more often
+        if self._accel is None or interval.longest_gap_s > self._config.max_imu_gap_s:
             self._window.clear()
             return self._reason
         rate, duration_s = interval.mean_rate - state.gyro_bias, interval.duration_s
         R_midway = state.R_odom_base @ exp_rotation(-0.5 * duration_s * rate)
-        acceleration = R_midway @ (interval.mean_accel - state.accel_bias) - np.array([0.0, 0.0, self._config.gravity_mps2])
+        acceleration = R_midway @ (self._accel - state.accel_bias) - np.array([0.0, 0.0, self._config.gravity_mps2])
         velocity = state.R_odom_base @ (state.velocity + np.cross(rate, self.position_base))
         self._add(state, wheels, duration_s, (acceleration, velocity), float(rate[2]))
         if self._reason:

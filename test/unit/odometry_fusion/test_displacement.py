@@ -18,13 +18,16 @@ from robot_body import RobotBody  # noqa: E402
 CONFIG = OdometryConfig()
 
 
-def followed(script: str, seconds: float, v: float = 0.0, w: float = 0.0, seed: int = 1) -> list:
-    """Estimates of a robot in rooms, with hardware's errors, under one command after three seconds of rest."""
-    odometry, found = OdometryFilter(CONFIG, RobotBody()), []
+def followed(script: str, seconds: float, v: float = 0.0, w: float = 0.0, seed: int = 1, each_imu: int = 1) -> list:
+    """Estimates of a robot in rooms, with hardware's errors, under one command after three seconds of rest; of 100 Hz one in `each_imu`."""
+    odometry, found, samples = OdometryFilter(CONFIG, RobotBody()), [], 0
     simulation = Simulation(SimulationConfig(disturbances=script), load_world("rooms", seed), seed)
     for k in range(round(20 * seconds)):
         data = simulation.tick(*((v, w) if k >= 60 else (0.0, 0.0)))
         for sample in data.imu:
+            samples += 1
+            if samples % each_imu:
+                continue
             odometry.add_imu(sample.stamp_s, sample.gyro, sample.accel)
         for wheels in data.wheel_odometry:
             odometry.add_wheels(wheels.stamp_s, wheels.v, wheels.w)
@@ -43,6 +46,12 @@ def test_robot_that_stands_and_is_moved_by_hands_is_noticed_within_two_seconds_a
     assert told and told[0].displaced.split()[0] in word.split("|")
     assert 5.0 <= told[0].stamp_s - begin_s + 0.1 <= 7.0
     assert not found[-1].displaced and found[-1].standing
+
+
+@pytest.mark.parametrize("each_imu", [5, 8])
+def test_robot_whose_imu_tells_no_more_often_than_its_wheels_is_noticed_too(each_imu: int) -> None:
+    assert any(one.displaced for one in followed("push 5 1", 8.0, each_imu=each_imu))
+    assert not any(one.displaced for one in followed("", 8.0, v=0.5, each_imu=each_imu))
 
 
 def test_robot_that_is_pushed_as_it_drives_is_noticed() -> None:
