@@ -45,3 +45,13 @@ def test_description_that_a_robots_drivers_loaded_is_not_replaced_by_the_huskys(
             config = load_config_default([(str(LAUNCH / file), arguments)], None)
             assert ("/robot_description" in config.params) == is_loaded, (file, arguments)
             assert "robot_state_publisher" not in {node.name for node in config.nodes} or is_loaded
+
+
+def test_what_an_earlier_launch_set_on_a_master_that_lives_on_is_cleared() -> None:
+    """Else its zones, its misspelt parameters and its nodes that were given up are those of this launch."""
+    for ns in ("", "left"):
+        config = load_config_default([(str(LAUNCH / "explore.launch"), ["sim:=true", "markers:=true", f"ns:={ns}"])], None)
+        own = {f"/{ns}/{node.name}/".replace("//", "/") for node in config.nodes if node.package == "explore_3dnav"}
+        beside = {f"/{ns}/{name}/".replace("//", "/") for name in ("robot", "revival")}
+        assert {f"/{ns}/{node}/".replace("//", "/") for node in NODE_CONFIGS if node in {n.name for n in config.nodes}} <= own
+        assert own | beside <= {cleared.rstrip("/") + "/" for cleared in config.clear_params}
