@@ -8,15 +8,15 @@ import numpy as np
 from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S
 from rigid_geometry.transforms import Transform, as_transform, interpolate_transforms
 
-_KEPT_POSES = 400
+_KEPT_S = 20.0
 
 
 class PoseHistory:
     """Stamped poses in order; time that jumped back starts it afresh."""
 
     def __init__(self) -> None:
-        self._stamps: deque[float] = deque(maxlen=_KEPT_POSES)
-        self._poses: deque[Transform] = deque(maxlen=_KEPT_POSES)
+        self._stamps: deque[float] = deque()
+        self._poses: deque[Transform] = deque()
 
     def add(self, stamp_s: float, T: Transform) -> bool:
         """Whether it takes the (4, 4) pose: one that is late or doubled is left out. ValueError when it is not rigid."""
@@ -28,6 +28,9 @@ class PoseHistory:
             self._poses.clear()
         self._stamps.append(stamp_s)
         self._poses.append(pose)
+        while len(self._stamps) > 2 and self._stamps[0] < stamp_s - _KEPT_S:
+            self._stamps.popleft()
+            self._poses.popleft()
         return True
 
     def reaches(self, stamp_s: float) -> bool:

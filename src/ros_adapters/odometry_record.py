@@ -12,7 +12,7 @@ from rigid_geometry import JUMP_BACK_S, PoseHistory
 from rigid_geometry.transforms import Transform
 
 _TOLERANCE_S = 1e-6
-_MOST_UPS = 400
+_KEPT_S = 20.0
 _LONGEST_GAP_S = 0.3  # a robot that turns meanwhile is nobody knows where between two samples
 _Gravity = tuple[NDArray[np.float64], float]
 _Up = tuple[float, NDArray[np.float64], float]
@@ -33,7 +33,7 @@ class OdometryRecord:
     def __init__(self, life: Life) -> None:
         """As the process before this one knew it."""
         self._journal = Journal(life, "odometry")
-        nothing = PoseHistory(), deque[_Up](maxlen=_MOST_UPS)
+        nothing = PoseHistory(), deque[_Up]()
         (self._poses, self._ups), notes = self._journal.taken_up(nothing)
         for stamp_s, T_odom_base, gravity in cast(list[_Note], notes):
             if T_odom_base is not None:
@@ -53,6 +53,8 @@ class OdometryRecord:
                 return
             self._ups.clear()
         self._ups.append((stamp_s, up, sigma_rad))
+        while self._ups[0][0] < stamp_s - _KEPT_S:
+            self._ups.popleft()
         self._note(stamp_s, None, (up, sigma_rad))
 
     def reaches(self, stamp_s: float) -> bool:

@@ -24,6 +24,11 @@ def test_pose_at_a_known_stamp_is_that_pose() -> None:
         np.testing.assert_allclose(poses.at(stamp_s), transform_from_rpy((stamp_s, 0.0, 0.0)), atol=1e-12)
 
 
+def test_last_seconds_are_known_however_often_poses_come() -> None:
+    poses = history(*np.arange(0.0, 10.0, 0.005))
+    assert poses.at(2.0025)[0, 3] == pytest.approx(2.0025)
+
+
 @pytest.mark.parametrize("stamp_s", [0.9, 2.1])
 def test_pose_outside_the_history_is_refused(stamp_s: float) -> None:
     with pytest.raises(ValueError, match="outside"):
