@@ -19,6 +19,7 @@ from std_msgs.msg import Header
 
 from path_following.patience import PATIENCE_S, Patience
 from rigid_geometry import transform_from_rpy
+from ros_adapters.asking import waiting_for
 from ros_adapters.conversions import header, pose_message, transform_from_pose
 from ros_adapters.frames import frames
 from ros_adapters.service_errors import reason_of
@@ -162,7 +163,8 @@ class GoalAction:
         """Stores a path to a goal, or the first part of one: whether it is the whole. ValueError when there is none."""
         at, start = goal.pose.position, PoseStamped(Header(frame_id=frames().map), pose_message(self._known_pose()))
         try:
-            answer = self._plan_path(start, goal, _TOLERANCE_M)
+            with waiting_for(_PLAN_PATH):
+                answer = self._plan_path(start, goal, _TOLERANCE_M)
         except rospy.ServiceException as error:
             raise ValueError(f"no plan to ({at.x:.2f}, {at.y:.2f}): {reason_of(error)}") from error
         if not answer.plan.poses:

@@ -53,7 +53,7 @@ def revolution_message(
 
 def revolution_of(message: PointCloud2, frame: str) -> Revolution:
     """The beams of a cloud; ValueError for another frame than `frame`, without rings or times, or when it cannot be read."""
-    if message.header.frame_id != frame:
+    if message.header.frame_id.lstrip("/") != frame:
         raise ValueError(f"cloud in frame {message.header.frame_id!r}, expected {frame!r}")
     return Revolution.of(read_beams(message, stamp_of(message)))
 

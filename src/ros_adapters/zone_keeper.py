@@ -16,6 +16,7 @@ from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
 from map_zones import Zone, Zones, write_zones, zones_from_mapping
+from ros_adapters.asking import waiting_for
 from ros_adapters.conversions import header
 from ros_adapters.frames import frames
 from ros_adapters.node import Node
@@ -74,7 +75,8 @@ class ZoneKeeper:
     def _tell_follower(self) -> None:
         """A robot that drives stands now, and a sweep decides anew."""
         try:
-            self._replan()
+            with waiting_for(REPLAN):
+                self._replan()
         except rospy.ServiceException as error:
             self._node.diagnostics.dropped("move_base_node not told of zones", str(error))
 
