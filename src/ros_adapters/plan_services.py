@@ -81,7 +81,7 @@ class PlanServices:
 
     def _path(self, terrain: Terrain, request: GetPlanRequest | PlanPathRequest, from_robot: bool) -> Path | None:
         """From where the robot was swept last, or from the ground nearest the start."""
-        goal = _ground_at(terrain, request.goal, request.tolerance, self._explorer.terrain_settings.robot.turning_radius_m)
+        goal = _ground_at(terrain, request.goal, request.tolerance)
         if why := _why_closed(terrain, request.goal):
             raise ValueError(f"the goal at {why}")
         source = None if from_robot else _ground_at(terrain, request.start, request.tolerance)
@@ -90,16 +90,13 @@ class PlanServices:
         return plan_path(terrain, goal, self._explorer.planner_config, source)
 
 
-def _ground_at(terrain: Terrain, pose: PoseStamped, tolerance_m: float, off_unknown_m: float = 0.0) -> int | None:
-    """The node of reachable ground nearest to a pose, so far off floor that nobody has seen.
-
-    ValueError for a frame that is not the map's, and for what is no number.
-    """
+def _ground_at(terrain: Terrain, pose: PoseStamped, tolerance_m: float) -> int | None:
+    """The node of reachable ground nearest to a pose. ValueError for a frame that is not the map's, and for what is no number."""
     _check_in_map(pose)
     xyz = pose.pose.position
     if not (math.isfinite(xyz.x) and math.isfinite(xyz.y)):
         raise ValueError(f"a pose at ({xyz.x}, {xyz.y}), which are no numbers")
-    return nearest_traversable(terrain, (xyz.x, xyz.y, xyz.z), tolerance_m, off_unknown_m)
+    return nearest_traversable(terrain, (xyz.x, xyz.y, xyz.z), tolerance_m)
 
 
 def _why_closed(terrain: Terrain, pose: PoseStamped) -> str:

@@ -10,7 +10,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from octomap_server_3dnav.navigation.passages import is_along, place_of, rest_from
 from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, distances
@@ -184,14 +183,12 @@ def distances_over_ground(terrain: Terrain, config: PlannerConfig) -> NDArray[np
     return np.asarray(total * terrain.resolution + math.dist(centers[:2], terrain.robot_xyz[:2]))
 
 
-def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], tolerance_m: float, off_m: float = 0.0) -> int | None:
-    """The traversable node that the robot can reach nearest to a point in map, and `off_m` from unseen floor; None beyond `tolerance_m`.
+def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], tolerance_m: float) -> int | None:
+    """The traversable node that the robot can reach nearest to a point in map; None when none lies within `tolerance_m`.
 
     A height that is NaN is not known: of the storeys there it is the one nearest to the robot's own height.
     """
-    nodes, unknown = np.flatnonzero(terrain.reached & (terrain.label == TerrainClass.TRAVERSABLE)), terrain.centers(terrain.frontiers())
-    if off_m > 0.0 and len(unknown):
-        nodes = nodes[cKDTree(unknown).query(terrain.centers(nodes), distance_upper_bound=off_m)[0] >= off_m]
+    nodes = np.flatnonzero(terrain.reached & (terrain.label == TerrainClass.TRAVERSABLE))
     if not nodes.size:
         return None
     off = terrain.centers(nodes) - np.asarray(xyz, dtype=np.float32)
@@ -199,10 +196,11 @@ def nearest_traversable(terrain: Terrain, xyz: tuple[float, float, float], toler
         gaps = np.hypot(off[:, 0], off[:, 1])
         near = np.flatnonzero(gaps <= gaps.min() + terrain.resolution)
         aside = np.abs(terrain.z[nodes[near]] * terrain.resolution - terrain.robot_xyz[2])
-        gaps[np.setdiff1d(np.arange(len(gaps)), near[aside <= aside.min() + STOREY_M])] = np.inf
+        near = near[aside <= aside.min() + STOREY_M]
+        best = int(near[np.argmin(gaps[near])])
     else:
         gaps = np.linalg.norm(off, axis=1)
-    best = int(np.argmin(gaps))
+        best = int(np.argmin(gaps))
     return int(nodes[best]) if gaps[best] <= max(tolerance_m, terrain.resolution) else None
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
-from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, grid_of_heights, pose, robot_with, terrain_of
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, grid_of_heights, pose, robot_with, terrain_of
 
 from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, distances, edge_cost
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, distances_over_ground, nearest_traversable, plan_path, trim_path
@@ -57,15 +57,6 @@ def test_goal_without_a_height_lies_on_the_storey_of_the_robot():
     assert terrain.centers()[node] == pytest.approx((9.4, 1.6, 2.44), abs=0.13)
     assert nearest_traversable(terrain, (9.4, 1.6, 0.04), 0.5) is None
     assert nearest_traversable(terrain, (40.0, 1.6, math.nan), 0.5) is None
-
-
-def test_goal_that_somebody_gives_keeps_off_floor_that_nobody_has_seen():
-    states = flat(90, 60)
-    states[60:] = UNKNOWN
-    terrain = terrain_of(states, pose(1.0, 2.4))
-    beside, off = nearest_traversable(terrain, (4.7, 2.4, 0.04), 0.7), nearest_traversable(terrain, (4.7, 2.4, 0.04), 0.7, 0.6)
-    assert terrain.centers()[beside][0] == pytest.approx(4.7, abs=0.1) and terrain.centers()[off][0] == pytest.approx(4.2, abs=0.1)
-    assert nearest_traversable(terrain, (4.7, 2.4, 0.04), 0.3, 0.6) is None
 
 
 def test_path_keeps_the_inflation_radius_from_walls_and_likes_the_middle():
