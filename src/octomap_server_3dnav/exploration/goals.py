@@ -15,7 +15,7 @@ from octomap_server_3dnav.exploration.closed_ways import closed_ways, entrance, 
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig, facing_yaw, find_frontiers
-from octomap_server_3dnav.exploration.lookouts import Lookout, WayOut, find_lookouts
+from octomap_server_3dnav.exploration.lookouts import SAME_STAND_M, Lookout, WayOut, find_lookouts
 from octomap_server_3dnav.exploration.nearest_ground import nearest_ground
 from octomap_server_3dnav.exploration.tried_places import Place, TriedPlaces
 from octomap_server_3dnav.navigation.passages import TerrainSettings
@@ -24,7 +24,6 @@ from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClas
 from rigid_geometry import yaw_of
 from rigid_geometry.transforms import Transform
 
-_SAME_STAND_M = 1.0  # from so near it looks the same
 _STILL_WORTH = 0.5  # of what a look must show at least: with less a robot that went in turns back
 
 
@@ -39,7 +38,7 @@ class View:
 
     def has_looked_from(self, node: int) -> bool:
         """Whether a sweep was made beside a node."""
-        return bool((np.linalg.norm(self.vertex_poses[:, :3, 3] - self.terrain.centers(np.array([node])), axis=1) <= _SAME_STAND_M).any())
+        return bool((np.linalg.norm(self.vertex_poses[:, :3, 3] - self.terrain.centers(np.array([node])), axis=1) <= SAME_STAND_M).any())
 
 
 class GoalSearch:

@@ -33,7 +33,7 @@ from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, Te
 _STARTS = 16  # nodes at the end of the ground from which ways back are tried
 _LAST_M = 0.8  # how far from the floor that was not seen the ground may end
 NEAR_END_M = 1.5 * _LAST_M  # and so near to its end what is looked at may be, for the ground is not level
-_SAME_STAND_M = 1.0  # from so near it looks the same
+SAME_STAND_M = 1.0  # from so near it looks the same
 _FAR_INSIDE_M = 1.0  # from room to turn: nearer, the robot stands beside something
 _FACING = 0.7  # cosine of the angle between a way and what it leads to
 _IN_LINE = 0.985  # the same between a way and the robot in it
@@ -106,7 +106,7 @@ class WayOut:
 
     def has_looked_from(self, xyz: NDArray[np.float64]) -> bool:
         """Whether the robot looked from beside a place (3,) in an earlier visit."""
-        return self._way_in is None and any(math.dist(xyz, stand) <= _SAME_STAND_M for stand in self._stands)
+        return self._way_in is None and any(math.dist(xyz, stand) <= SAME_STAND_M for stand in self._stands)
 
     def enter(self, way: Passage, terrain: Terrain) -> None:
         """The robot is sent along a way to a lookout now. One that is inside already goes on, and knows its way out by where it came in."""
