@@ -133,6 +133,12 @@ class RobotBody:
         return (self.track_m + self.wheel_width_m) / 2 + self.straying_m + self.wheelbase_m / 2 * math.sin(self.straying_rad)
 
     @property
+    def rolled_over_m(self) -> float:
+        """Widest gap in the ground that a wheel rolls over: it sinks in by no more than the highest step, as deep as its axle at most."""
+        depth = min(self.max_step_m, self.wheel_radius_m)
+        return 2.0 * math.sqrt(depth * (2.0 * self.wheel_radius_m - depth))
+
+    @property
     def effective_track_m(self) -> float:
         """Track of a robot without skidding that would turn as this one: track times effective_track_factor."""
         return self.track_m * self.effective_track_factor

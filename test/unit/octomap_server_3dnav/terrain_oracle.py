@@ -119,7 +119,7 @@ class Oracle:
             top_unseen = i + 1 == len(runs) or runs[i + 1].low > run.high + 1
             air_below = i > 0 and not runs[i - 1].occupied and runs[i - 1].high >= run.low - 2
             strips = i
-            while strips and runs[strips - 1].occupied and runs[strips].low - runs[strips - 1].high <= self.limits.fill:
+            while strips and runs[strips - 1].occupied and runs[strips].low - runs[strips - 1].high <= self.limits.strip:
                 strips -= 1
             if not (top_unseen and (air_below or run.high - runs[strips].low >= self.step)):
                 found.append(run.high)

@@ -105,6 +105,17 @@ def test_unknown_gap_is_floor_up_to_three_columns(columns, expected):
     assert not np.isin(terrain.label, (OBSTACLE, CLIFF, INFLATION)).any()
 
 
+@pytest.mark.parametrize(("wheel_radius_m", "max_step_m", "filled"), [(0.165, 0.1, 3), (0.098, 0.05, 2), (0.1, 0.02, 1), (0.05, 0.01, 0)])
+def test_gap_that_wheels_do_not_roll_over_is_no_floor(wheel_radius_m, max_step_m, filled):
+    robot = replace(RobotBody(), wheel_radius_m=wheel_radius_m, max_step_m=max_step_m)
+    limits, found = Limits.of(TerrainConfig(), robot, RESOLUTION), []
+    for columns in (1, 2, 3):
+        states = flat()
+        states[30 : 30 + columns, :, : BELOW + 1] = UNKNOWN
+        found.append(scene_around(runs_of(states), None, np.array([1.2, 2.4, 0.1]), None, limits).surfaces.filled.any())
+    assert found == [columns <= filled for columns in (1, 2, 3)]
+
+
 def test_filled_floor_is_less_sure_than_what_it_lies_between():
     states = flat()
     states[30:33, :, : BELOW + 1] = UNKNOWN
