@@ -31,7 +31,7 @@ class TerrainConfig:
         high=0.05,
     )
     margin_m: float = parameter(0.025, "m", "kept from what is blocked, a drop or too steep, beside the robot's radius", low=0.0, high=0.5)
-    fill_columns: int = parameter(3, "voxels", "widest unknown gap in a floor that counts as floor, where wheels roll over it", low=0, high=8)
+    fill_columns: int = parameter(3, "voxels", "widest unknown gap in a floor that counts as floor, if wheels roll over it", low=0, high=8)
     side_columns: int = parameter(
         2, "voxels", "unknown columns beside what stands that count as a side of it, which beams passed by", low=0, high=5
     )
@@ -67,7 +67,8 @@ class Limits(NamedTuple):
 
     `step` and `clearance` count whole voxels; `max_step` and the
     tangents `max_slope` and `max_plane_slope` are the robot's, the first and last with their tolerance; `noise` is the
-    sigma of one hit; `fill` and `strip` are the widest unknown gap in a floor that is filled and in a wall between lines; `keep_off` the distance of the robot's middle from what is blocked, a drop or too steep.
+    sigma of one hit; `keep_off` the distance of the robot's middle from what is blocked, a drop or too steep. `fill` is the
+    widest gap in a floor that is filled, `strip` the widest between the lines on a wall.
     """
 
     resolution: float

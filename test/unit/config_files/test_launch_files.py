@@ -1,8 +1,11 @@
 """What launch files write and load: a folder for each launch, nothing simulated over what is the robot's, one lidar for all nodes."""
 
+import shlex
+import subprocess
 from pathlib import Path
 
 from roslaunch.config import load_config_default
+from roslaunch.core import Node
 
 from explore_command.parameters import NODE_CONFIGS
 
@@ -55,3 +58,20 @@ def test_what_an_earlier_launch_set_on_a_master_that_lives_on_is_cleared() -> No
         beside = {f"/{ns}/{name}/".replace("//", "/") for name in ("robot", "revival")}
         assert {f"/{ns}/{node}/".replace("//", "/") for node in NODE_CONFIGS if node in {n.name for n in config.nodes}} <= own
         assert own | beside <= {cleared.rstrip("/") + "/" for cleared in config.clear_params}
+
+
+def test_recorder_makes_its_folder_hears_topics_that_a_robot_calls_otherwise_and_keeps_earlier_bags(tmp_path: Path) -> None:
+    robot = tmp_path / "my_robot.launch"
+    explore = f'<include file="{LAUNCH / "explore.launch"}" pass_all_args="true"/>'
+    robot.write_text(f'<launch><remap from="/scan" to="/front/scan"/>{explore}</launch>', encoding="utf-8")
+
+    def recorder(file: Path, *words: str) -> Node:
+        config = load_config_default([(str(file), ["sim:=false", "record:=true", f"out:={tmp_path / 'new'}", *words])], None)
+        return next(node for node in config.nodes if node.name == "record")
+
+    assert ["/scan", "/front/scan"] in recorder(robot).remap_args
+    assert ["/scan", "scan"] in recorder(LAUNCH / "explore.launch", "ns:=left").remap_args
+    first, again = recorder(robot), recorder(robot, "resume:=true")
+    assert first.args.split()[1] == str(tmp_path / "new" / "run.bag") != again.args.split()[1]
+    words = [*shlex.split(first.launch_prefix), "true", *first.args.split()]
+    assert subprocess.run(words, check=False).returncode == 0 and (tmp_path / "new").is_dir()
