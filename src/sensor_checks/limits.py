@@ -7,16 +7,20 @@ from stage_config import check_ranges, parameter
 
 @dataclass(frozen=True)
 class Needs:
-    """What the nodes need of an input: its rate, how old it may be when it comes, and the longest pause between its stamps."""
+    """What the nodes need of an input: its rate, how old it may be when it comes, and the longest pause between its stamps.
+
+    Below `steady_rate_hz` the robot stands between two of them, for by then the last is too old to drive by.
+    """
 
     least_rate_hz: float
     max_age_s: float
     max_gap_s: float
+    steady_rate_hz: float = 0.0
 
 
 NEEDS = {
-    "scan": Needs(5.0, 0.2, 0.3),
-    "points": Needs(5.0, 0.3, 0.3),
+    "scan": Needs(5.0, 0.2, 0.3, 8.0),
+    "points": Needs(5.0, 0.3, 0.3, 8.0),
     "joint_states": Needs(15.0, 0.2, 0.11),
     "imu/data": Needs(25.0, 0.1, 0.1),
     "wheel_odom": Needs(8.0, 0.2, 0.21),

@@ -51,7 +51,14 @@ def _rate(topic: str, stamps: FloatArray, arrivals: FloatArray, needs: Needs, lo
     steps = np.diff(np.unique(stamps))
     jitter = f", jitter {100.0 * _spread(steps):.1f} %" if len(steps) > 2 else ""
     advice = f"at least {needs.least_rate_hz:g} Hz are needed: raise the driver's rate"
-    return judged(topic, "rate", f"{rate_hz:.1f} Hz{jitter}", (rate_hz < needs.least_rate_hz, Level.ERROR, advice))
+    slow = f"below {needs.steady_rate_hz:g} Hz the robot twitches: raise ~follower/max_input_age_s of move_base_node, and drive slower"
+    return judged(
+        topic,
+        "rate",
+        f"{rate_hz:.1f} Hz{jitter}",
+        (rate_hz < needs.least_rate_hz, Level.ERROR, advice),
+        (rate_hz < needs.steady_rate_hz, Level.WARN, slow),
+    )
 
 
 def _spread(steps: FloatArray) -> float:

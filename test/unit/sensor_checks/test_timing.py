@@ -5,7 +5,7 @@ import pytest
 
 from sensor_checks import CheckLimits, Heard, Level, Needs, clock_rows, timing_rows
 
-NEEDS = Needs(10.0, 0.1, 0.3)
+NEEDS = Needs(10.0, 0.1, 0.3, 16.0)
 LIMITS = CheckLimits()
 
 
@@ -31,8 +31,8 @@ def test_lost_and_late_messages_do_not_blow_up_the_jitter():
     assert rows(heard)["rate"].found == "19.6 Hz, jitter 0.0 %"
 
 
-@pytest.mark.parametrize("rate_hz, level", [(9.0, Level.ERROR), (11.0, Level.OK)])
-def test_rate_below_what_is_needed_is_an_error(rate_hz, level):
+@pytest.mark.parametrize("rate_hz, level", [(9.0, Level.ERROR), (11.0, Level.WARN), (17.0, Level.OK)])
+def test_rate_below_what_is_needed_is_an_error_and_one_that_is_too_slow_to_drive_by_a_warning(rate_hz, level):
     assert rows(messages(rate_hz))["rate"].level is level
 
 
