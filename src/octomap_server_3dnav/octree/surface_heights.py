@@ -19,7 +19,8 @@ from octomap_server_3dnav.octree.lean_kernels import lean_njit
 
 _FINE = 1024  # parts of a voxel in which places are summed
 _ONE_SLOPE = 0.6  # voxels between what was hit in a voxel and in that below on a slope; more is an edge, and the face below it
-_STRAY = 0.25  # of the hits below: fewer above are beams that went astray
+_STRAY = 0.25  # of the hits below: fewer above are the tail of their noise
+_NO_TAIL = 1.25  # voxels; what was hit so much higher is something else, however rarely it was hit
 _SLAB_BITS = 32 + 5  # of a key: a slab is 32 voxels wide
 
 
@@ -131,7 +132,8 @@ def _heights(key: Any, total: Any, count: Any, wanted: Any, z: Any, out: Any) ->
         hits, x, y, height = count[place], total[place, 0], total[place, 1], total[place, 2]
         if place > 0 and key[place - 1] == key[place] - 1:
             more, deep = count[place - 1], total[place - 1, 2] - _FINE * count[place - 1]
-            is_edge = height / hits - deep / more > _ONE_SLOPE * _FINE and hits > _STRAY * more
+            rise = height / hits - deep / more
+            is_edge = rise > _ONE_SLOPE * _FINE and (hits > _STRAY * more or rise > _NO_TAIL * _FINE)
             if not is_edge:
                 hits, height = hits + more, height + deep
                 x, y = x + total[place - 1, 0], y + total[place - 1, 1]

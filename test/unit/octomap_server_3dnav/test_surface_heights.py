@@ -38,10 +38,17 @@ def test_face_below_an_edge_is_no_slope():
     assert heights.at(*voxels((0, 0, 1)))[0, [0, 3]].tolist() == pytest.approx([1.125, 8])
 
 
-def test_hit_that_went_astray_above_the_ground_does_not_make_it_an_edge():
+def test_what_is_put_down_on_floor_that_was_seen_often_is_as_high_as_its_own_hits() -> None:
+    """Else it would be averaged into the floor, and driven over, until it was hit as often."""
     heights = SurfaceHeights(0.5)
-    heights.add(HitHeights.of(np.vstack([[0.1, 0.1, 0.95], np.tile([0.1, 0.1, 0.25], (9, 1))]), 0.5))
-    assert heights.at(*voxels((0, 0, 1)))[0, 0] == pytest.approx(0.64, abs=2e-3)
+    heights.add(HitHeights.of(np.vstack([np.tile([0.1, 0.1, 0.95], (2, 1)), np.tile([0.1, 0.1, 0.0625], (200, 1))]), 0.5))
+    assert heights.at(*voxels((0, 0, 1)))[0, [0, 3]].tolist() == pytest.approx([1.9, 2], abs=2e-3)
+
+
+def test_tail_of_the_noise_of_hits_below_is_no_edge() -> None:
+    heights = SurfaceHeights(0.5)
+    heights.add(HitHeights.of(np.vstack([[0.1, 0.1, 0.6], np.tile([0.1, 0.1, 0.25], (9, 1))]), 0.5))
+    assert heights.at(*voxels((0, 0, 1)))[0, 0] == pytest.approx(0.57, abs=2e-3)
 
 
 def test_place_of_the_hits_is_told_from_the_middle_of_the_column():
