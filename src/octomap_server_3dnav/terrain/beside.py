@@ -32,13 +32,15 @@ def drivable_rise(j: Index, limits: Limits) -> Index:
 
 
 @njit(cache=True)
-def _drops_along(columns: Columns, surfaces: Surfaces, s: Index, c: Index, stride: Index, limits: Limits, assumed: bool) -> bool:
-    """Whether from column c in steps of `stride` all ground that could be driven to from node s lies too low, or free space below it.
+def _drops_along(
+    columns: Columns, surfaces: Surfaces, s: Index, c: Index, stride: Index, limits: Limits, look: Index, assumed: bool
+) -> bool:
+    """Whether from column c in `look` steps of `stride` all ground that could be driven to from node s lies too low, or free space below it.
 
     Where a drop is `assumed`, as the thesis does (7.3), it is enough that a beam passed where ground would be and none was seen.
     """
     step, level = limits.step, np.int64(surfaces.z[s])
-    for j in range(1, limits.look + 1):
+    for j in range(1, look + 1):
         cj, rise = c + j * stride, drivable_rise(j, limits)
         n = find_node(surfaces.start, surfaces.z, cj, level, rise)
         if n >= 0:  # ground, but lower than any slope between would lead
@@ -56,13 +58,15 @@ def _drops_along(columns: Columns, surfaces: Surfaces, s: Index, c: Index, strid
 
 @njit(cache=True)
 def _beyond(columns: Columns, surfaces: Surfaces, s: Index, c: Index, k: Index, limits: Limits) -> Index:
-    """What lies in direction k of node s of column c where no ground is near."""
+    """What lies in direction k of node s of column c where no ground is near; over a drop that is seen below it nothing stands."""
     stride = DX[k] * columns.ny + DY[k]
-    if blocking_voxel(columns, c + stride, np.int64(surfaces.z[s]), limits.step, limits.clearance) != NO_VOXEL:
-        return BLOCKED
-    if _drops_along(columns, surfaces, s, c, stride, limits, limits.assumes_cliffs):
+    is_blocked = blocking_voxel(columns, c + stride, np.int64(surfaces.z[s]), limits.step, limits.clearance) != NO_VOXEL
+    look = 1 if is_blocked else limits.look
+    if _drops_along(columns, surfaces, s, c, stride, limits, look, limits.assumes_cliffs and not is_blocked):
         return DROP
-    return EDGE if _drops_along(columns, surfaces, s, c, stride, limits, True) else UNKNOWN
+    if is_blocked:
+        return BLOCKED
+    return EDGE if _drops_along(columns, surfaces, s, c, stride, limits, look, True) else UNKNOWN
 
 
 @njit(cache=True)

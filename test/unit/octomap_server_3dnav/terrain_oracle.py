@@ -238,17 +238,18 @@ class Oracle:
             return BLOCKED
         if n is not None:
             return DROP if self.voxels.get((*c, n.z + 1)) == FREE else UNKNOWN
-        if self.blocks(c, s.z) is not None:
-            return BLOCKED
-        if self._drops(s, k, self.limits.assumes_cliffs):
+        is_blocked = self.blocks(c, s.z) is not None
+        if self._drops(s, k, self.limits.assumes_cliffs and not is_blocked, 1 if is_blocked else self.limits.look):
             return DROP
-        return EDGE if self._drops(s, k, True) else UNKNOWN
+        if is_blocked:
+            return BLOCKED
+        return EDGE if self._drops(s, k, True, self.limits.look) else UNKNOWN
 
     def _rise(self, columns: int) -> int:
         return max(self.step, 1 + math.floor(columns * self.limits.max_slope))
 
-    def _drops(self, s: Node, k: int, assumed: bool) -> bool:
-        for j in range(1, self.limits.look + 1):
+    def _drops(self, s: Node, k: int, assumed: bool, look: int) -> bool:
+        for j in range(1, look + 1):
             c, rise = moved(s[:2], SIDES[k], j), self._rise(j)
             n = self.find(c, s.z, rise)
             if n is not None:

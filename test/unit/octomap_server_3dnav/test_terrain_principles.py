@@ -189,6 +189,13 @@ def test_drop_that_was_seen_is_a_cliff_and_one_of_which_only_the_air_at_hand_was
     assert row((BEYOND, FREE, slice(BELOW, None)))[:4] == "...."
 
 
+def test_drop_below_a_rail_beside_the_edge_is_a_cliff_and_a_wall_that_goes_down_is_none():
+    """Else wheels would keep as far off the rail as a body must, and not as far off the edge."""
+    drop, rail, wall = (BEYOND, FREE, slice(2, None)), (slice(30, 31), slice(BELOW + 6, BELOW + 8)), (slice(30, 31), slice(0, BELOW + 8))
+    assert row(drop, (rail[0], OCCUPIED, rail[1]))[:4] == "ooov"
+    assert row(drop, (wall[0], OCCUPIED, wall[1]))[:5] == "oooo#"
+
+
 @pytest.mark.parametrize(("wall_at", "expected"), [(30, "oooo#    "), (31, "oooo##   "), (32, "oooo# #  "), (33, "oooo?  # ")])
 def test_unknown_within_two_columns_of_what_stands_is_a_side_of_it(wall_at, expected):
     assert row((slice(wall_at, wall_at + 1), OCCUPIED, BODY)) == expected
