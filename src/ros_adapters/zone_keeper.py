@@ -15,7 +15,7 @@ from std_msgs.msg import ColorRGBA
 from std_srvs.srv import Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
-from map_zones import Zone, Zones, write_zones, zones_from_mapping
+from map_zones import Zone, Zones, read_zones, write_zones, zones_from_mapping
 from ros_adapters.asking import waiting_for
 from ros_adapters.conversions import header
 from ros_adapters.frames import frames
@@ -31,7 +31,8 @@ _MEMORY = "zones"
 
 
 class ZoneKeeper:
-    """Serves /explore/set_zones, publishes /explore/zones (MarkerArray) and /explore/zone_list (ZoneList), latched, reads ~zones.
+    """Serves /explore/set_zones, publishes /explore/zones (MarkerArray) and /explore/zone_list (ZoneList), latched, reads ~zones,
+    or those of the session in the run's folder.
 
     Wrong ones end the node with exit code 2.
     """
@@ -44,12 +45,18 @@ class ZoneKeeper:
         self._markers = node.publisher("explore/zones", MarkerArray, latch=True)
         self._list = node.publisher("explore/zone_list", ZoneList, latch=True)
         try:
-            zones = zones_from_mapping(rospy.get_param("~zones", {}))
+            given = rospy.get_param("~zones", None)
+            zones = self._of_the_session() if given is None else zones_from_mapping(given)
         except ValueError as error:
             sys.stderr.write(f"{node.name}: wrong parameter: zones: {error}\n")
             sys.exit(2)
         self._keep(node.life.kept(_MEMORY, zones))
         node.serve("explore/set_zones", SetZones, self._on_set)
+
+    def _of_the_session(self) -> Zones:
+        """Those that held when a session ended that goes on now; none in a new one."""
+        path = None if self._folder is None else Path(self._folder) / FILE
+        return read_zones(path) if path is not None and path.is_file() else Zones()
 
     def _keep(self, zones: Zones) -> None:
         self._use(zones)

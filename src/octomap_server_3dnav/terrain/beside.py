@@ -35,7 +35,7 @@ def drivable_rise(j: Index, limits: Limits) -> Index:
 def _drops_along(
     columns: Columns, surfaces: Surfaces, s: Index, c: Index, stride: Index, limits: Limits, look: Index, assumed: bool
 ) -> bool:
-    """Whether from column c in `look` steps of `stride` all ground that could be driven to from node s lies too low, or free space below it.
+    """Whether from column c in `look` steps of `stride` all ground that node s could lead to lies too low, or free space below it.
 
     Where a drop is `assumed`, as the thesis does (7.3), it is enough that a beam passed where ground would be and none was seen.
     """

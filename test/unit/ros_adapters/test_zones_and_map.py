@@ -82,6 +82,16 @@ def test_zones_are_kept_and_told_before_they_are_drawn(tmp_path: Path, replans: 
     assert done == ["use", "use", "draw"] and len(replans) == 1
 
 
+def test_zones_of_a_session_that_goes_on_hold_again_until_somebody_sets_others(tmp_path: Path, replans: list[str]) -> None:
+    assert keeper_of(_Node(tmp_path), lambda _: None, lambda: None)(SetZonesRequest(no_go=[NO_GO])).accepted
+    resumed, used = _Node(tmp_path), list[Zones]()
+    set_zones = keeper_of(resumed, used.append, lambda: None)
+    assert len(used[-1].no_go) == len(read_zones(tmp_path / FILE).no_go) == 1
+    assert set_zones(SetZonesRequest()).accepted and not (tmp_path / FILE).exists()
+    keeper_of(_Node(tmp_path), used.append, lambda: None)
+    assert not used[-1].are_set
+
+
 def test_map_that_cannot_be_drawn_leaves_zones_that_hold_and_is_counted(tmp_path: Path, replans: list[str]) -> None:
     node, used = _Node(tmp_path), list[Zones]()
 
