@@ -64,7 +64,7 @@ def classify(
     # Line 19, changeStartingPointIfInsidePadding.
     departure = departure_of(scene, label, start, config.min_ground_voxels)
     # Line 20, searchFrontiers.
-    edges = closed.left_of(unknown_edges(scene.columns, scene.surfaces, label, scene.within(radius_m), seen, limits.step))
+    edges = closed.left_of(unknown_edges(scene.columns, scene.surfaces, label, scene.within(radius_m), seen, limits))
     kerbed = near_kerbs(scene, label, config, robot, limits)
     cost = soft_cost(scene, (label, distance, kerbed), edges, config, limits)
     return assemble(scene, Judged(label, kerbed[0], distance, cost, barriers, edges, start, departure), limits, radius_m, T_map_base[:3, 3])

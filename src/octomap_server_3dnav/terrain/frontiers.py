@@ -11,6 +11,7 @@ from octomap_server_3dnav.octree.columns import DX, DY, Columns
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.beside import EDGE, UNKNOWN
 from octomap_server_3dnav.terrain.classified_terrain import INFLATION, TRAVERSABLE, UNREACHED
+from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.surfaces import Surfaces, find_node
 
 
@@ -23,14 +24,16 @@ def _is_reached(surfaces: Surfaces, label: NDArray[np.uint8], c: Index, level: I
 
 @njit(cache=True)
 def unknown_edges(
-    columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], inside: NDArray[np.bool_], seen: NDArray[np.uint8], step: Index
+    columns: Columns, surfaces: Surfaces, label: NDArray[np.uint8], inside: NDArray[np.bool_], seen: NDArray[np.uint8], limits: Limits
 ) -> NDArray[np.int64]:
     """(M, 5) int64 (column, z, node it was seen from, direction, what was seen) of unknown floor beside drivable ground in columns that
     are `inside` (bool per column).
 
     The two-step test of thesis figure 5.13: no ground in a direction, and nothing that the flood has reached around one step further.
-    Ground that it did not reach is what the look is for: a deck seen from below only, a slope behind a gap.
+    Ground that it did not reach is what the look is for: a deck seen from below only, a slope behind a gap. Nor does ground beyond a gap
+    of two columns answer, where wheels do not roll over two.
     """
+    rise, leads_over_two = limits.step + 1, min(limits.fill, limits.rolled_over) >= 2
     found: list[tuple[Index, Index, Index, Index, Index]] = [(0, 0, 0, 0, 0) for _ in range(0)]
     for s in range(surfaces.z.size):
         if (label[s] != TRAVERSABLE and label[s] != INFLATION) or not inside[surfaces.column[s]]:
@@ -39,9 +42,10 @@ def unknown_edges(
             if seen[s, k] != UNKNOWN and seen[s, k] != EDGE:
                 continue
             c, level, stride = np.int64(surfaces.column[s]), np.int64(surfaces.z[s]), DX[k] * columns.ny + DY[k]
-            ends = _is_reached(surfaces, label, c + 2 * stride, level, step + 1)
+            ends = _is_reached(surfaces, label, c + 2 * stride, level, rise)
             for side in range(4):
-                ends |= _is_reached(surfaces, label, c + 2 * stride + DX[side] * columns.ny + DY[side], level, step + 1)
+                if side != k or leads_over_two:
+                    ends |= _is_reached(surfaces, label, c + 2 * stride + DX[side] * columns.ny + DY[side], level, rise)
             if not ends:
                 found.append((c + stride, level, np.int64(s), np.int64(k), np.int64(seen[s, k])))
     out = np.empty((len(found), 5), np.int64)
