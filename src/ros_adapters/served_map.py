@@ -130,6 +130,8 @@ class ServedMap:
         self.builder = MapBuilder(was.config, was.tree.sensor_model, was.robot, was.shelf.another())
         self._plans.forget("no sweep is in the map yet")
         self._files.forget()
+        if not math.isnan(self.stamp_s):
+            self._topics.publish(self.stamp_s, self.builder.tree, None, None)
         self.around, self.stamp_s, self.is_loaded = None, math.nan, False
 
     def _show(self, stamp_s: float, terrain: Terrain | None, path: NDArray[np.float64] | None) -> None:
@@ -145,10 +147,11 @@ class ServedMap:
             return GetOctomap._response_class(whole_octomap(self.stamp_s, self.builder.tree, binary=binary))
 
     def _on_clear_bbx(self, request: object) -> object:
-        """What is known in the box is free from now on; decisions and topics show it with the next sweep."""
+        """What is known in the box is free from now on, for decisions, topics and files."""
         low, high = ((p.x, p.y, p.z) for p in (request.min, request.max))  # type: ignore[attr-defined]
         with self._node.lock:
             self.builder.clear_box(low, high)
+            self.draw_again()
         return BoundingBoxQuery._response_class()
 
     def _on_save(self, _request: object) -> TriggerResponse:

@@ -188,7 +188,10 @@ class OctomapServerAloneTest(unittest.TestCase):
         served = rospy.ServiceProxy("/octomap_full", GetOctomap)
         tree = OctreeMap.from_full(octomap_bytes(served().map), RESOLUTION_M)
         self.assertEqual(tree.states_at(wall).tolist(), [VoxelState.FREE])
+        shown = self.full.wait_for(lambda m: OctreeMap.from_full(octomap_bytes(m), RESOLUTION_M).states_at(wall)[0] == VoxelState.FREE)
+        self.assertEqual(octomap_bytes(shown), octomap_bytes(served().map))
         self.reset()
+        self.full.wait_for(lambda m: not OctreeMap.from_full(octomap_bytes(m), RESOLUTION_M).leaf_count)
         with self.assertRaisesRegex(rospy.ServiceException, "no sweep is in the map yet"):
             served()
         with self.assertRaisesRegex(rospy.ServiceException, "no sweep is in the map yet"):

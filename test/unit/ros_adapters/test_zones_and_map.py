@@ -120,7 +120,7 @@ def test_zone_is_asked_about_the_ground_below_the_robot_and_not_about_its_base(t
 def served_map() -> ServedMap:
     model, robot = OctomapServerSensorModel(), RobotBody()
     builder = MapBuilder(OctomapServerConfig(), model, robot, Shelf(None))
-    return ServedMap(_Node(None), builder, DecidingMemory(Explorer(), StageTimes()), None, None)  # type: ignore[arg-type]
+    return ServedMap(_Node(None), builder, DecidingMemory(Explorer(), StageTimes()), None, SimpleNamespace(publish=lambda *_: None))  # type: ignore[arg-type]
 
 
 def test_map_is_drawn_again_as_it_was_and_after_a_reset_not_at_all(monkeypatch: pytest.MonkeyPatch) -> None:
