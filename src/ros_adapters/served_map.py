@@ -106,7 +106,7 @@ class ServedMap:
         if whole is None:
             whole = navigable_terrain(tree.column_runs(), T_map_base, self._explorer.terrain_settings, None, self.builder.heights)
         terrain = self._explorer.with_way_out(whole)
-        if not self._explorer.explores or self._explorer.state not in EXPLORING:
+        if self.is_loaded or not self._explorer.explores or self._explorer.state not in EXPLORING:
             terrain = with_seen_headroom(terrain, self._explorer.terrain_settings)
         self._plans.know(stamp_s, terrain)
         self._node.diagnostics.holds("no terrain", "")

@@ -62,12 +62,14 @@ class Outline(NamedTuple):
 
 
 class Around(NamedTuple):
-    """What is kept off, as in `KeptOff`, sorted by square buckets: those of bucket (i, j) are `first[i * ny + j]` to the next."""
+    """What is kept off, as in `KeptOff`, sorted by square buckets: those of bucket (i, j) are `first[i * ny + j]` to the next; and the
+    largest radius."""
 
     x: Floats
     y: Floats
     level: Floats
     radius: Floats
+    widest: float
     first: Ints
     nx: int
     ny: int
@@ -79,14 +81,14 @@ class Around(NamedTuple):
         i, j = (np.floor(v / _BUCKET).astype(np.int64).clip(0, n - 1) for v, n in ((b.x, across), (b.y, along)))
         order = np.argsort(i * along + j, kind="stable")
         first = np.searchsorted((i * along + j)[order], np.arange(across * along + 1))
-        return cls(b.x[order], b.y[order], b.level[order], b.radius[order], first, across, along)
+        return cls(b.x[order], b.y[order], b.level[order], b.radius[order], float(b.radius.max(initial=0.0)), first, across, along)
 
 
 @lean_njit
 def _room(b: Any, o: Any, x: Any, y: Any, angle: Any, level: Any) -> Any:
     """Voxels by which all that is kept off lies beyond the outline at a pose, `ample` at most; negative where it does not fit."""
     c, s, room = np.cos(angle), np.sin(angle), o.ample
-    reach = o.ahead + 2.0 * o.ample
+    reach = np.hypot(o.ahead, b.widest) + o.ample
     i0, i1 = max(0, int((x - reach) // _BUCKET)), min(b.nx - 1, int((x + reach) // _BUCKET))
     j0, j1 = max(0, int((y - reach) // _BUCKET)), min(b.ny - 1, int((y + reach) // _BUCKET))
     for i in range(i0, i1 + 1):
