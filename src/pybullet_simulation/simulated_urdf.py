@@ -1,15 +1,15 @@
 """The robot description as the physics engine needs it: without pictures, with every mesh at hand, no link without a mass, and every
-limited joint but the laser's fixed: nothing drives it."""
+joint fixed that is neither the laser's nor a wheel's nor a caster's: nothing drives it."""
 
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import trimesh
 
-from robot_body import mesh_surface, read_description
+from robot_body import casters, driven_wheels, mesh_surface, read_description
+from robot_body.urdf import Description
 
 _DUST = "1e-6"  # kg, kg m^2: what a frame without an inertial weighs; the engine would take it for 1 kg
-_LIMITED = ("revolute", "prismatic")
 
 
 def write_simulated_urdf(urdf: Path, folder: Path, tilt_joint: str | None) -> Path:
@@ -19,8 +19,9 @@ def write_simulated_urdf(urdf: Path, folder: Path, tilt_joint: str | None) -> Pa
     kept = {link for link in description.shapes if description.hangs_on_base(link)}
     links = [link for link in root.findall("link") if link.get("name") in kept]
     joints = [joint for joint in root.findall("joint") if _children(joint) & kept - {"base_link"}]
+    moving = {tilt_joint} | _rolling(description)
     for joint in joints:
-        if joint.get("type") in _LIMITED and joint.get("name") != tilt_joint:
+        if joint.get("name") not in moving:
             joint.set("type", "fixed")
     for link in links:
         name = str(link.get("name"))
@@ -39,6 +40,12 @@ def write_simulated_urdf(urdf: Path, folder: Path, tilt_joint: str | None) -> Pa
     path = folder / "robot.urdf"
     ElementTree.ElementTree(root).write(path)
     return path
+
+
+def _rolling(description: Description) -> set[str]:
+    """The joints without a limit of wheels and casters."""
+    links = [wheel.link for wheel in driven_wheels(description)] + [caster.link for caster in casters(description)]
+    return {joint.name for link in links for joint in description.moving(link) if joint.kind == "continuous"}
 
 
 def _children(joint: ElementTree.Element) -> set[str]:

@@ -14,7 +14,7 @@ from robot_body.body import RobotBody
 from robot_body.shapes import found_mesh
 from robot_body.tilting_mount import LEAST_TILT_RAD, laser_mount, tilt_limits
 from robot_body.urdf import BASE, Description, read_description, with_mount
-from robot_body.wheels import CASTER_M, casters, driven_wheels
+from robot_body.wheels import CASTER_M, casters, driven_wheels, steered_wheels
 
 Array = NDArray[np.float64]
 _OFF_MIDDLE_M = 0.02  # a fifth of what its margins hold
@@ -25,7 +25,7 @@ def simulation_problems(robot: RobotBody, text: str, folder: Path) -> list[str]:
     """What keeps a robot, whose URDF lies in a folder, from being simulated: a sentence each, contradictions to its file included."""
     try:
         description = read_description(text, folder)
-        if broken := [*_of_names(text), *_of_tree(description), *_of_numbers(text), *_of_meshes(description)]:
+        if broken := [*_of_names(text), *_of_tree(description), *_of_numbers(text), *_of_meshes(description), *_of_steering(description)]:
             return broken
         problems = [*_of_weight(description), *_of_wheels(description), *contradictions(robot, text, folder)]
         return problems or [*_of_standing(description), *_of_laser(robot, description, text), *_of_imu(robot, description)]
@@ -108,6 +108,11 @@ def _mass_and_volume(description: Description, links: set[str]) -> tuple[float, 
     reaches = [shape.reach(np.eye(4)) for link in links for shape in description.shapes.get(link, ())]
     kg = sum(description.masses[link][0] for link in links & description.masses.keys())
     return kg, float(sum(np.prod(high - low) for low, high in reaches))
+
+
+def _of_steering(description: Description) -> Iterator[str]:
+    for link, joint in steered_wheels(description):
+        yield f"joint {joint} steers {link}: the robot turns by the difference of its sides, steered wheels are not known"
 
 
 def _of_wheels(description: Description) -> Iterator[str]:

@@ -55,12 +55,13 @@ def cart(folder: Path) -> RobotBody:
     return replace(RobotBody(), name="cart", urdf=str(path), mounts=mounts, **sizes, **wheels)
 
 
-def cart_with_arm(folder: Path) -> RobotBody:
-    """An arm of 24 cm reaches forward, and would swing down to the ground."""
+def cart_with_arm(folder: Path, kind: str) -> RobotBody:
+    """An arm of 24 cm reaches forward behind a limited joint and one of a kind, and would swing down to the ground."""
     robot = cart(folder)
     arm = link("arm", 'box size="0.24 0.02 0.02"', 0.5)
     arm = arm.replace('<origin rpy="0 0 0"/>', '<origin xyz="0.12 0 0"/>').replace("<inertial>", '<inertial><origin xyz="0.12 0 0"/>')
-    arm += joint("shoulder", "revolute", "base_link", "arm", "0.03 0 0.09")
+    arm += link("shoulder", kg=0.1) + joint("pan", "revolute", "base_link", "shoulder", axis="0 0 1")
+    arm += joint("lift", kind, "shoulder", "arm", "0.03 0 0.09")
     path = Path(robot.urdf)
     path.write_text(path.read_text().replace("</robot>", f"{arm}</robot>"))
     return robot
@@ -106,8 +107,9 @@ def test_it_drives_straight_as_its_wheels_say(robot: RobotBody, v: float) -> Non
     assert not any(d.contacts for d in data)
 
 
-def test_arm_stays_where_its_joint_is_at_zero(tmp_path: Path) -> None:
-    data = driven(cart_with_arm(tmp_path), 60, 0.2, 0.0)
+@pytest.mark.parametrize("kind", ["revolute", "continuous"])
+def test_arm_stays_where_its_joint_is_at_zero(tmp_path: Path, kind: str) -> None:
+    data = driven(cart_with_arm(tmp_path, kind), 60, 0.2, 0.0)
     assert not [c.link for d in data for c in d.contacts]
 
 

@@ -181,3 +181,34 @@ def test_ball_that_is_off_the_ground_is_no_caster_but_a_belly() -> None:
     high = changed('<origin xyz="-0.15 0 -0.05"/>', '<origin xyz="-0.15 0 -0.04"/>')
     assert casters(read_description(high)) == []
     assert any("ground_clearance_m = 0.05, and the URDF has 0.01" in line for line in problems_of(SMALL, high, Path("/")))
+
+
+def behind_a_joint(kind: str, axis: str) -> str:
+    """The small robot, with its left wheel behind another joint where the wheel's was."""
+    unit = '<inertial><mass value="0.1"/><inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial>'
+    limit = '<limit lower="-0.15" upper="0.15" effort="1" velocity="1"/>'
+    joint = (
+        f'<joint name="unit_joint" type="{kind}"><parent link="base_link"/><child link="unit"/><axis xyz="{axis}"/>{limit}</joint>'
+        f'<link name="unit">{unit}</link>'
+    )
+    return changed(LEFT_JOINT, joint + LEFT_JOINT.replace('"base_link"', '"unit"'))
+
+
+@pytest.mark.parametrize("axis", ["0 1 0", "1 0 0", "0.7 0.7 0.1"])
+def test_wheel_behind_a_rocker_that_stays_at_zero_is_driven(axis: str) -> None:
+    text = behind_a_joint("revolute", axis)
+    assert [wheel.link for wheel in driven_wheels(read_description(text))] == ["left_wheel", "right_wheel"]
+    assert problems_of(SMALL, text, Path("/")) == []
+
+
+@pytest.mark.parametrize("axis", ["0 0 1", "0 0.2 -1"])
+def test_wheel_that_is_steered_is_refused_with_its_joint(axis: str) -> None:
+    found = problems_of(SMALL, behind_a_joint("revolute", axis), Path("/"))
+    assert found == ["joint unit_joint steers left_wheel: the robot turns by the difference of its sides, steered wheels are not known"]
+    assert [caster.link for caster in casters(read_description(behind_a_joint("continuous", "0 0 1")))] == ["left_wheel", "caster"]
+
+
+def test_arm_with_a_wrist_that_turns_without_end_is_neither_wheel_nor_caster() -> None:
+    arm = behind_a_joint("revolute", "0 1 0").replace('<child link="unit"/>', '<child link="unit"/><origin xyz="0 0 0.5"/>')
+    found = read_description(arm)
+    assert "left_wheel" not in {part.link for part in (*driven_wheels(found), *casters(found))}
