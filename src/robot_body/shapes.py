@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mesh_files import MeshFrame, read_triangles
 from rigid_geometry import transform_from_rpy, transform_points
 
 Array = NDArray[np.float64]
@@ -142,14 +142,9 @@ def _places(name: str, folder: Path | None) -> Iterator[Path]:
 
 @lru_cache(maxsize=64)
 def mesh_surface(path: Path, scale: tuple[float, float, float]) -> tuple[Array, NDArray[np.int32]]:
-    """Vertices (N, 3), scaled, and triangles (T, 3) of a mesh. ValueError when it cannot be read, or has none."""
-    import trimesh  # only where a description has meshes
+    """Vertices (N, 3) in m, scaled, and triangles (T, 3) of a mesh. ValueError when it cannot be read, or has none.
 
-    try:
-        mesh: Any = trimesh.load(path, force="mesh")
-        vertices, triangles = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
-    except Exception as error:  # the readers raise whatever they stumble over
-        raise ValueError(f"mesh {path} cannot be read: {type(error).__name__}: {' '.join(str(error).split())}") from error
-    if not len(triangles) or not np.isfinite(vertices).all():
-        raise ValueError(f"mesh {path} has no triangles, or some that are not finite")
+    The unit that the file names counts, its upward axis does not: so rviz and Gazebo read it.
+    """
+    vertices, triangles = read_triangles(path, MeshFrame(up="z"))
     return vertices * np.array(scale), triangles

@@ -8,9 +8,9 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
+from mesh_files import MESH_SUFFIXES, MeshFrame, read_triangles
 from world_files.closed_solids import OPEN, closed_solids
 from world_files.height_map import HeightMap, read_height_map, terrain_between
-from world_files.mesh_file import MESH_SUFFIXES, MeshFrame, read_triangles
 from world_files.model_paths import ModelPaths
 from world_files.sdf_elements import Element, child_numbers, place, sizes, text_of, wrong
 from world_files.surfaces import surface_from_heights

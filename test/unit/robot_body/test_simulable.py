@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+import trimesh.exchange.dae
 
 from rigid_geometry import transform_from_rpy
 from robot_body import RobotBody, casters, driven_wheels, load_robot, missing_visuals, read_description, robot_file, robot_names, urdf_file
@@ -144,6 +145,16 @@ def test_shape_holds_what_is_inside_wherever_it_stands(shape: str, tmp_path: Pat
     T = transform_from_rpy((0.0, 0.0, 0.5), (0.0, 0.0, 0.0))
     assert found.holds(T, np.array([1.0, 0.03, 0.58]))
     assert not any(found.holds(T, np.array(place)) for place in ((1.0, 0.03, 0.62), (1.16, 0.0, 0.5), (0.0, 0.0, 0.5)))
+
+
+def test_mesh_has_the_unit_that_its_file_names_but_not_its_upward_axis(tmp_path: Path) -> None:
+    text = trimesh.exchange.dae.export_collada(trimesh.creation.box((200.0, 400.0, 600.0))).decode()
+    start, end = text.index("<asset>"), text.index("</asset>")
+    (tmp_path / "box.dae").write_text(text[:start] + '<asset><unit name="mm" meter="0.001"/><up_axis>Y_UP</up_axis>' + text[end:])
+    collision = '<collision><geometry><mesh filename="box.dae" scale="1 1 2"/></geometry></collision>'
+    found = read_description(f'<robot name="r"><link name="base_link">{collision}</link></robot>', tmp_path)
+    low, high = found.reach("base_link") or (np.zeros(3), np.zeros(3))
+    assert high - low == pytest.approx((0.2, 0.4, 1.2))
 
 
 def test_missing_mesh_of_a_picture_keeps_nobody_from_driving(tmp_path: Path) -> None:

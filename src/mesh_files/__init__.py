@@ -1,0 +1,5 @@
+"""Files of meshes, which robots and worlds are made of."""
+
+from mesh_files.triangles import MESH_SUFFIXES, UPS, MeshFrame, read_triangles
+
+__all__ = ["MESH_SUFFIXES", "UPS", "MeshFrame", "read_triangles"]
