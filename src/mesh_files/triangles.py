@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mesh_files.dae_parts import parts_of_node
+from mesh_files.gltf_file import undecoded_extensions
 from mesh_files.unreadable import why_unreadable
 from rigid_geometry import lost_digits_m
 
@@ -25,6 +26,7 @@ UPS = {
     "z": np.eye(3),
 }
 _HEADER_BYTES = 1 << 14
+_SLIVER_M2 = 1e-9
 _FARTHEST_M = 1e9  # what no place on earth is away
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it prints tracebacks of what it then raises
 
@@ -51,6 +53,8 @@ def read_triangles(path: Path, frame: MeshFrame | None = None, part: str | None 
     ValueError when it cannot be read, holds no triangle or is not finite, and when there is no such part.
     """
     given = (frame or MeshFrame()).checked()
+    if path.suffix.lower() in (".glb", ".gltf") and (needed := undecoded_extensions(path)):
+        raise ValueError(f"cannot read the mesh {path}: it needs {', '.join(needed)}, which is not known: export it without")
     try:
         with np.errstate(all="ignore"):
             corners, faces = _loaded(path, part)
@@ -65,6 +69,8 @@ def read_triangles(path: Path, frame: MeshFrame | None = None, part: str | None 
         vertices = corners @ (given_scale * UPS[given.up or up]).T
     if not (np.abs(vertices) < _FARTHEST_M).all():
         raise ValueError(f"the mesh {path} has vertices that are not finite")
+    if not has_area(vertices, triangles, 0.0).any():
+        raise ValueError(f"the mesh {path} is empty: none of its triangles has an area")
     if _is_float32(path) and (apart := lost_digits_m(corners, given_scale)) is not None:
         raise ValueError(f"the mesh {path} is far from 0 0 0 in float32, told apart to {apart:g} m only: write it relative, or as .obj")
     return vertices, triangles
@@ -98,6 +104,13 @@ def _is_float32(path: Path) -> bool:
     with path.open("rb") as file:
         head = file.read(_HEADER_BYTES)
     return path.suffix.lower() == ".stl" or (path.suffix.lower() == ".ply" and b"property double x" not in head)
+
+
+def has_area(vertices: Array, triangles: Indices, least_m2: float = _SLIVER_M2) -> NDArray[np.bool_]:
+    """(T,) whether a triangle has more than an area; false by default for those on which physics engines choke."""
+    corners = vertices[triangles]
+    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return np.asarray(doubled / 2 > least_m2)
 
 
 def _own_frame(path: Path) -> tuple[float, str]:

@@ -6,15 +6,13 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from mesh_files import MeshFrame, read_triangles
+from mesh_files import MeshFrame, has_area, read_triangles
 from rigid_geometry import origin_near
 from world_files.closed_solids import closed_solids
 from world_files.surfaces import Mesh, Surface
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int32]
-
-_SLIVER_M2 = 1e-9
 
 
 def read_mesh(path: Path, frame: MeshFrame | None = None) -> Mesh:
@@ -23,7 +21,10 @@ def read_mesh(path: Path, frame: MeshFrame | None = None) -> Mesh:
     ValueError when it cannot be read, holds no triangle or is not finite.
     """
     vertices, triangles = read_triangles(path, frame)
-    return near_origin(vertices, triangles, closed_solids(vertices, triangles))
+    mesh = near_origin(vertices, triangles, closed_solids(vertices, triangles))
+    if not len(mesh.triangles):
+        raise ValueError(f"the mesh {path} is empty: none of its triangles has an area to speak of")
+    return mesh
 
 
 def near_origin(vertices: Array, triangles: Indices, solid: Indices) -> Mesh:
@@ -32,13 +33,6 @@ def near_origin(vertices: Array, triangles: Indices, solid: Indices) -> Mesh:
     near = vertices - origin
     kept = has_area(near, triangles)
     return Mesh(near, triangles[kept], solid[kept], origin)
-
-
-def has_area(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """(T,) false for triangles on which physics engines choke."""
-    corners = vertices[triangles]
-    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return np.asarray(doubled / 2 > _SLIVER_M2)
 
 
 def cut_to(surface: Surface, low_xy: Array, high_xy: Array) -> Surface:
