@@ -10,10 +10,12 @@ _COPY = re.compile(r"_\d+$")  # what trimesh adds to the name of a geometry that
 
 def parts_of_node(path: Path, name: str, geometries: Collection[str]) -> set[str]:
     """The names among those of a scene's geometries that are the part `name`, or that its node shows; empty when there is none."""
-    wanted = {name}
+    wanted, own = {name}, set(geometries) if path.suffix.lower() == ".obj" else set()
     if path.suffix.lower() == ".dae":
-        wanted |= set(_shown_by(ElementTree.parse(path).getroot(), name))
-    return {geometry for geometry in geometries if geometry in wanted or _COPY.sub("", geometry) in wanted}
+        root = ElementTree.parse(path).getroot()
+        wanted |= set(_shown_by(root, name))
+        own = {str(geometry.get("id")) for geometry in root.iterfind(".//{*}geometry")}
+    return {each for each in geometries if each in wanted or (each not in own and _COPY.sub("", each) in wanted)}
 
 
 def _shown_by(root: ElementTree.Element, name: str) -> list[str]:

@@ -7,6 +7,7 @@ import logging
 import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +26,16 @@ UPS = {
     "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
     "z": np.eye(3),
 }
+_WHOLE = (".stl", ".ply")  # what has no parts with names
+_NAMED = 5  # parts, as many as a line holds
 _HEADER_BYTES = 1 << 14
 _SLIVER_M2 = 1e-9
 _FARTHEST_M = 1e9  # what no place on earth is away
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it prints tracebacks of what it then raises
+
+
+class NoPartError(ValueError):
+    """A mesh file has no part of a name."""
 
 
 @dataclass(frozen=True)
@@ -57,12 +64,14 @@ def read_triangles(path: Path, frame: MeshFrame | None = None, part: str | None 
         raise ValueError(f"cannot read the mesh {path}: it needs {', '.join(needed)}, which is not known: export it without")
     try:
         with np.errstate(all="ignore"):
-            corners, faces = _loaded(path, part)
+            corners, faces = _loaded(path) if part is None else _loaded_part(path, part)
         scale, up = _own_frame(path)
+    except NoPartError:
+        raise
     except Exception as error:  # the readers raise whatever they stumble over
         raise ValueError(f"cannot read the mesh {path}: {why_unreadable(path, error)}") from error
     if not len(faces):
-        raise ValueError(f"the mesh {path} is empty: it has no triangles" + (f" in a part {part!r}" if part else ""))
+        raise ValueError(f"the mesh {path} is empty: it has no triangles")
     given_scale = given.scale or scale
     triangles = _checked(path, corners, faces)
     with np.errstate(all="ignore"):
@@ -76,18 +85,36 @@ def read_triangles(path: Path, frame: MeshFrame | None = None, part: str | None 
     return vertices, triangles
 
 
-def _loaded(path: Path, part: str | None) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices and triangles of a file, as trimesh reads it; of the parts of a scene only those that are asked for."""
+def _loaded(path: Path) -> tuple[Array, NDArray[np.int64]]:
+    """Vertices and triangles of a file, as trimesh reads it."""
     import trimesh  # only where there is a mesh
 
     loaded = trimesh.load(path, process=False, skip_materials=True)
-    if isinstance(loaded, trimesh.Scene):
-        if part is not None:
-            loaded.delete_geometry(set(loaded.geometry) - parts_of_node(path, part, list(loaded.geometry)))
-        loaded = loaded.to_mesh()
-    if not isinstance(loaded, trimesh.Trimesh):
+    return _arrays(loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded)
+
+
+def _loaded_part(path: Path, part: str) -> tuple[Array, NDArray[np.int64]]:
+    """Those of the part of a file. NoPartError when there is none of this name."""
+    import trimesh
+
+    if path.suffix.lower() in _WHOLE:
+        raise NoPartError(f"the mesh {path} has no part {part!r}: files of this kind have no parts")
+    by_object: dict[str, Any] = {"split_objects": True, "group_material": False} if path.suffix.lower() == ".obj" else {}
+    scene = trimesh.load_scene(path, process=False, skip_materials=True, **by_object)
+    wanted = parts_of_node(path, part, list(scene.geometry))
+    if not wanted:
+        names, more = sorted(scene.geometry)[:_NAMED], len(scene.geometry) - _NAMED
+        raise NoPartError(f"the mesh {path} has no part {part!r}; it has {', '.join(names)}" + (f" and {more} more" if more > 0 else ""))
+    scene.delete_geometry(set(scene.geometry) - wanted)
+    return _arrays(scene.to_mesh())
+
+
+def _arrays(mesh: object) -> tuple[Array, NDArray[np.int64]]:
+    """Empty ones of what has no triangles, as a cloud of points."""
+    vertices, faces = getattr(mesh, "vertices", ()), getattr(mesh, "faces", ())
+    if not len(faces):
         return np.empty((0, 3)), np.empty((0, 3), np.int64)
-    return np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces, np.int64)
+    return np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
 
 
 def _checked(path: Path, corners: Array, triangles: NDArray[np.int64]) -> Indices:

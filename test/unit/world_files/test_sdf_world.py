@@ -209,6 +209,27 @@ def test_part_of_a_mesh_is_named_by_its_node(tmp_path: Path) -> None:
     assert "'Leaf'" in missing.left_out[0]
 
 
+SUBMESH = "<mesh><uri>{}</uri><submesh><name>{}</name></submesh></mesh>"
+
+
+@pytest.mark.parametrize(("part", "high"), [("Cube", 0.5), ("Cube_1", 1.0)])
+def test_part_of_an_obj_is_its_object_whatever_its_materials(tmp_path: Path, part: str, high: float) -> None:
+    corners = "".join(f"v {x} {y} {z}\n" for z in (0.0, 0.5, 1.0) for x in (0, 1) for y in (0, 1))
+    (tmp_path / "a.obj").write_text(
+        f"{corners}o Cube\nusemtl red\nf 1 2 5\nusemtl blue\nf 1 3 5\no Cube_1\nusemtl red\nf 5 6 9\nusemtl blue\nf 5 7 9\n"
+    )
+    found = read(world_file(tmp_path, model("m", collision(SUBMESH.format("a.obj", part)))))
+    assert extent(found)[:, 2].tolist() == [high - 0.5, high] and len(found.triangles) == 2
+
+
+def test_part_that_is_not_there_is_told_with_those_that_are(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\no One\nf 1 2 3\n")
+    trimesh.creation.box().export(tmp_path / "a.stl")
+    for name, said in (("a.obj", "; it has One"), ("a.stl", ": files of this kind have no parts")):
+        (left_out,) = read(world_file(tmp_path, GROUND, model("m", collision(SUBMESH.format(name, "Leaf"))))).left_out
+        assert f"{name} has no part 'Leaf'{said}: left out" in left_out
+
+
 def test_height_map_reaches_its_size_and_lies_at_its_place(tmp_path: Path) -> None:
     Image.fromarray(np.linspace(0, 100, 17 * 17).reshape(17, 17).astype(np.uint8)).save(tmp_path / "hills.png")
     shape = "<heightmap><uri>file://hills.png</uri><size>16 8 3</size><pos>1 2 -1</pos></heightmap>"
