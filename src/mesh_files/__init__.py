@@ -1,5 +1,5 @@
 """Files of meshes, which robots and worlds are made of."""
 
-from mesh_files.triangles import MESH_SUFFIXES, UPS, MeshFrame, has_area, read_triangles
+from mesh_files.triangles import MESH_SUFFIXES, UPS, MeshFrame, MeshTriangles, has_area, read_triangles
 
-__all__ = ["MESH_SUFFIXES", "UPS", "MeshFrame", "has_area", "read_triangles"]
+__all__ = ["MESH_SUFFIXES", "UPS", "MeshFrame", "MeshTriangles", "has_area", "read_triangles"]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mesh_files.dae_parts import parts_of_node
+from mesh_files.dae_parts import parts_of_node, unread_geometries
 from mesh_files.gltf_file import undecoded_extensions
 from mesh_files.unreadable import why_unreadable
 from rigid_geometry import lost_digits_m
@@ -32,6 +32,18 @@ _HEADER_BYTES = 1 << 14
 _SLIVER_M2 = 1e-9
 _FARTHEST_M = 1e9  # what no place on earth is away
 logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it prints tracebacks of what it then raises
+
+
+@dataclass(frozen=True)
+class MeshTriangles:
+    """Vertices (V, 3) in metres with z up, where the file has them, and triangles (T, 3).
+
+    `missing`: names of what a file shows, too, and that could not be read.
+    """
+
+    vertices: Array
+    triangles: Indices
+    missing: tuple[str, ...] = ()
 
 
 class NoPartError(ValueError):
@@ -54,8 +66,8 @@ class MeshFrame:
         return self
 
 
-def read_triangles(path: Path, frame: MeshFrame | None = None, part: str | None = None) -> tuple[Array, Indices]:
-    """(V, 3) vertices in metres with z up, where they are, and (T, 3) triangles of a mesh file, or of the `part` of it of this name.
+def read_triangles(path: Path, frame: MeshFrame | None = None, part: str | None = None) -> MeshTriangles:
+    """The triangles of a mesh file, or of the `part` of it of this name.
 
     ValueError when it cannot be read, holds no triangle or is not finite, and when there is no such part.
     """
@@ -64,14 +76,16 @@ def read_triangles(path: Path, frame: MeshFrame | None = None, part: str | None 
         raise ValueError(f"cannot read the mesh {path}: it needs {', '.join(needed)}, which is not known: export it without")
     try:
         with np.errstate(all="ignore"):
-            corners, faces = _loaded(path) if part is None else _loaded_part(path, part)
+            corners, faces, names = _loaded(path) if part is None else _loaded_part(path, part)
         scale, up = _own_frame(path)
+        missing = unread_geometries(path, names, part) if path.suffix.lower() == ".dae" else ()
     except NoPartError:
         raise
     except Exception as error:  # the readers raise whatever they stumble over
         raise ValueError(f"cannot read the mesh {path}: {why_unreadable(path, error)}") from error
     if not len(faces):
-        raise ValueError(f"the mesh {path} is empty: it has no triangles")
+        unread = f": {', '.join(missing)} cannot be read" if missing else ""
+        raise ValueError(f"the mesh {path} is empty: it has no triangles{unread}")
     given_scale = given.scale or scale
     triangles = _checked(path, corners, faces)
     with np.errstate(all="ignore"):
@@ -82,18 +96,20 @@ def read_triangles(path: Path, frame: MeshFrame | None = None, part: str | None 
         raise ValueError(f"the mesh {path} is empty: none of its triangles has an area")
     if _is_float32(path) and (apart := lost_digits_m(corners, given_scale)) is not None:
         raise ValueError(f"the mesh {path} is far from 0 0 0 in float32, told apart to {apart:g} m only: write it relative, or as .obj")
-    return vertices, triangles
+    return MeshTriangles(vertices, triangles, missing)
 
 
-def _loaded(path: Path) -> tuple[Array, NDArray[np.int64]]:
-    """Vertices and triangles of a file, as trimesh reads it."""
+def _loaded(path: Path) -> tuple[Array, NDArray[np.int64], list[str]]:
+    """Vertices and triangles of a file, as trimesh reads it, and the names of its geometries."""
     import trimesh  # only where there is a mesh
 
     loaded = trimesh.load(path, process=False, skip_materials=True)
-    return _arrays(loaded.to_mesh() if isinstance(loaded, trimesh.Scene) else loaded)
+    if isinstance(loaded, trimesh.Scene):
+        return *_arrays(loaded.to_mesh()), list(loaded.geometry)
+    return *_arrays(loaded), []
 
 
-def _loaded_part(path: Path, part: str) -> tuple[Array, NDArray[np.int64]]:
+def _loaded_part(path: Path, part: str) -> tuple[Array, NDArray[np.int64], list[str]]:
     """Those of the part of a file. NoPartError when there is none of this name."""
     import trimesh
 
@@ -106,7 +122,7 @@ def _loaded_part(path: Path, part: str) -> tuple[Array, NDArray[np.int64]]:
         names, more = sorted(scene.geometry)[:_NAMED], len(scene.geometry) - _NAMED
         raise NoPartError(f"the mesh {path} has no part {part!r}; it has {', '.join(names)}" + (f" and {more} more" if more > 0 else ""))
     scene.delete_geometry(set(scene.geometry) - wanted)
-    return _arrays(scene.to_mesh())
+    return *_arrays(scene.to_mesh()), list(wanted)
 
 
 def _arrays(mesh: object) -> tuple[Array, NDArray[np.int64]]:

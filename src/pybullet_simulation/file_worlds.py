@@ -1,6 +1,7 @@
 """Worlds from files: a mesh, a height map, or an SDF file with its models; and the floor under what has none."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -94,7 +95,9 @@ def _from_mesh_file(path: Path, about: WorldDescription, by: Request) -> Parts:
     mesh = read_mesh(path, frame)
     if problem := size_problem(path, mesh, frame, by.area_xy is not None):
         raise ValueError(f"{problem}{question(path, by.robot)}")
-    return _from_mesh(mesh, by) if about.ground is None else _on_floors(mesh, (about.ground,), by)
+    parts = _from_mesh(mesh, by) if about.ground is None else _on_floors(mesh, (about.ground,), by)
+    left_out = (f"{path}: {', '.join(mesh.missing)} cannot be read: left out",) if mesh.missing else ()
+    return replace(parts, notes=(*left_out, *parts.notes))
 
 
 def _from_sdf(path: Path, about: WorldDescription, by: Request) -> Parts:
@@ -106,9 +109,7 @@ def _from_sdf(path: Path, about: WorldDescription, by: Request) -> Parts:
     if mesh is not None and read.largest_mesh is not None and too_large(np.ptp(mesh.vertices, axis=0)):
         raise ValueError(mesh_question(*read.largest_mesh))
     parts = _on_floors(mesh, floors, by) if floors or mesh is None else _from_mesh(mesh, by)
-    return Parts(
-        parts.solids, parts.start_area, parts.surfaces, parts.heightfield, parts.ground_z, parts.origin, (*read.left_out, *parts.notes)
-    )
+    return replace(parts, notes=(*read.left_out, *parts.notes))
 
 
 def _on_floors(mesh: Mesh | None, heights: tuple[float, ...], by: Request) -> Parts:

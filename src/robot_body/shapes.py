@@ -146,5 +146,7 @@ def mesh_surface(path: Path, scale: tuple[float, float, float]) -> tuple[Array, 
 
     The unit that the file names counts, its upward axis does not: so rviz and Gazebo read it.
     """
-    vertices, triangles = read_triangles(path, MeshFrame(up="z"))
-    return vertices * np.array(scale), triangles
+    mesh = read_triangles(path, MeshFrame(up="z"))
+    if mesh.missing:
+        raise ValueError(f"cannot read all of the mesh {path}: {', '.join(mesh.missing)} would be left out")
+    return mesh.vertices * np.array(scale), mesh.triangles

@@ -1,5 +1,6 @@
 """Meshes from files as one surface in metres with z up near the origin. It can be cut to a rectangle."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,11 +21,11 @@ def read_mesh(path: Path, frame: MeshFrame | None = None) -> Mesh:
 
     ValueError when it cannot be read, holds no triangle or is not finite.
     """
-    vertices, triangles = read_triangles(path, frame)
-    mesh = near_origin(vertices, triangles, closed_solids(vertices, triangles))
+    read = read_triangles(path, frame)
+    mesh = near_origin(read.vertices, read.triangles, closed_solids(read.vertices, read.triangles))
     if not len(mesh.triangles):
         raise ValueError(f"the mesh {path} is empty: none of its triangles has an area to speak of")
-    return mesh
+    return replace(mesh, missing=read.missing)
 
 
 def near_origin(vertices: Array, triangles: Indices, solid: Indices) -> Mesh:

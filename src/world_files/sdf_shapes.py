@@ -29,13 +29,14 @@ class NotUnderstoodError(ValueError):
 class Shape:
     """Vertices (V, 3) in m, triangles (T, 3), the number of the closed solid that each bounds (T,), OPEN where none.
 
-    `mesh`: the file and place of what was a mesh, else "".
+    `mesh`: the file and place of what was a mesh, else "". `missing`: names of what that shows, too, and that could not be read.
     """
 
     vertices: Array
     triangles: Indices
     solid: Indices
     mesh: str = ""
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class ShapeFiles:
 
     def __init__(self, paths: ModelPaths) -> None:
         self._paths = paths
-        self._meshes: dict[tuple[Path, str, tuple[float, ...]], tuple[Array, Indices, Indices]] = {}
+        self._meshes: dict[tuple[Path, str, tuple[float, ...]], Shape] = {}
 
     def file(self, shape: Element, folder: Path) -> Path:
         """The file that a shape names. NotUnderstoodError when it is not there."""
@@ -60,16 +61,17 @@ class ShapeFiles:
             raise NotUnderstoodError(f"{shape.tag} {uri or 'without <uri>'}, which is not there")
         return found
 
-    def mesh(self, file: Path, part: str, scale: tuple[float, ...]) -> tuple[Array, Indices, Indices]:
-        """Vertices in m, triangles and solids of a mesh, or of its part. NotUnderstoodError when it cannot be read."""
+    def mesh(self, file: Path, part: str, scale: tuple[float, ...]) -> Shape:
+        """A mesh, or its part. NotUnderstoodError when it cannot be read."""
         key = (file, part, scale)
         if key not in self._meshes:
             try:
-                vertices, triangles = read_triangles(file, MeshFrame(up="z"), part or None)
+                read = read_triangles(file, MeshFrame(up="z"), part or None)
             except ValueError as error:
                 raise NotUnderstoodError(str(error)) from error
-            vertices = vertices * np.array(scale)
-            self._meshes[key] = vertices, triangles, closed_solids(vertices, triangles)
+            vertices = read.vertices * np.array(scale)
+            solid = closed_solids(vertices, read.triangles)
+            self._meshes[key] = Shape(vertices, read.triangles, solid, missing=read.missing)
         return self._meshes[key]
 
 
@@ -167,10 +169,11 @@ def _mesh(shape: Element, folder: Path, files: ShapeFiles) -> Shape:
     if not all(scale):
         raise wrong(shape, f"scale {text_of(shape, 'scale')} is 0")
     part = text_of(shape, "submesh/name")
-    vertices, triangles, solid = files.mesh(file, part, scale)
+    found = files.mesh(file, part, scale)
+    vertices = found.vertices
     if part and text_of(shape, "submesh/center") in ("true", "1"):
         vertices = vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    return Shape(vertices, triangles, solid, f"{place(shape)}: mesh {file.name}")
+    return replace(found, vertices=vertices, mesh=f"{place(shape)}: mesh {file.name}")
 
 
 def _heightmap(shape: Element, folder: Path, files: ShapeFiles) -> Shape:

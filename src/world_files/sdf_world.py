@@ -80,6 +80,8 @@ def _of_link(model: Model, link: Element, files: ShapeFiles, notes: Notes) -> li
             except NotUnderstoodError as error:
                 notes.left_out(str(error), element)
                 continue
+            if isinstance(shape, Shape) and shape.missing:
+                notes.left_out(f"{', '.join(shape.missing)} of the {shape.mesh.rpartition(': ')[2]}, which cannot be read", element)
             if shape is not None:
                 found.append((T_world_shape, shape))
         if found:

@@ -167,6 +167,13 @@ def test_scale_and_up_are_refused_for_sdf(tmp_path: Path) -> None:
         load_world(WorldDescription(str(world_file(tmp_path, GROUND, PILLAR)), scale=0.001), 1)
 
 
+def test_what_cannot_be_read_of_a_mesh_is_noted(tmp_path: Path) -> None:
+    text = trimesh.exchange.dae.export_collada([trimesh.creation.box((12.0, 0.2, 8.0)), trimesh.creation.box()]).decode()
+    first, last = text.rsplit("<instance_geometry ", 1)
+    (tmp_path / "a.dae").write_text(f'{first}<instance_geometry url="#gone"{last[last.index(">") :]}')
+    assert load_world(str(tmp_path / "a.dae"), 1).notes == (f"{tmp_path / 'a.dae'}: gone cannot be read: left out",)
+
+
 def test_gltf_has_its_y_upwards_and_no_texture_is_missed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     trimesh.creation.box((12.0, 0.2, 8.0)).export(tmp_path / "floor.glb")
     np.testing.assert_allclose(load_world(str(tmp_path / "floor.glb"), 1).extent, [[-6, -4, -0.1], [6, 4, 0.1]], atol=1e-6)

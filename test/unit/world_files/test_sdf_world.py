@@ -209,6 +209,14 @@ def test_part_of_a_mesh_is_named_by_its_node(tmp_path: Path) -> None:
     assert "'Leaf'" in missing.left_out[0]
 
 
+def test_what_cannot_be_read_of_a_mesh_is_named(tmp_path: Path) -> None:
+    text = trimesh.exchange.dae.export_collada([trimesh.creation.box(), trimesh.creation.box()]).decode()
+    first, last = text.rsplit('<instance_geometry url="#', 1)
+    (tmp_path / "a.dae").write_text(f'{first}<instance_geometry url="#gone_{last}')
+    found = read(world_file(tmp_path, model("m", collision("<mesh><uri>a.dae</uri></mesh>"))))
+    assert len(found.triangles) == 12 and "of the mesh a.dae, which cannot be read: left out" in found.left_out[0]
+
+
 SUBMESH = "<mesh><uri>{}</uri><submesh><name>{}</name></submesh></mesh>"
 
 
