@@ -4,12 +4,14 @@ joint fixed that is neither the laser's nor a wheel's nor a caster's: nothing dr
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+import numpy as np
 import trimesh
 
-from robot_body import casters, driven_wheels, mesh_surface, read_description
+from robot_body import Shape, casters, driven_wheels, mesh_surface, read_description
 from robot_body.urdf import Description
 
-_DUST = "1e-6"  # kg, kg m^2: what a frame without an inertial weighs; the engine would take it for 1 kg
+_DUST = "1e-6"  # kg, kg m^2: what a frame without a mass weighs; the engine would take it for 1 kg
+_WATER_KG_M3 = 1000.0
 
 
 def write_simulated_urdf(urdf: Path, folder: Path, tilt_joint: str | None) -> Path:
@@ -27,6 +29,8 @@ def write_simulated_urdf(urdf: Path, folder: Path, tilt_joint: str | None) -> Pa
         name = str(link.get("name"))
         if name not in description.masses:
             _give_mass(link)
+        elif name in description.no_inertia:
+            _give_inertia(link, description.masses[name][0], description.shapes[name])
         for i, (collision, shape) in enumerate(zip(link.findall("collision"), description.shapes[name], strict=True)):
             if shape.mesh is not None:
                 hull = trimesh.Trimesh(*mesh_surface(shape.mesh, shape.scale)).convex_hull
@@ -58,6 +62,24 @@ def _give_mass(link: ElementTree.Element) -> None:
     inertial = ElementTree.SubElement(link, "inertial")
     ElementTree.SubElement(inertial, "mass", value=_DUST)
     ElementTree.SubElement(inertial, "inertia", ixx=_DUST, ixy="0", ixz="0", iyy=_DUST, iyz="0", izz=_DUST)
+
+
+def _give_inertia(link: ElementTree.Element, kg: float, shapes: tuple[Shape, ...]) -> None:
+    """That of a box around its shapes, as heavy all over; without shapes that of a ball as dense as water."""
+    inertial = link.find("inertial")
+    assert inertial is not None
+    if shapes:
+        low, high = (np.stack(corners) for corners in zip(*(shape.reach(np.eye(4)) for shape in shapes), strict=True))
+        squares = (high.max(axis=0) - low.min(axis=0)) ** 2
+        moments = kg * (squares.sum() - squares) / 12.0
+    else:
+        moments = np.full(3, 0.4 * kg * (0.75 * kg / (np.pi * _WATER_KG_M3)) ** (2 / 3))
+    for old in inertial.findall("inertia"):
+        inertial.remove(old)
+    for origin in inertial.findall("origin"):
+        origin.attrib.pop("rpy", None)
+    ixx, iyy, izz = (f"{max(moment, float(_DUST)):.6g}" for moment in moments)
+    ElementTree.SubElement(inertial, "inertia", ixx=ixx, ixy="0", ixz="0", iyy=iyy, iyz="0", izz=izz)
 
 
 def _replace_mesh(collision: ElementTree.Element, name: str) -> None:

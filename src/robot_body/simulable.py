@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from robot_body.agreement import contradictions
 from robot_body.body import RobotBody
-from robot_body.shapes import found_mesh
 from robot_body.tilting_mount import LEAST_TILT_RAD, laser_mount, tilt_limits
 from robot_body.urdf import BASE, Description, read_description, with_mount
 from robot_body.wheels import CASTER_M, casters, driven_wheels, steered_wheels
@@ -31,12 +30,6 @@ def simulation_problems(robot: RobotBody, text: str, folder: Path) -> list[str]:
         return problems or [*_of_standing(description), *_of_laser(robot, description, text), *_of_imu(robot, description)]
     except ValueError as error:
         return [str(error)]
-
-
-def missing_visuals(text: str, folder: Path) -> list[str]:
-    """Meshes that only a picture of the robot would need, and that are not there."""
-    names = [str(mesh.get("filename")) for mesh in ElementTree.fromstring(text).findall("link/visual/geometry/mesh")]
-    return sorted({name for name in names if found_mesh(name, folder) is None})
 
 
 def _of_names(text: str) -> Iterator[str]:
@@ -92,7 +85,7 @@ def _of_weight(description: Description) -> Iterator[str]:
     heads = [BASE, *(joint.child for joint in description.joints.values() if joint.kind != "fixed")]
     weightless = [head for head in heads if description.hangs_on_base(head) and not description.firm(head) & description.masses.keys()]
     if weightless:
-        yield f"an inertial with a mass and an inertia above 0 is missing in {', '.join(weightless)}"
+        yield f"an inertial with a mass above 0 is missing in {', '.join(weightless)}"
         return
     for head in filter(description.hangs_on_base, heads):
         kg, m3 = _mass_and_volume(description, description.firm(head))

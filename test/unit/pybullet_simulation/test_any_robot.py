@@ -1,6 +1,7 @@
 """Robots other than the Husky: what their URDFs say is how they stand, drive and see."""
 
 import math
+import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import trimesh
 
 from pybullet_simulation import IDEAL, IDEAL_TIMING, Simulation, SpinningLidarConfig, load_world
 from pybullet_simulation.robot_model import read_robot_model
+from pybullet_simulation.simulated_urdf import write_simulated_urdf
 from pybullet_simulation.solids import box
 from pybullet_simulation.world import World, joined
 from rigid_geometry import tilt_angle, yaw_of
@@ -160,3 +162,17 @@ def test_what_tilts_and_what_does_not_is_told_by_the_joints(tmp_path: Path) -> N
     assert {c.link for c in model.casters} == {"left_roll", "right_roll"}
     size = np.ptp(model.body.vertices, axis=0)
     assert size[:2] == pytest.approx((0.5, 0.44), abs=1e-3)
+
+
+def test_battery_that_names_only_its_mass_keeps_it_with_the_inertia_of_its_box(tmp_path: Path) -> None:
+    robot = cart(tmp_path)
+    mass = '<inertial><origin rpy="1 0 0"/><mass value="12"/></inertial>'
+    parts = link("battery", 'box size="0.3 0.2 0.1"').replace("<collision>", f"{mass}<collision>")
+    parts += f'<link name="ballast">{mass}</link>' + joint("b", "fixed", "body", "ballast") + joint("a", "fixed", "body", "battery")
+    Path(robot.urdf).write_text(Path(robot.urdf).read_text().replace("</robot>", f"{parts}</robot>"))
+    written = ElementTree.parse(write_simulated_urdf(Path(robot.urdf), tmp_path, "nod"))
+    box, ball = (written.find(f"link[@name='{name}']/inertial") for name in ("battery", "ballast"))
+    assert box.find("mass").get("value") == "12" and box.find("origin").get("rpy") is None
+    assert [float(box.find("inertia").get(axis)) for axis in ("ixx", "iyy", "izz")] == pytest.approx([0.05, 0.10, 0.13])
+    radius_m = (3 * 12 / (4 * math.pi * 1000)) ** (1 / 3)
+    assert float(ball.find("inertia").get("ixx")) == pytest.approx(0.4 * 12 * radius_m**2, rel=1e-4)

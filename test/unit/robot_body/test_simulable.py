@@ -9,7 +9,17 @@ import trimesh
 import trimesh.exchange.dae
 
 from rigid_geometry import transform_from_rpy
-from robot_body import RobotBody, casters, driven_wheels, load_robot, missing_visuals, read_description, robot_file, robot_names, urdf_file
+from robot_body import (
+    RobotBody,
+    casters,
+    description_remarks,
+    driven_wheels,
+    load_robot,
+    read_description,
+    robot_file,
+    robot_names,
+    urdf_file,
+)
 from robot_body import simulation_problems as problems_of
 
 SMALL = load_robot(robot_file("small"))
@@ -52,19 +62,14 @@ def test_every_robot_of_the_project_can_be_simulated(name: str) -> None:
     assert robot.name == name
     urdf = urdf_file(robot)
     assert problems_of(robot, urdf.read_text(encoding="utf-8"), urdf.parent) == []
-    assert missing_visuals(urdf.read_text(encoding="utf-8"), urdf.parent) == []
+    assert description_remarks(urdf.read_text(encoding="utf-8"), urdf.parent) == []
 
 
 @pytest.mark.parametrize(
     ("robot", "text", "said"),
     [
         (SMALL, without(between(LEFT_WHEEL, "<inertial>", "</inertial>")), "above 0 is missing in left_wheel, right_wheel"),
-        (SMALL, without(between(LEFT_WHEEL, "<inertia ", "/>")), "a mass and an inertia above 0 is missing in left_wheel"),
-        (
-            SMALL,
-            changed('<mass value="11.0"/>', '<mass value="0"/>', URDF.replace("<inertia ", "<nothing ")),
-            "above 0 is missing in base_link, left_wheel, right_wheel, tilt_link",
-        ),
+        (SMALL, without('<mass value="0.8"/>'), "an inertial with a mass above 0 is missing in left_wheel, right_wheel"),
         (
             SMALL,
             changed(BALL, '<collision><geometry><mesh filename="ball.stl"/></geometry></collision>'),
@@ -160,7 +165,7 @@ def test_mesh_has_the_unit_that_its_file_names_but_not_its_upward_axis(tmp_path:
 def test_missing_mesh_of_a_picture_keeps_nobody_from_driving(tmp_path: Path) -> None:
     text = changed(BALL, '<visual><geometry><mesh filename="package://mine/ball.dae"/></geometry></visual>')
     assert problems_of(SMALL, text, tmp_path) == []
-    assert missing_visuals(text, tmp_path) == ["package://mine/ball.dae"]
+    assert description_remarks(text, tmp_path) == ["package://mine/ball.dae is missing: rviz will not show it, and nothing else needs it"]
 
 
 def test_mesh_is_found_beside_the_description_and_in_its_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -168,10 +173,10 @@ def test_mesh_is_found_beside_the_description_and_in_its_package(tmp_path: Path,
     (tmp_path / "mine" / "urdf").mkdir()
     (tmp_path / "mine" / "meshes" / "ball.dae").touch()
     text = changed(BALL, '<visual><geometry><mesh filename="package://mine/meshes/ball.dae"/></geometry></visual>')
-    assert missing_visuals(text, tmp_path / "mine" / "urdf") == []
-    assert missing_visuals(text, Path("/")) != []
+    assert description_remarks(text, tmp_path / "mine" / "urdf") == []
+    assert description_remarks(text, Path("/")) != []
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
-    assert missing_visuals(text, Path("/")) == []
+    assert description_remarks(text, Path("/")) == []
 
 
 def test_wheels_are_what_turns_about_y_whatever_their_own_axes() -> None:
@@ -223,3 +228,14 @@ def test_arm_with_a_wrist_that_turns_without_end_is_neither_wheel_nor_caster() -
     arm = behind_a_joint("revolute", "0 1 0").replace('<child link="unit"/>', '<child link="unit"/><origin xyz="0 0 0.5"/>')
     found = read_description(arm)
     assert "left_wheel" not in {part.link for part in (*driven_wheels(found), *casters(found))}
+
+
+@pytest.mark.parametrize("inertia", ["", '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>'])
+def test_mass_without_an_inertia_weighs_what_it_says(inertia: str) -> None:
+    given = between(LEFT_WHEEL, "<inertia ", "/>")
+    text = changed(LEFT_WHEEL, LEFT_WHEEL.replace(given, inertia))
+    assert read_description(text).masses["left_wheel"][0] == 0.8
+    assert problems_of(SMALL, text, Path("/")) == []
+    assert description_remarks(text, Path("/")) == [
+        "left_wheel: mass without an inertia above 0: that of the box around its shapes is taken"
+    ]
