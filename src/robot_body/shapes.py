@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mesh_files import MeshFrame, read_triangles
+from mesh_files import MeshFrame, package_folders, package_roots, read_triangles
 from rigid_geometry import transform_from_rpy, transform_points
 
 Array = NDArray[np.float64]
@@ -134,10 +133,7 @@ def _places(name: str, folder: Path | None) -> Iterator[Path]:
         yield Path(rest) if folder is None else folder / rest
         return
     package, _, inner = rest.partition("/")
-    for root in map(Path, filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(":"))):
-        yield root / inner if root.name == package else root / package / inner
-    if folder is not None:
-        yield from (above / inner for above in (folder, *folder.parents[:2]))
+    yield from (found / inner for found in package_folders(package, folder, package_roots()))
 
 
 @lru_cache(maxsize=64)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 
+from mesh_files import package_folders, package_roots
 from world_files.sdf_elements import Element, read_xml, text_of
 
 VARIABLES = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH")
@@ -15,9 +16,10 @@ _SCHEME = re.compile(r"^([A-Za-z][A-Za-z0-9+.-]*)://(.*)$")
 
 @dataclass(frozen=True)
 class ModelPaths:
-    """Folders that hold models, in the order in which they are searched."""
+    """Folders that hold models, in the order in which they are searched, and those below which ROS packages lie."""
 
     folders: tuple[Path, ...] = ()
+    packages: tuple[Path, ...] = ()
 
     @classmethod
     def of(cls, given: Sequence[Path], environment: Mapping[str, str] = os.environ) -> "ModelPaths":
@@ -27,7 +29,7 @@ class ModelPaths:
             raise ValueError(f"models: no such folder: {', '.join(missing)}")
         told = (path for name in VARIABLES for path in environment.get(name, "").split(os.pathsep) if path)
         own = [Path(environment["HOME"], ".gazebo", "models")] if environment.get("HOME") else []
-        return cls((*given, *map(Path, told), *own))
+        return cls((*given, *map(Path, told), *own), package_roots(environment))
 
     def found(self, uri: str, folder: Path) -> Path | None:
         """The file or folder of a URI that stands in a file of `folder`; None when there is none.
@@ -46,6 +48,9 @@ class ModelPaths:
             candidates = [base / name for name in names for base in (*self.folders, *near)]
         else:
             candidates = [base / path for base in (*self.folders, *near)]
+            if scheme == "package":
+                name, _, inner = path.partition("/")
+                candidates = [*(place / inner for place in package_folders(name, folder, self.packages)), *candidates]
         return next((candidate for candidate in candidates if _exists(candidate)), None)
 
 

@@ -179,6 +179,13 @@ def test_mesh_is_found_beside_the_description_and_in_its_package(tmp_path: Path,
     assert description_remarks(text, Path("/")) == []
 
 
+def test_mesh_of_another_package_is_not_taken_for_the_same_path_here(tmp_path: Path) -> None:
+    (tmp_path / "mine" / "meshes").mkdir(parents=True)
+    (tmp_path / "mine" / "meshes" / "ball.dae").touch()
+    text = changed(BALL, '<visual><geometry><mesh filename="package://yours/meshes/ball.dae"/></geometry></visual>')
+    assert len(description_remarks(text, tmp_path / "mine")) == 1
+
+
 def test_wheels_are_what_turns_about_y_whatever_their_own_axes() -> None:
     turned = changed(
         '<origin xyz="0 0.155 0"/>\n    <axis xyz="0 1 0"/>', '<origin xyz="0 0.155 0" rpy="-1.5707963 0 0"/>\n    <axis xyz="0 0 1"/>'

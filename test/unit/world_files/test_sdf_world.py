@@ -209,6 +209,15 @@ def test_part_of_a_mesh_is_named_by_its_node(tmp_path: Path) -> None:
     assert "'Leaf'" in missing.left_out[0]
 
 
+def test_mesh_of_a_ros_package_is_found_on_its_path(tmp_path: Path) -> None:
+    folder = tmp_path / "ws" / "vendor" / "halls-main"
+    folder.mkdir(parents=True)
+    (folder / "package.xml").write_text("<package><name>halls</name></package>")
+    trimesh.creation.box().export(folder / "a.stl")
+    path = world_file(tmp_path, model("m", collision("<mesh><uri>package://halls/a.stl</uri></mesh>")))
+    assert len(read_sdf(path, ModelPaths.of([], {"ROS_PACKAGE_PATH": str(tmp_path / "ws")})).triangles) == 12
+
+
 def test_what_cannot_be_read_of_a_mesh_is_named(tmp_path: Path) -> None:
     text = trimesh.exchange.dae.export_collada([trimesh.creation.box(), trimesh.creation.box()]).decode()
     first, last = text.rsplit('<instance_geometry url="#', 1)
