@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import fromstring
 
-from world_files.model_paths import ModelPaths, last_name, sdf_file_of
+from world_files.model_paths import ModelPaths, model_name, sdf_file_of
 from world_files.sdf_elements import Element, place, read_xml, text_of, wrong
 
 NOT_UNDERSTOOD = {"plugin": "filename", "actor": "name", "road": "name", "population": "name"}
@@ -109,7 +109,7 @@ class ModelReader:
         found = self._paths.found(uri, folder)
         file = None if found is None else sdf_file_of(found)
         if file is None:
-            known = last_name(uri).lower().replace(" ", "_")
+            known = model_name(uri).lower().replace(" ", "_")
             if known == "ground_plane":
                 return fromstring(_GROUND_PLANE), None
             if known != "sun":

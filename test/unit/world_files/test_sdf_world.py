@@ -143,6 +143,21 @@ def test_model_on_a_server_is_looked_for_by_its_name(tmp_path: Path) -> None:
     assert len(read(world_file(tmp_path, f"<include><uri>{uri}</uri></include>")).triangles) == 12
 
 
+@pytest.mark.parametrize("uri", ["Construction%20Cone", "Construction Cone/3", "construction cone/tip"])
+def test_model_of_a_server_is_found_in_a_copy_of_gazebo_s_cache(tmp_path: Path, uri: str) -> None:
+    model_folder(tmp_path / "models" / "construction cone", "3", model("t", collision(box())))
+    found = read(world_file(tmp_path, f"<include><uri>https://server/1.0/someone/models/{uri}</uri></include>"))
+    assert not found.left_out and len(found.triangles) == 12
+
+
+@pytest.mark.parametrize("place", ["construction cone/3", "construction_cone"])
+def test_mesh_on_a_server_is_found_below_its_model(tmp_path: Path, place: str) -> None:
+    (tmp_path / "models" / place / "meshes").mkdir(parents=True)
+    trimesh.creation.box().export(tmp_path / "models" / place / "meshes" / "a b.stl")
+    uri = "https://server/1.0/someone/models/Construction%20Cone/3/files/meshes/a%20b.stl"
+    assert len(read(world_file(tmp_path, model("m", collision(f"<mesh><uri>{uri}</uri></mesh>")))).triangles) == 12
+
+
 def test_merged_model_gives_its_frames_to_its_parent(tmp_path: Path) -> None:
     model_folder(tmp_path, "part", f"<model name='part'><link name='tip'>{pose('0 0 3 0 0 0')}</link></model>")
     link = f"<link name='l'>{pose('1 0 0 0 0 0', relative_to='tip')}{collision(box())}</link>"
@@ -151,7 +166,8 @@ def test_merged_model_gives_its_frames_to_its_parent(tmp_path: Path) -> None:
 
 
 def test_ground_plane_and_sun_are_known_without_their_folders(tmp_path: Path) -> None:
-    known = ("<include><uri>model://ground_plane</uri></include>", "<include><uri>model://sun</uri></include>")
+    uris = ("model://ground_plane", "model://sun", "https://server/1.0/someone/models/Ground%20Plane/1", "https://server/a/models/Sun/2")
+    known = [f"<include><uri>{uri}</uri></include>" for uri in uris]
     found = read(world_file(tmp_path, *known))
     assert found.floors == (0.0,) and not found.left_out and not len(found.triangles)
 
