@@ -12,6 +12,7 @@ from world_files.sdf_elements import Element, place, read_xml, text_of, wrong
 
 NOT_UNDERSTOOD = {"plugin": "filename", "actor": "name", "road": "name", "population": "name"}
 """Elements that are left out with a word, and the attribute that tells one from another."""
+_READ_OF_INCLUDE = ("uri", "name", "pose", "placement_frame", "static")  # the last says what is so: everything stands still
 _MOST_NESTED = 30
 _GROUND_PLANE = "<model name='ground_plane'><link name='link'><collision name='c'><geometry><plane/></geometry></collision></link></model>"
 
@@ -77,7 +78,7 @@ class ModelReader:
         state = {each.get("name"): each.find("pose") for each in model.element.findall("state/model")}
         for child in model.element:
             if child.tag in NOT_UNDERSTOOD:
-                self._notes.left_out(f"{child.tag} {child.get(NOT_UNDERSTOOD[child.tag], '')}".strip(), child)
+                self._notes.left_out(_told(child), child)
             elif child.tag == "model":
                 pose = state.get(child.get("name"))  # where it was when the world was saved
                 self._add(model, child, model.folder, child.find("pose") if pose is None else pose)
@@ -95,6 +96,9 @@ class ModelReader:
         uri = text_of(include, "uri")
         if not uri:
             raise wrong(include, "it has no <uri>")
+        for child in include:
+            if child.tag not in _READ_OF_INCLUDE:
+                self._notes.left_out(f"{_told(child)} in an <include>", child)
         element, file = self._included(include, uri, parent.folder)
         if element is None:
             return
@@ -120,3 +124,7 @@ class ModelReader:
         if model is None:
             self._notes.left_out(f"{uri}, which holds no model", include)
         return model, file
+
+
+def _told(element: Element) -> str:
+    return f"{element.tag} {element.get(NOT_UNDERSTOOD.get(element.tag, 'name'), '')}".strip()

@@ -158,6 +158,20 @@ def test_mesh_on_a_server_is_found_below_its_model(tmp_path: Path, place: str) -
     assert len(read(world_file(tmp_path, model("m", collision(f"<mesh><uri>{uri}</uri></mesh>")))).triangles) == 12
 
 
+@pytest.mark.parametrize(
+    ("child", "said"),
+    [
+        ("<plugin name='p' filename='libdoor.so'/>", "plugin libdoor.so in an <include>"),
+        ("<experimental:params><collision/></experimental:params>", "experimental:params in an <include>"),
+        ("<static>true</static><name>a</name><placement_frame>link</placement_frame>", None),
+    ],
+)
+def test_what_else_stands_in_an_include_is_named(tmp_path: Path, child: str, said: str | None) -> None:
+    model_folder(tmp_path, "crate", model("crate", collision(box())))
+    left_out = read(world_file(tmp_path, f"<include><uri>model://crate</uri>{child}</include>")).left_out
+    assert left_out == (() if said is None else (f"{tmp_path / 'test.world'}:3: {said}: left out",))
+
+
 def test_merged_model_gives_its_frames_to_its_parent(tmp_path: Path) -> None:
     model_folder(tmp_path, "part", f"<model name='part'><link name='tip'>{pose('0 0 3 0 0 0')}</link></model>")
     link = f"<link name='l'>{pose('1 0 0 0 0 0', relative_to='tip')}{collision(box())}</link>"
