@@ -19,19 +19,22 @@ _GROUND_PLANE = "<model name='ground_plane'><link name='link'><collision name='c
 
 @dataclass
 class Notes:
-    """What was left out, and where, in the order in which it was met."""
+    """What was left out or is coarser than the file, and where, in the order in which it was met."""
 
     places: dict[str, list[str]] = field(default_factory=dict)
 
     def left_out(self, what: str, element: Element) -> None:
         """Notes it."""
-        self.places.setdefault(what, []).append(place(element))
+        self.told(f"{what}: left out", element)
+
+    def told(self, sentence: str, element: Element) -> None:
+        """Notes a sentence on an element."""
+        self.places.setdefault(sentence, []).append(place(element))
 
     def lines(self) -> tuple[str, ...]:
         """One line for each kind of thing, with the place of the first."""
         return tuple(
-            f"{places[0]}: {what}: left out" + (f" ({len(places)} times)" if len(places) > 1 else "")
-            for what, places in self.places.items()
+            f"{places[0]}: {sentence}" + (f" ({len(places)} times)" if len(places) > 1 else "") for sentence, places in self.places.items()
         )
 
 

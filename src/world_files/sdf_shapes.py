@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mesh_files import MESH_SUFFIXES, MeshFrame, read_triangles
 from world_files.closed_solids import OPEN, closed_solids
-from world_files.height_map import HeightMap, read_height_map, terrain_between
+from world_files.height_map import FINEST_M, HeightMap, read_height_map, terrain_between
 from world_files.model_paths import ModelPaths
 from world_files.sdf_elements import Element, child_numbers, place, sizes, text_of, wrong
 from world_files.surfaces import surface_from_heights
@@ -29,14 +29,14 @@ class NotUnderstoodError(ValueError):
 class Shape:
     """Vertices (V, 3) in m, triangles (T, 3), the number of the closed solid that each bounds (T,), OPEN where none.
 
-    `mesh`: the file and place of what was a mesh, else "". `missing`: names of what that shows, too, and that could not be read.
+    `mesh`: the file and place of what was a mesh, else "". `remark`: a sentence on what of its file is not in it.
     """
 
     vertices: Array
     triangles: Indices
     solid: Indices
     mesh: str = ""
-    missing: tuple[str, ...] = ()
+    remark: str = ""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,8 @@ class ShapeFiles:
                 raise NotUnderstoodError(str(error)) from error
             vertices = read.vertices * np.array(scale)
             solid = closed_solids(vertices, read.triangles)
-            self._meshes[key] = Shape(vertices, read.triangles, solid, missing=read.missing)
+            remark = f"{', '.join(read.missing)} of the mesh {file.name}, which cannot be read: left out" if read.missing else ""
+            self._meshes[key] = Shape(vertices, read.triangles, solid, remark=remark)
         return self._meshes[key]
 
 
@@ -189,7 +190,10 @@ def _heightmap(shape: Element, folder: Path, files: ShapeFiles) -> Shape:
     full = HeightMap(read.heights * (z / top if top > 0.0 else 1.0), read.size_xy)
     half = np.array(full.size_xy) / 2
     try:
-        surface = surface_from_heights(terrain_between(full, -half, half))
+        terrain = terrain_between(full, -half, half)
     except ValueError as error:
         raise wrong(shape, str(error)) from error
-    return _open(surface.vertices + at, surface.triangles)
+    surface, pixel_m = surface_from_heights(terrain), min(full.pixel_m)
+    is_coarse = terrain.step > max(pixel_m, FINEST_M) + 1e-6
+    remark = f"heightmap {file.name} has a point every {terrain.step:.2g} m, of pixels every {pixel_m:.2g} m" if is_coarse else ""
+    return replace(_open(surface.vertices + at, surface.triangles), remark=remark)

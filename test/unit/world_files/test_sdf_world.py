@@ -286,6 +286,15 @@ def test_height_map_reaches_its_size_and_lies_at_its_place(tmp_path: Path) -> No
     assert first_row.max() < -0.5  # the picture's first row, which is dark, lies at the highest y
 
 
+@pytest.mark.parametrize(("pixels", "thinned"), [(129, False), (1025, True)])
+def test_large_height_map_that_is_thinned_says_how_far_its_points_are_apart(tmp_path: Path, pixels: int, thinned: bool) -> None:
+    Image.fromarray(np.tile(np.linspace(0, 200, pixels), (pixels, 1)).astype(np.uint8)).save(tmp_path / "hills.png")
+    shape = "<heightmap><uri>hills.png</uri><size>256 256 9</size></heightmap>"
+    left_out = read(world_file(tmp_path, model("m", collision(shape)))).left_out
+    said = f"{tmp_path / 'test.world'}:3: heightmap hills.png has a point every 0.74 m, of pixels every 0.25 m"
+    assert left_out == ((said,) if thinned else ())
+
+
 LEFT_OUT = {
     "plugin": "<plugin name='p' filename='libwind.so'/>",
     "actor": "<actor name='walker'/>",
