@@ -77,7 +77,7 @@ def effective_robot(arguments: ExploreArguments) -> RobotBody:
     except ConfigError as error:
         raise ArgumentProblem("\n".join(f"--robot {line}" for line in str(error).splitlines())) from error
     urdf = urdf_file(robot)
-    for remark in description_remarks(urdf.read_text(encoding="utf-8"), urdf.parent):
+    for remark in description_remarks(robot, urdf.read_text(encoding="utf-8"), urdf.parent):
         print(f"./explore: {urdf}: {remark}", flush=True)
     return robot
 

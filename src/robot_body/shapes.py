@@ -75,6 +75,11 @@ def shapes_of(link: ElementTree.Element, folder: Path | None) -> tuple[Shape, ..
     return tuple(_shape(collision, folder) for collision in link.findall("collision"))
 
 
+def pictures_of(link: ElementTree.Element, folder: Path | None) -> tuple[Shape, ...]:
+    """As `shapes_of`, the visual ones."""
+    return tuple(_shape(visual, folder) for visual in link.findall("visual"))
+
+
 def _shape(collision: ElementTree.Element, folder: Path | None) -> Shape:
     geometry = collision.find("geometry")
     solid = next((e for e in ([] if geometry is None else geometry) if e.tag in SOLIDS), None)

@@ -62,7 +62,7 @@ def test_every_robot_of_the_project_can_be_simulated(name: str) -> None:
     assert robot.name == name
     urdf = urdf_file(robot)
     assert problems_of(robot, urdf.read_text(encoding="utf-8"), urdf.parent) == []
-    assert description_remarks(urdf.read_text(encoding="utf-8"), urdf.parent) == []
+    assert description_remarks(robot, urdf.read_text(encoding="utf-8"), urdf.parent) == []
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,9 @@ def test_mesh_has_the_unit_that_its_file_names_but_not_its_upward_axis(tmp_path:
 def test_missing_mesh_of_a_picture_keeps_nobody_from_driving(tmp_path: Path) -> None:
     text = changed(BALL, '<visual><geometry><mesh filename="package://mine/ball.dae"/></geometry></visual>')
     assert problems_of(SMALL, text, tmp_path) == []
-    assert description_remarks(text, tmp_path) == ["package://mine/ball.dae is missing: rviz will not show it, and nothing else needs it"]
+    assert description_remarks(SMALL, text, tmp_path) == [
+        "package://mine/ball.dae is missing: rviz will not show it, and nothing else needs it"
+    ]
 
 
 def test_mesh_is_found_beside_the_description_and_in_its_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -173,17 +175,17 @@ def test_mesh_is_found_beside_the_description_and_in_its_package(tmp_path: Path,
     (tmp_path / "mine" / "urdf").mkdir()
     (tmp_path / "mine" / "meshes" / "ball.dae").touch()
     text = changed(BALL, '<visual><geometry><mesh filename="package://mine/meshes/ball.dae"/></geometry></visual>')
-    assert description_remarks(text, tmp_path / "mine" / "urdf") == []
-    assert description_remarks(text, Path("/")) != []
+    assert description_remarks(SMALL, text, tmp_path / "mine" / "urdf") == []
+    assert description_remarks(SMALL, text, Path("/")) != []
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
-    assert description_remarks(text, Path("/")) == []
+    assert description_remarks(SMALL, text, Path("/")) == []
 
 
 def test_mesh_of_another_package_is_not_taken_for_the_same_path_here(tmp_path: Path) -> None:
     (tmp_path / "mine" / "meshes").mkdir(parents=True)
     (tmp_path / "mine" / "meshes" / "ball.dae").touch()
     text = changed(BALL, '<visual><geometry><mesh filename="package://yours/meshes/ball.dae"/></geometry></visual>')
-    assert len(description_remarks(text, tmp_path / "mine")) == 1
+    assert len(description_remarks(SMALL, text, tmp_path / "mine")) == 1
 
 
 def test_wheels_are_what_turns_about_y_whatever_their_own_axes() -> None:
@@ -243,6 +245,14 @@ def test_mass_without_an_inertia_weighs_what_it_says(inertia: str) -> None:
     text = changed(LEFT_WHEEL, LEFT_WHEEL.replace(given, inertia))
     assert read_description(text).masses["left_wheel"][0] == 0.8
     assert problems_of(SMALL, text, Path("/")) == []
-    assert description_remarks(text, Path("/")) == [
+    assert description_remarks(SMALL, text, Path("/")) == [
         "left_wheel: mass without an inertia above 0: that of the box around its shapes is taken"
     ]
+
+
+@pytest.mark.parametrize(("size", "told"), [("0.3 0.02 0.02", True), ("0.05 0.04 0.02", False)])
+def test_link_that_is_only_seen_is_told_unless_it_is_small(size: str, told: bool) -> None:
+    bar = f'<link name="bar"><visual><geometry><box size="{size}"/></geometry></visual></link>'
+    bar += '<joint name="j" type="fixed"><parent link="base_link"/><child link="bar"/></joint>'
+    said = ["bar: no collision shape: no laser sees it in simulation, nothing touches it, and no outline is checked for it"]
+    assert description_remarks(SMALL, changed("</robot>", bar + "</robot>"), Path("/")) == (said if told else [])
