@@ -10,7 +10,7 @@ from explore_command.arguments import MAPPINGS, NAMED_WORLDS, SENSORS, ArgumentP
 from explore_command.ending import ended
 from explore_command.parameters import COMMAND, ROBOT, all_overrides, chosen_mapping, override_problems, robot_of
 from rigid_geometry import origin_text
-from robot_body import PACKAGE_FOLDER, RobotBody, fixed_laser_problem, is_fixed, missing_visuals, robot_mapping, urdf_file
+from robot_body import PACKAGE_FOLDER, RobotBody, description_remarks, fixed_laser_problem, is_fixed, robot_mapping, urdf_file
 from roslaunch_process import free_port, hand_on_signals, shown_lines, start_launch
 from simulated_movers import MoverError, asked_movers
 from stage_config import ConfigError
@@ -77,8 +77,8 @@ def effective_robot(arguments: ExploreArguments) -> RobotBody:
     except ConfigError as error:
         raise ArgumentProblem("\n".join(f"--robot {line}" for line in str(error).splitlines())) from error
     urdf = urdf_file(robot)
-    for mesh in missing_visuals(urdf.read_text(encoding="utf-8"), urdf.parent):
-        print(f"./explore: {urdf}: {mesh} is missing: rviz will not show it, and nothing else needs it", flush=True)
+    for remark in description_remarks(robot, urdf.read_text(encoding="utf-8"), urdf.parent):
+        print(f"./explore: {urdf}: {remark}", flush=True)
     return robot
 
 

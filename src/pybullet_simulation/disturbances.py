@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigid_geometry import inverse, rotation_from_rpy, translation_distance, yaw_of
+from robot_body import RobotBody
 from simulated_movers import OpenGround
 
 Array = NDArray[np.float64]
@@ -22,8 +23,7 @@ _PUSH_MPS, _PUSH_S = 1.0, 0.3  # on average, and the least that a push takes
 _TILT_S, _HELD_S = 0.5, 2.0
 _STOPS_S = 0.3  # whoever takes hold of a robot that drives stops it within
 _ICE_GRIP = 0.06  # share of the wheels' grip: rubber on ice
-_ROOM_M = 0.75  # around the middle of a robot that is put down
-_BESIDE_M = 0.5  # and of one that is pushed
+_FREE_M = 0.15  # around the outline of a robot that is put down, and beside one that is pushed
 _DROP_M = 0.01  # it is let go so high
 _DIFFERENCE_S = 1e-4  # of two poses, for a velocity
 
@@ -78,14 +78,14 @@ def _disturbance(text: str) -> Disturbance:
 
 @dataclass(frozen=True)
 class _Grasp:
-    """A disturbance under way: since when, from where and how fast, and to where the robot comes; `height_m` of base_link over ground."""
+    """A disturbance under way: since when, from where and how fast, and to where the robot comes."""
 
     what: Disturbance
     begun_s: float
     T_from: Array
     speed_mps: float
     T_to: Array
-    height_m: float
+    robot: RobotBody
 
     @property
     def _turn_rad(self) -> float:
@@ -114,7 +114,7 @@ class _Grasp:
 
     def _tilted(self, T: Array, at_s: float) -> Array:
         share = _eased(at_s / _TILT_S) - _eased((at_s - _TILT_S - _HELD_S) / _TILT_S)
-        return _rolled(T, math.radians(self.what.amount) * share, self.height_m)
+        return _rolled(T, math.radians(self.what.amount) * share, self.robot)
 
     def _carried(self, T: Array, at_s: float) -> Array:
         share = _eased((at_s - _LIFT_S) / (self.lasts_s - 2.0 * _LIFT_S))
@@ -127,9 +127,9 @@ class _Grasp:
 class Hands:
     """Does what the script says: `guided` while hands hold the robot, `grip` of its wheels, and `done` for the judge."""
 
-    def __init__(self, script: tuple[Disturbance, ...], ground: OpenGround | None, base_height_m: float, rng: np.random.Generator) -> None:
+    def __init__(self, script: tuple[Disturbance, ...], ground: OpenGround | None, robot: RobotBody, rng: np.random.Generator) -> None:
         """`ground` where a robot that is lifted or pushed may be put; None where the script needs none."""
-        self._waiting, self._ground, self._height_m, self._rng = list(script), ground, base_height_m, rng
+        self._waiting, self._ground, self._robot, self._rng = list(script), ground, robot, rng
         self._grasp: _Grasp | None = None
         self.done: list[Done] = []
 
@@ -153,7 +153,7 @@ class Hands:
             self._grasp = None
         if self._grasp is None and self._waiting and now_s >= self._waiting[0].begin_s:
             what = self._waiting.pop(0)
-            self._grasp = _Grasp(what, now_s, T_world_base, speed_mps, self._goal(what, T_world_base), self._height_m)
+            self._grasp = _Grasp(what, now_s, T_world_base, speed_mps, self._goal(what, T_world_base), self._robot)
 
     def guided(self, now_s: float) -> Guided | None:
         """Where the hands have the robot, None while they do not hold it."""
@@ -171,10 +171,11 @@ class Hands:
             T[:3, 3] += self._aside(what.amount, T_from)
         elif what.kind == "lift":
             assert self._ground is not None
-            places = self._ground.places(_ROOM_M)
+            room_m = self._robot.turning_radius_m + _FREE_M
+            places = self._ground.places(min(room_m, float(self._ground.clear_m.max())))  # or where there is most room
             off = np.abs(np.linalg.norm(places - T_from[:2, 3], axis=1) - what.amount)
             xy = places[self._rng.choice(np.flatnonzero(off <= off.min() + 0.3))]
-            T[:3, 3] = *xy, self._ground.height_at(xy) + self._height_m
+            T[:3, 3] = *xy, self._ground.height_at(xy) + self._robot.base_height_m
             T[:3, :3] = _about_z(self._rng.uniform(-math.pi, math.pi)) @ T_from[:3, :3]
         return T
 
@@ -183,7 +184,7 @@ class Hands:
         assert self._ground is not None
         ways, best = np.arange(0.0, most_m + 0.01, 0.05), np.zeros(3)
         for across in (T_from[:3, 1], -T_from[:3, 1]):
-            has_room = self._ground.clear_at(T_from[:2, 3] + ways[:, None] * across[:2]) >= _BESIDE_M
+            has_room = self._ground.clear_at(T_from[:2, 3] + ways[:, None] * across[:2]) >= self._robot.half_width_m + _FREE_M
             far_m = ways[-1] if has_room.all() else ways[max(0, int(np.argmin(has_room)) - 1)]
             best = across * far_m if far_m > np.linalg.norm(best) else best
         return best
@@ -199,10 +200,10 @@ def _about_z(angle: float) -> Array:
     return rotation_from_rpy(0.0, 0.0, angle)
 
 
-def _rolled(T_world_base: Array, angle: float, base_height_m: float) -> Array:
+def _rolled(T_world_base: Array, angle: float, robot: RobotBody) -> Array:
     """Rolled to the right about the middle of its right wheels' track on the ground."""
     foot, roll = np.eye(4), np.eye(4)
-    foot[:3, 3] = 0.0, -0.28, -base_height_m
+    foot[:3, 3] = 0.0, -robot.track_m / 2, -robot.base_height_m
     roll[:3, :3] = rotation_from_rpy(angle, 0.0, 0.0)
     lifted = np.eye(4)
     lifted[2, 3] = _DROP_M

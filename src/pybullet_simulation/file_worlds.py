@@ -1,12 +1,13 @@
 """Worlds from files: a mesh, a height map, or an SDF file with its models; and the floor under what has none."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pybullet_simulation.mesh_guess import fits_as_it_is, mesh_question, question, size_problem, size_text, too_large
+from pybullet_simulation.mesh_guess import fits_as_it_is, part_problem, question, size_problem, size_text
 from pybullet_simulation.solids import Solid, box, walls_around
 from pybullet_simulation.start_pose import AskedStart, StandingTest, check_start, choose_start
 from pybullet_simulation.world import joined
@@ -94,7 +95,9 @@ def _from_mesh_file(path: Path, about: WorldDescription, by: Request) -> Parts:
     mesh = read_mesh(path, frame)
     if problem := size_problem(path, mesh, frame, by.area_xy is not None):
         raise ValueError(f"{problem}{question(path, by.robot)}")
-    return _from_mesh(mesh, by) if about.ground is None else _on_floors(mesh, (about.ground,), by)
+    parts = _from_mesh(mesh, by) if about.ground is None else _on_floors(mesh, (about.ground,), by)
+    left_out = (f"{path}: {', '.join(mesh.missing)} cannot be read: left out",) if mesh.missing else ()
+    return replace(parts, notes=(*left_out, *parts.notes))
 
 
 def _from_sdf(path: Path, about: WorldDescription, by: Request) -> Parts:
@@ -103,12 +106,10 @@ def _from_sdf(path: Path, about: WorldDescription, by: Request) -> Parts:
     read = read_sdf(path, ModelPaths.of(about.models))
     floors = read.floors if about.ground is None else (*read.floors, about.ground)
     mesh = near_origin(read.vertices, read.triangles, read.solid) if len(read.triangles) else None
-    if mesh is not None and read.largest_mesh is not None and too_large(np.ptp(mesh.vertices, axis=0)):
-        raise ValueError(mesh_question(*read.largest_mesh))
+    if read.largest_mesh is not None and (problem := part_problem(*read.largest_mesh, by.area_xy is not None)):
+        raise ValueError(problem)
     parts = _on_floors(mesh, floors, by) if floors or mesh is None else _from_mesh(mesh, by)
-    return Parts(
-        parts.solids, parts.start_area, parts.surfaces, parts.heightfield, parts.ground_z, parts.origin, (*read.left_out, *parts.notes)
-    )
+    return replace(parts, notes=(*read.left_out, *parts.notes))
 
 
 def _on_floors(mesh: Mesh | None, heights: tuple[float, ...], by: Request) -> Parts:

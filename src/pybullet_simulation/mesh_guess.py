@@ -20,11 +20,14 @@ _UNITS = {1.0: "", 0.001: "in millimetres", 0.01: "in centimetres", 0.0254: "in 
 _TRIES, _SEED = 200, 1
 
 
+def too_large(size: NDArray[np.float64], has_area: bool) -> bool:
+    """Whether the unit of a mesh of a size (3,) can hardly be the metre."""
+    return bool(size.max() > (LARGEST_WITH_AREA_M if has_area else LARGEST_M))
+
+
 def size_problem(path: Path, mesh: Mesh, frame: MeshFrame | None, has_area: bool) -> str | None:
     """Why a mesh is too large for its unit to be the metre, or None; None, too, when its scale was given."""
-    if (frame is not None and frame.scale is not None) or np.ptp(mesh.vertices, axis=0).max() <= (
-        LARGEST_WITH_AREA_M if has_area else LARGEST_M
-    ):
+    if (frame is not None and frame.scale is not None) or not too_large(np.ptp(mesh.vertices, axis=0), has_area):
         return None
     area = "" if has_area else ", and --area X Y explores a part of it"
     return f"the mesh {path} is {size_text(mesh)} m large; --scale 1 says that its unit is the metre{area}"
@@ -43,16 +46,14 @@ def unit_hint(about: WorldDescription, surfaces: Sequence[Surface]) -> str:
     return f", {taken} (--scale tells another: {others})"
 
 
-def too_large(size: NDArray[np.float64]) -> bool:
-    """Whether the unit of a place (3,) can hardly be the metre."""
-    return bool(size.max() > LARGEST_M)
-
-
-def mesh_question(size: NDArray[np.float64], name: str) -> str:
-    """What is asked of a mesh of a size (3,) in an SDF file that is too large a place: the scale that it may have meant."""
+def part_problem(size: NDArray[np.float64], name: str, has_area: bool) -> str | None:
+    """Why a mesh (3,) in an SDF file is too large for its unit to be the metre, with the scale that it may have meant, or None."""
+    if not too_large(size, has_area):
+        return None
     scale, unit = next(((scale, unit) for scale, unit in sorted(_UNITS.items()) if size.max() * scale > _LEAST_M), (1.0, ""))
     text = " x ".join(f"{v:,.0f}" for v in size)
-    return f"{name} is {text} m large. Is it {unit}? Then multiply its <scale> by {scale:g}"
+    area = "" if too_large(size, True) else ". In metres, --area X Y explores a part of it"
+    return f"{name} is {text} m large. Is it {unit}? Then multiply its <scale> by {scale:g}{area}"
 
 
 def question(path: Path, robot: RobotBody) -> str:

@@ -37,7 +37,7 @@ def hands_in(world: World, config: SimulationConfig, robot: RobotBody, rng: np.r
     if not script:
         return None
     ground = open_ground(world) if any(one.kind in ("lift", "push") for one in script) else None
-    return Hands(script, ground, robot.base_height_m, rng)
+    return Hands(script, ground, robot, rng)
 
 
 def open_ground(world: World) -> OpenGround:

@@ -18,8 +18,9 @@ from robot_body.loading import (
 )
 from robot_body.mounts import SensorMount
 from robot_body.package_folder import PACKAGE_FOLDER
+from robot_body.remarks import description_remarks
 from robot_body.shapes import Shape, mesh_surface
-from robot_body.simulable import missing_visuals, simulation_problems
+from robot_body.simulable import simulation_problems
 from robot_body.tilting_mount import (
     DESCRIPTION,
     LEAST_TILT_RAD,
@@ -47,6 +48,7 @@ __all__ = [
     "Wheel",
     "casters",
     "contradictions",
+    "description_remarks",
     "driven_wheels",
     "fixed_laser_problem",
     "is_fixed",
@@ -54,7 +56,6 @@ __all__ = [
     "laser_mount",
     "load_robot",
     "mesh_surface",
-    "missing_visuals",
     "PACKAGE_FOLDER",
     "mount_from_urdf",
     "overlaid",

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mesh_files import MeshFrame, package_folders, package_roots, read_triangles
 from rigid_geometry import transform_from_rpy, transform_points
 
 Array = NDArray[np.float64]
@@ -76,6 +75,11 @@ def shapes_of(link: ElementTree.Element, folder: Path | None) -> tuple[Shape, ..
     return tuple(_shape(collision, folder) for collision in link.findall("collision"))
 
 
+def pictures_of(link: ElementTree.Element, folder: Path | None) -> tuple[Shape, ...]:
+    """As `shapes_of`, the visual ones."""
+    return tuple(_shape(visual, folder) for visual in link.findall("visual"))
+
+
 def _shape(collision: ElementTree.Element, folder: Path | None) -> Shape:
     geometry = collision.find("geometry")
     solid = next((e for e in ([] if geometry is None else geometry) if e.tag in SOLIDS), None)
@@ -134,22 +138,16 @@ def _places(name: str, folder: Path | None) -> Iterator[Path]:
         yield Path(rest) if folder is None else folder / rest
         return
     package, _, inner = rest.partition("/")
-    for root in map(Path, filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(":"))):
-        yield root / inner if root.name == package else root / package / inner
-    if folder is not None:
-        yield from (above / inner for above in (folder, *folder.parents[:2]))
+    yield from (found / inner for found in package_folders(package, folder, package_roots()))
 
 
 @lru_cache(maxsize=64)
 def mesh_surface(path: Path, scale: tuple[float, float, float]) -> tuple[Array, NDArray[np.int32]]:
-    """Vertices (N, 3), scaled, and triangles (T, 3) of a mesh. ValueError when it cannot be read, or has none."""
-    import trimesh  # only where a description has meshes
+    """Vertices (N, 3) in m, scaled, and triangles (T, 3) of a mesh. ValueError when it cannot be read, or has none.
 
-    try:
-        mesh: Any = trimesh.load(path, force="mesh")
-        vertices, triangles = np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int32)
-    except Exception as error:  # the readers raise whatever they stumble over
-        raise ValueError(f"mesh {path} cannot be read: {type(error).__name__}: {' '.join(str(error).split())}") from error
-    if not len(triangles) or not np.isfinite(vertices).all():
-        raise ValueError(f"mesh {path} has no triangles, or some that are not finite")
-    return vertices * np.array(scale), triangles
+    The unit that the file names counts, its upward axis does not: so rviz and Gazebo read it.
+    """
+    mesh = read_triangles(path, MeshFrame(up="z"))
+    if mesh.missing:
+        raise ValueError(f"cannot read all of the mesh {path}: {', '.join(mesh.missing)} would be left out")
+    return mesh.vertices * np.array(scale), mesh.triangles

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from robot_body.agreement import contradictions
 from robot_body.body import RobotBody
-from robot_body.shapes import found_mesh
 from robot_body.tilting_mount import LEAST_TILT_RAD, laser_mount, tilt_limits
 from robot_body.urdf import BASE, Description, read_description, with_mount
-from robot_body.wheels import CASTER_M, casters, driven_wheels
+from robot_body.wheels import CASTER_M, casters, driven_wheels, steered_wheels
 
 Array = NDArray[np.float64]
 _OFF_MIDDLE_M = 0.02  # a fifth of what its margins hold
@@ -25,18 +24,12 @@ def simulation_problems(robot: RobotBody, text: str, folder: Path) -> list[str]:
     """What keeps a robot, whose URDF lies in a folder, from being simulated: a sentence each, contradictions to its file included."""
     try:
         description = read_description(text, folder)
-        if broken := [*_of_names(text), *_of_tree(description), *_of_numbers(text), *_of_meshes(description)]:
+        if broken := [*_of_names(text), *_of_tree(description), *_of_numbers(text), *_of_meshes(description), *_of_steering(description)]:
             return broken
         problems = [*_of_weight(description), *_of_wheels(description), *contradictions(robot, text, folder)]
         return problems or [*_of_standing(description), *_of_laser(robot, description, text), *_of_imu(robot, description)]
     except ValueError as error:
         return [str(error)]
-
-
-def missing_visuals(text: str, folder: Path) -> list[str]:
-    """Meshes that only a picture of the robot would need, and that are not there."""
-    names = [str(mesh.get("filename")) for mesh in ElementTree.fromstring(text).findall("link/visual/geometry/mesh")]
-    return sorted({name for name in names if found_mesh(name, folder) is None})
 
 
 def _of_names(text: str) -> Iterator[str]:
@@ -92,7 +85,7 @@ def _of_weight(description: Description) -> Iterator[str]:
     heads = [BASE, *(joint.child for joint in description.joints.values() if joint.kind != "fixed")]
     weightless = [head for head in heads if description.hangs_on_base(head) and not description.firm(head) & description.masses.keys()]
     if weightless:
-        yield f"an inertial with a mass and an inertia above 0 is missing in {', '.join(weightless)}"
+        yield f"an inertial with a mass above 0 is missing in {', '.join(weightless)}"
         return
     for head in filter(description.hangs_on_base, heads):
         kg, m3 = _mass_and_volume(description, description.firm(head))
@@ -108,6 +101,11 @@ def _mass_and_volume(description: Description, links: set[str]) -> tuple[float, 
     reaches = [shape.reach(np.eye(4)) for link in links for shape in description.shapes.get(link, ())]
     kg = sum(description.masses[link][0] for link in links & description.masses.keys())
     return kg, float(sum(np.prod(high - low) for low, high in reaches))
+
+
+def _of_steering(description: Description) -> Iterator[str]:
+    for link, joint in steered_wheels(description):
+        yield f"joint {joint} steers {link}: the robot turns by the difference of its sides, steered wheels are not known"
 
 
 def _of_wheels(description: Description) -> Iterator[str]:

@@ -39,11 +39,15 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """Joints by the name of their child, collision shapes by link, and of the links that weigh something mass (kg) and its middle (3,)."""
+    """Joints by the name of their child, collision shapes by link, and of the links that weigh something mass (kg) and its middle (3,).
+
+    `no_inertia`: those of the latter whose inertia is not given, or 0 about an axis.
+    """
 
     joints: dict[str, Joint]
     shapes: dict[str, tuple[Shape, ...]]
     masses: dict[str, tuple[float, Array]]
+    no_inertia: frozenset[str] = frozenset()
 
     def reach(self, link: str) -> tuple[Array, Array] | None:
         """Lower and upper corner (3,) in base_link of what a link's shapes take, all joints at zero; None where it has none."""
@@ -116,9 +120,10 @@ def read_description(text: str, folder: Path | None = None) -> Description:
         links = {str(link.get("name")): link for link in root.findall("link")}
         shapes = {name: _of(link, lambda of: shapes_of(of, folder)) for name, link in links.items()}
         masses = {name: found for name, link in links.items() if (found := _of(link, _mass)) is not None}
+        no_inertia = frozenset(name for name in masses if not _of(links[name], _has_inertia))
     except (ElementTree.ParseError, AttributeError, TypeError, ValueError) as error:
         raise ValueError(f"robot_description cannot be read: {error}") from error
-    return Description({joint.child: joint for joint in joints}, shapes, masses)
+    return Description({joint.child: joint for joint in joints}, shapes, masses, no_inertia)
 
 
 def with_base(text: str, base_frame: str) -> str:
@@ -174,10 +179,15 @@ def _limits(limit: ElementTree.Element | None) -> tuple[float, float] | None:
 
 
 def _mass(link: ElementTree.Element) -> tuple[float, Array] | None:
-    """Mass and its middle; None where mass or inertia is not given, or not above zero."""
+    """Mass and its middle; None where it is not given, or not above zero."""
     inertial = link.find("inertial")
-    mass, inertia = (None, None) if inertial is None else (inertial.find("mass"), inertial.find("inertia"))
-    if inertial is None or mass is None or inertia is None:
+    mass = None if inertial is None else inertial.find("mass")
+    if inertial is None or mass is None:
         return None
-    kg, axes = float(str(mass.get("value"))), [float(str(inertia.get(axis))) for axis in ("ixx", "iyy", "izz")]
-    return (kg, origin_of(inertial)[:3, 3]) if min(kg, *axes) > 0.0 else None
+    kg = float(str(mass.get("value")))
+    return (kg, origin_of(inertial)[:3, 3]) if kg > 0.0 else None
+
+
+def _has_inertia(link: ElementTree.Element) -> bool:
+    inertia = link.find("inertial/inertia")
+    return inertia is not None and min(float(str(inertia.get(axis))) for axis in ("ixx", "iyy", "izz")) > 0.0

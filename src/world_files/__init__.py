@@ -3,9 +3,10 @@
 Files go in, triangles in metres with z up come out; nothing here knows a robot or the physics.
 """
 
+from mesh_files import MESH_SUFFIXES, UPS, MeshFrame
 from world_files.closed_solids import OPEN, closed_solids
 from world_files.height_map import HeightMap, read_height_map, terrain_between
-from world_files.mesh_file import MESH_SUFFIXES, UPS, MeshFrame, cut_to, near_origin, read_mesh
+from world_files.mesh_file import cut_to, near_origin, read_mesh
 from world_files.model_paths import ModelPaths
 from world_files.sdf_world import SDF_SUFFIXES, SdfWorld, read_sdf
 from world_files.surfaces import HeightField, Mesh, Surface, surface_from_heights

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 
 FINEST_M, COARSEST_M = 0.1, 0.25  # step of the terrain, unless that makes too many points
 MOST_POINTS = 120_000
+_BITS8 = ("1", "L", "LA", "P", "PA", "RGB", "RGBA")  # the modes of a picture that its mode L holds
+_WHITE16 = 65535.0
 VISIBLE_STEP_M = 0.02  # grey levels farther apart than this would make terraces, and are smoothed
 
 
@@ -49,13 +51,17 @@ def read_height_map(path: Path, size_xyz: tuple[float, float, float]) -> HeightM
         raise ValueError(f"size {size_xyz!r} is not three lengths above 0 in metres")
     try:
         with Image.open(path) as picture:
-            bits16 = picture.mode.startswith("I")
-            grey = np.asarray(picture if bits16 else picture.convert("L"), np.float64)
+            mode = picture.mode
+            bits16 = mode == "I" or mode.startswith("I;16")
+            grey = np.asarray(picture.convert("L") if mode in _BITS8 else picture, np.float64)
     except Exception as error:  # the readers raise whatever they stumble over
         raise ValueError(f"cannot read the height map {path}: {type(error).__name__}: {error}") from error
+    if not (bits16 or mode in _BITS8) or not 0.0 <= grey.min() <= grey.max() <= _WHITE16:
+        values = f"{grey.min():g} to {grey.max():g}"
+        raise ValueError(f"the height map {path} is of mode {mode} with values from {values}: expected 8 or 16 bits, grey or colour")
     if min(grey.shape) < 2:
         raise ValueError(f"the height map {path} is {grey.shape[1]} x {grey.shape[0]} pixels; it needs 2 x 2 or more")
-    levels = 65535.0 if bits16 else 255.0
+    levels = _WHITE16 if bits16 else 255.0
     heights = grey / levels * size_xyz[2]
     if size_xyz[2] / levels > VISIBLE_STEP_M:
         heights = gaussian_filter(heights, 1.0)

@@ -1,52 +1,19 @@
-"""Meshes from files (.dae, .obj, .stl, .ply, .glb, .gltf) as one surface in metres with z up near the origin.
+"""Meshes from files as one surface in metres with z up near the origin. It can be cut to a rectangle."""
 
-It can be cut to a rectangle. Textures are not looked for.
-"""
-
-import logging
-import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from rigid_geometry import lost_digits_m, origin_near
+from mesh_files import MeshFrame, has_area, read_triangles
+from rigid_geometry import origin_near
 from world_files.closed_solids import closed_solids
-from world_files.dae_parts import parts_of_node
 from world_files.surfaces import Mesh, Surface
-from world_files.unreadable import why_unreadable
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int32]
-
-MESH_SUFFIXES = (".dae", ".obj", ".stl", ".ply", ".glb", ".gltf")
-UPS = {
-    "x": np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]),
-    "y": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
-    "z": np.eye(3),
-}
-_HEADER_BYTES = 1 << 14
-_SLIVER_M2 = 1e-9
-_FARTHEST_M = 1e9  # what no place on earth is away
-logging.getLogger("trimesh").addHandler(logging.NullHandler())  # it prints tracebacks of what it then raises
-
-
-@dataclass(frozen=True)
-class MeshFrame:
-    """How a mesh is to be read: metres a unit, and the axis that points up ("x", "y", "z"); None: as the file says, else 1 and z."""
-
-    scale: float | None = None
-    up: str | None = None
-
-    def checked(self) -> "MeshFrame":
-        """Itself; ValueError when it makes no sense."""
-        if self.scale is not None and not 0.0 < self.scale < np.inf:
-            raise ValueError(f"scale {self.scale:g} is not a positive number of metres a unit")
-        if self.up is not None and self.up not in UPS:
-            raise ValueError(f"up {self.up!r} is none of {', '.join(UPS)}")
-        return self
 
 
 def read_mesh(path: Path, frame: MeshFrame | None = None) -> Mesh:
@@ -54,62 +21,11 @@ def read_mesh(path: Path, frame: MeshFrame | None = None) -> Mesh:
 
     ValueError when it cannot be read, holds no triangle or is not finite.
     """
-    vertices, triangles = read_triangles(path, frame)
-    return near_origin(vertices, triangles, closed_solids(vertices, triangles))
-
-
-def read_triangles(path: Path, frame: MeshFrame | None = None, part: str | None = None) -> tuple[Array, Indices]:
-    """(V, 3) vertices in metres with z up, where they are, and (T, 3) triangles of a mesh file, or of the `part` of it of this name.
-
-    ValueError as of `read_mesh`, and when there is no such part.
-    """
-    given = (frame or MeshFrame()).checked()
-    try:
-        with np.errstate(all="ignore"):
-            mesh = _loaded(path, part)
-        scale, up = _own_frame(path)
-    except Exception as error:  # the readers raise whatever they stumble over
-        raise ValueError(f"cannot read the mesh {path}: {why_unreadable(path, error)}") from error
-    if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
-        raise ValueError(f"the mesh {path} is empty: it has no triangles" + (f" in a part {part!r}" if part else ""))
-    given_scale = given.scale or scale
-    corners, triangles = _checked(path, np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64))
-    with np.errstate(all="ignore"):
-        vertices = corners @ (given_scale * UPS[given.up or up]).T
-    if not (np.abs(vertices) < _FARTHEST_M).all():
-        raise ValueError(f"the mesh {path} has vertices that are not finite")
-    if _is_float32(path) and (apart := lost_digits_m(corners, given_scale)) is not None:
-        raise ValueError(f"the mesh {path} is far from 0 0 0 in float32, told apart to {apart:g} m only: write it relative, or as .obj")
-    return vertices, triangles
-
-
-def _loaded(path: Path, part: str | None) -> object:
-    """What trimesh makes of a file, as one mesh; of the parts of a scene only those that are asked for."""
-    loaded = trimesh.load(path, process=False, skip_materials=True)
-    if not isinstance(loaded, trimesh.Scene):
-        return loaded
-    if part is not None:
-        wanted = parts_of_node(path, part, list(loaded.geometry))
-        loaded.delete_geometry(set(loaded.geometry) - wanted)
-        if not wanted:
-            return None
-    return loaded.to_mesh()
-
-
-def _checked(path: Path, corners: Array, triangles: NDArray[np.int64]) -> tuple[Array, Indices]:
-    """Both, when they are a mesh."""
-    if corners.ndim != 2 or corners.shape[1] != 3 or triangles.shape[1:] != (3,):
-        raise ValueError(f"the mesh {path} has vertices of {corners.shape[-1]} coordinates, or faces that are no triangles")
-    if triangles.min() < 0 or triangles.max() >= len(corners):
-        raise ValueError(f"the mesh {path} has triangles of vertices that it does not have")
-    return corners, triangles.astype(np.int32)
-
-
-def _is_float32(path: Path) -> bool:
-    """Whether a file keeps its coordinates so: STL always does, PLY unless it says double."""
-    with path.open("rb") as file:
-        head = file.read(_HEADER_BYTES)
-    return path.suffix.lower() == ".stl" or (path.suffix.lower() == ".ply" and b"property double x" not in head)
+    read = read_triangles(path, frame)
+    mesh = near_origin(read.vertices, read.triangles, closed_solids(read.vertices, read.triangles))
+    if not len(mesh.triangles):
+        raise ValueError(f"the mesh {path} is empty: none of its triangles has an area to speak of")
+    return replace(mesh, missing=read.missing)
 
 
 def near_origin(vertices: Array, triangles: Indices, solid: Indices) -> Mesh:
@@ -118,32 +34,6 @@ def near_origin(vertices: Array, triangles: Indices, solid: Indices) -> Mesh:
     near = vertices - origin
     kept = has_area(near, triangles)
     return Mesh(near, triangles[kept], solid[kept], origin)
-
-
-def _own_frame(path: Path) -> tuple[float, str]:
-    """Metres a unit and the axis upwards, by what the file or its format says, else 1 and z."""
-    if path.suffix.lower() == ".dae":
-        return _dae_frame(path)
-    return (1.0, "y") if path.suffix.lower() in (".glb", ".gltf") else (1.0, "z")
-
-
-def _dae_frame(path: Path) -> tuple[float, str]:
-    """Metres a unit and the axis upwards, by the asset block of a COLLADA file; its defaults are metres and y up."""
-    asset = ElementTree.parse(path).getroot().find("{*}asset")
-    unit = None if asset is None else asset.find("{*}unit")
-    axis = None if asset is None else asset.findtext("{*}up_axis")
-    scale = 1.0 if unit is None else float(unit.get("meter", "1"))
-    up = (axis or "Y_UP").strip().removesuffix("_UP").lower()
-    if up not in UPS or not 0.0 < scale < np.inf:
-        raise ValueError(f"up_axis {axis!r} with {scale:g} m a unit")
-    return scale, up
-
-
-def has_area(vertices: Array, triangles: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """(T,) false for triangles on which physics engines choke."""
-    corners = vertices[triangles]
-    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return np.asarray(doubled / 2 > _SLIVER_M2)
 
 
 def cut_to(surface: Surface, low_xy: Array, high_xy: Array) -> Surface:

@@ -7,17 +7,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
 
+from mesh_files import package_folders, package_roots
 from world_files.sdf_elements import Element, read_xml, text_of
 
 VARIABLES = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH")
 _SCHEME = re.compile(r"^([A-Za-z][A-Za-z0-9+.-]*)://(.*)$")
 
+_ON_SERVER = re.compile(r"/models/([^/]+)(?:/(\d+))?(?:/tip)?(?:/files/(.+))?/*$")
+
 
 @dataclass(frozen=True)
 class ModelPaths:
-    """Folders that hold models, in the order in which they are searched."""
+    """Folders that hold models, in the order in which they are searched, and those below which ROS packages lie."""
 
     folders: tuple[Path, ...] = ()
+    packages: tuple[Path, ...] = ()
 
     @classmethod
     def of(cls, given: Sequence[Path], environment: Mapping[str, str] = os.environ) -> "ModelPaths":
@@ -27,12 +31,12 @@ class ModelPaths:
             raise ValueError(f"models: no such folder: {', '.join(missing)}")
         told = (path for name in VARIABLES for path in environment.get(name, "").split(os.pathsep) if path)
         own = [Path(environment["HOME"], ".gazebo", "models")] if environment.get("HOME") else []
-        return cls((*given, *map(Path, told), *own))
+        return cls((*given, *map(Path, told), *own), package_roots(environment))
 
     def found(self, uri: str, folder: Path) -> Path | None:
         """The file or folder of a URI that stands in a file of `folder`; None when there is none.
 
-        Of a model on a server (https://) the name is looked for, also as Gazebo's older models are written: ground_plane.
+        Of a model on a server (https://) the name is looked for, also as Gazebo's cache and its older models are written.
         """
         match = _SCHEME.match(uri.strip())
         scheme, path = (match[1].lower(), unquote(match[2])) if match else ("", uri.strip())
@@ -42,15 +46,30 @@ class ModelPaths:
         if scheme in ("", "file"):
             candidates = [folder / path, *(base / path for base in self.folders)]
         elif scheme in ("http", "https"):
-            names = dict.fromkeys((last_name(path), last_name(path).lower().replace(" ", "_")))
-            candidates = [base / name for name in names for base in (*self.folders, *near)]
+            candidates = [base / place for place in _on_disk(path) for base in (*self.folders, *near)]
         else:
             candidates = [base / path for base in (*self.folders, *near)]
+            if scheme == "package":
+                name, _, inner = path.partition("/")
+                candidates = [*(place / inner for place in package_folders(name, folder, self.packages)), *candidates]
         return next((candidate for candidate in candidates if _exists(candidate)), None)
 
 
-def last_name(uri: str) -> str:
-    """The last part of a URI: the model's name."""
+def _on_disk(path: str) -> list[Path]:
+    """Where a model of a server, or a file of it, may lie in a folder of models: OWNER/models/NAME, /VERSION and /files/REST after it.
+
+    Gazebo's cache has the name in lower case, and a folder a version; its older models have no spaces, as ground_plane.
+    """
+    match = _ON_SERVER.search(path)
+    name, (version, rest) = model_name(path), (match[2], match[3]) if match else (None, None)
+    names = dict.fromkeys((name, name.lower(), name.lower().replace(" ", "_")))
+    return [Path(each, inner, rest or "") for each in names for inner in dict.fromkeys((version or "", ""))]
+
+
+def model_name(uri: str) -> str:
+    """The model's name in a URI: its last part, but for what a server has after that."""
+    if match := _ON_SERVER.search(unquote(uri)):
+        return match[1]
     return unquote(uri).rstrip("/").rpartition("/")[2]
 
 

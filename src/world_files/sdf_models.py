@@ -7,30 +7,34 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import fromstring
 
-from world_files.model_paths import ModelPaths, last_name, sdf_file_of
+from world_files.model_paths import ModelPaths, model_name, sdf_file_of
 from world_files.sdf_elements import Element, place, read_xml, text_of, wrong
 
 NOT_UNDERSTOOD = {"plugin": "filename", "actor": "name", "road": "name", "population": "name"}
 """Elements that are left out with a word, and the attribute that tells one from another."""
+_READ_OF_INCLUDE = ("uri", "name", "pose", "placement_frame", "static")  # the last says what is so: everything stands still
 _MOST_NESTED = 30
 _GROUND_PLANE = "<model name='ground_plane'><link name='link'><collision name='c'><geometry><plane/></geometry></collision></link></model>"
 
 
 @dataclass
 class Notes:
-    """What was left out, and where, in the order in which it was met."""
+    """What was left out or is coarser than the file, and where, in the order in which it was met."""
 
     places: dict[str, list[str]] = field(default_factory=dict)
 
     def left_out(self, what: str, element: Element) -> None:
         """Notes it."""
-        self.places.setdefault(what, []).append(place(element))
+        self.told(f"{what}: left out", element)
+
+    def told(self, sentence: str, element: Element) -> None:
+        """Notes a sentence on an element."""
+        self.places.setdefault(sentence, []).append(place(element))
 
     def lines(self) -> tuple[str, ...]:
         """One line for each kind of thing, with the place of the first."""
         return tuple(
-            f"{places[0]}: {what}: left out" + (f" ({len(places)} times)" if len(places) > 1 else "")
-            for what, places in self.places.items()
+            f"{places[0]}: {sentence}" + (f" ({len(places)} times)" if len(places) > 1 else "") for sentence, places in self.places.items()
         )
 
 
@@ -77,7 +81,7 @@ class ModelReader:
         state = {each.get("name"): each.find("pose") for each in model.element.findall("state/model")}
         for child in model.element:
             if child.tag in NOT_UNDERSTOOD:
-                self._notes.left_out(f"{child.tag} {child.get(NOT_UNDERSTOOD[child.tag], '')}".strip(), child)
+                self._notes.left_out(_told(child), child)
             elif child.tag == "model":
                 pose = state.get(child.get("name"))  # where it was when the world was saved
                 self._add(model, child, model.folder, child.find("pose") if pose is None else pose)
@@ -95,6 +99,9 @@ class ModelReader:
         uri = text_of(include, "uri")
         if not uri:
             raise wrong(include, "it has no <uri>")
+        for child in include:
+            if child.tag not in _READ_OF_INCLUDE:
+                self._notes.left_out(f"{_told(child)} in an <include>", child)
         element, file = self._included(include, uri, parent.folder)
         if element is None:
             return
@@ -109,7 +116,7 @@ class ModelReader:
         found = self._paths.found(uri, folder)
         file = None if found is None else sdf_file_of(found)
         if file is None:
-            known = last_name(uri).lower().replace(" ", "_")
+            known = model_name(uri).lower().replace(" ", "_")
             if known == "ground_plane":
                 return fromstring(_GROUND_PLANE), None
             if known != "sun":
@@ -120,3 +127,7 @@ class ModelReader:
         if model is None:
             self._notes.left_out(f"{uri}, which holds no model", include)
         return model, file
+
+
+def _told(element: Element) -> str:
+    return f"{element.tag} {element.get(NOT_UNDERSTOOD.get(element.tag, 'name'), '')}".strip()

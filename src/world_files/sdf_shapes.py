@@ -8,9 +8,9 @@ import numpy as np
 import trimesh
 from numpy.typing import ArrayLike, NDArray
 
+from mesh_files import MESH_SUFFIXES, MeshFrame, read_triangles
 from world_files.closed_solids import OPEN, closed_solids
-from world_files.height_map import HeightMap, read_height_map, terrain_between
-from world_files.mesh_file import MESH_SUFFIXES, MeshFrame, read_triangles
+from world_files.height_map import FINEST_M, HeightMap, read_height_map, terrain_between
 from world_files.model_paths import ModelPaths
 from world_files.sdf_elements import Element, child_numbers, place, sizes, text_of, wrong
 from world_files.surfaces import surface_from_heights
@@ -29,13 +29,14 @@ class NotUnderstoodError(ValueError):
 class Shape:
     """Vertices (V, 3) in m, triangles (T, 3), the number of the closed solid that each bounds (T,), OPEN where none.
 
-    `mesh`: the file and place of what was a mesh, else "".
+    `mesh`: the file and place of what was a mesh, else "". `remark`: a sentence on what of its file is not in it.
     """
 
     vertices: Array
     triangles: Indices
     solid: Indices
     mesh: str = ""
+    remark: str = ""
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,7 @@ class ShapeFiles:
 
     def __init__(self, paths: ModelPaths) -> None:
         self._paths = paths
-        self._meshes: dict[tuple[Path, str, tuple[float, ...]], tuple[Array, Indices, Indices]] = {}
+        self._meshes: dict[tuple[Path, str, tuple[float, ...]], Shape] = {}
 
     def file(self, shape: Element, folder: Path) -> Path:
         """The file that a shape names. NotUnderstoodError when it is not there."""
@@ -60,16 +61,18 @@ class ShapeFiles:
             raise NotUnderstoodError(f"{shape.tag} {uri or 'without <uri>'}, which is not there")
         return found
 
-    def mesh(self, file: Path, part: str, scale: tuple[float, ...]) -> tuple[Array, Indices, Indices]:
-        """Vertices in m, triangles and solids of a mesh, or of its part. NotUnderstoodError when it cannot be read."""
+    def mesh(self, file: Path, part: str, scale: tuple[float, ...]) -> Shape:
+        """A mesh, or its part. NotUnderstoodError when it cannot be read."""
         key = (file, part, scale)
         if key not in self._meshes:
             try:
-                vertices, triangles = read_triangles(file, MeshFrame(up="z"), part or None)
+                read = read_triangles(file, MeshFrame(up="z"), part or None)
             except ValueError as error:
                 raise NotUnderstoodError(str(error)) from error
-            vertices = vertices * np.array(scale)
-            self._meshes[key] = vertices, triangles, closed_solids(vertices, triangles)
+            vertices = read.vertices * np.array(scale)
+            solid = closed_solids(vertices, read.triangles)
+            remark = f"{', '.join(read.missing)} of the mesh {file.name}, which cannot be read: left out" if read.missing else ""
+            self._meshes[key] = Shape(vertices, read.triangles, solid, remark=remark)
         return self._meshes[key]
 
 
@@ -167,10 +170,11 @@ def _mesh(shape: Element, folder: Path, files: ShapeFiles) -> Shape:
     if not all(scale):
         raise wrong(shape, f"scale {text_of(shape, 'scale')} is 0")
     part = text_of(shape, "submesh/name")
-    vertices, triangles, solid = files.mesh(file, part, scale)
+    found = files.mesh(file, part, scale)
+    vertices = found.vertices
     if part and text_of(shape, "submesh/center") in ("true", "1"):
         vertices = vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    return Shape(vertices, triangles, solid, f"{place(shape)}: mesh {file.name}")
+    return replace(found, vertices=vertices, mesh=f"{place(shape)}: mesh {file.name}")
 
 
 def _heightmap(shape: Element, folder: Path, files: ShapeFiles) -> Shape:
@@ -186,7 +190,10 @@ def _heightmap(shape: Element, folder: Path, files: ShapeFiles) -> Shape:
     full = HeightMap(read.heights * (z / top if top > 0.0 else 1.0), read.size_xy)
     half = np.array(full.size_xy) / 2
     try:
-        surface = surface_from_heights(terrain_between(full, -half, half))
+        terrain = terrain_between(full, -half, half)
     except ValueError as error:
         raise wrong(shape, str(error)) from error
-    return _open(surface.vertices + at, surface.triangles)
+    surface, pixel_m = surface_from_heights(terrain), min(full.pixel_m)
+    is_coarse = terrain.step > max(pixel_m, FINEST_M) + 1e-6
+    remark = f"heightmap {file.name} has a point every {terrain.step:.2g} m, of pixels every {pixel_m:.2g} m" if is_coarse else ""
+    return replace(_open(surface.vertices + at, surface.triangles), remark=remark)

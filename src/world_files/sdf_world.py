@@ -31,8 +31,8 @@ _LEVEL_Z = 0.9999  # of the normal of a plane that is a floor: within 0.8 deg
 class SdfWorld:
     """What stands in a world: vertices (V, 3) in m with z up, triangles (T, 3), and for each the closed solid that it bounds (T,) or OPEN.
 
-    `floors`: heights of planes without an end; `left_out`: a line each, with file and line; `largest_mesh`: size (3,) and name of the
-    largest mesh file, None where there is none.
+    `floors`: heights of planes without an end; `left_out`: a line each, with file and line, on what is left out or coarser than there;
+    `largest_mesh`: size (3,) and name of the largest mesh file, None where there is none.
     """
 
     vertices: Array
@@ -80,6 +80,8 @@ def _of_link(model: Model, link: Element, files: ShapeFiles, notes: Notes) -> li
             except NotUnderstoodError as error:
                 notes.left_out(str(error), element)
                 continue
+            if isinstance(shape, Shape) and shape.remark:
+                notes.told(shape.remark, element)
             if shape is not None:
                 found.append((T_world_shape, shape))
         if found:

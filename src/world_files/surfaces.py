@@ -19,10 +19,14 @@ class Surface:
 
 @dataclass(frozen=True)
 class Mesh(Surface):
-    """A surface, with the number of the closed solid that each triangle bounds (T,), OPEN where none, and where its origin lies (3,)."""
+    """A surface, with the number of the closed solid that each triangle bounds (T,), OPEN where none, and where its origin lies (3,).
+
+    `missing`: names of what its file shows, too, and that could not be read.
+    """
 
     solid: Indices
     origin: Array
+    missing: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -20,12 +20,13 @@ ORDER: dict[str, set[str]] = {
     "whole_files": set(),
     "stage_config": set(),
     "rigid_geometry": set(),
-    "robot_body": {"rigid_geometry", "stage_config"},
+    "mesh_files": {"rigid_geometry"},
+    "robot_body": {"mesh_files", "rigid_geometry", "stage_config"},
     "point_cloud2": set(),
     "sensor_checks": BASE,
     "map_zones": {"stage_config", "whole_files"},
     "node_life": {"whole_files"},
-    "world_files": {"rigid_geometry", "stage_config"},
+    "world_files": {"mesh_files", "rigid_geometry", "stage_config"},
     # stages
     "simulated_movers": {"stage_config", "whole_files"},
     "pybullet_simulation": BASE | {"simulated_movers", "world_files"},
@@ -88,7 +89,7 @@ ORDER: dict[str, set[str]] = {
     "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "node_life", "roslaunch_process"},
 }
 """Every package and what it may import, earlier ones only. Rooms count as packages."""
-SHARED = BASE | {"map_zones", "node_life", "point_cloud2", "world_files"}
+SHARED = BASE | {"map_zones", "mesh_files", "node_life", "point_cloud2", "world_files"}
 PROGRAMS = set(list(ORDER)[list(ORDER).index(ADAPTERS) + 1 :])
 STAGES = {name.partition(".")[0] for name in ORDER} - SHARED - PROGRAMS - {ADAPTERS}
 ROS = {

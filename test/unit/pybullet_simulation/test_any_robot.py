@@ -1,6 +1,7 @@
 """Robots other than the Husky: what their URDFs say is how they stand, drive and see."""
 
 import math
+import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import trimesh
 
 from pybullet_simulation import IDEAL, IDEAL_TIMING, Simulation, SpinningLidarConfig, load_world
 from pybullet_simulation.robot_model import read_robot_model
+from pybullet_simulation.simulated_urdf import write_simulated_urdf
 from pybullet_simulation.solids import box
 from pybullet_simulation.world import World, joined
 from rigid_geometry import tilt_angle, yaw_of
@@ -55,12 +57,13 @@ def cart(folder: Path) -> RobotBody:
     return replace(RobotBody(), name="cart", urdf=str(path), mounts=mounts, **sizes, **wheels)
 
 
-def cart_with_arm(folder: Path) -> RobotBody:
-    """An arm of 24 cm reaches forward, and would swing down to the ground."""
+def cart_with_arm(folder: Path, kind: str) -> RobotBody:
+    """An arm of 24 cm reaches forward behind a limited joint and one of a kind, and would swing down to the ground."""
     robot = cart(folder)
     arm = link("arm", 'box size="0.24 0.02 0.02"', 0.5)
     arm = arm.replace('<origin rpy="0 0 0"/>', '<origin xyz="0.12 0 0"/>').replace("<inertial>", '<inertial><origin xyz="0.12 0 0"/>')
-    arm += joint("shoulder", "revolute", "base_link", "arm", "0.03 0 0.09")
+    arm += link("shoulder", kg=0.1) + joint("pan", "revolute", "base_link", "shoulder", axis="0 0 1")
+    arm += joint("lift", kind, "shoulder", "arm", "0.03 0 0.09")
     path = Path(robot.urdf)
     path.write_text(path.read_text().replace("</robot>", f"{arm}</robot>"))
     return robot
@@ -106,8 +109,9 @@ def test_it_drives_straight_as_its_wheels_say(robot: RobotBody, v: float) -> Non
     assert not any(d.contacts for d in data)
 
 
-def test_arm_stays_where_its_joint_is_at_zero(tmp_path: Path) -> None:
-    data = driven(cart_with_arm(tmp_path), 60, 0.2, 0.0)
+@pytest.mark.parametrize("kind", ["revolute", "continuous"])
+def test_arm_stays_where_its_joint_is_at_zero(tmp_path: Path, kind: str) -> None:
+    data = driven(cart_with_arm(tmp_path, kind), 60, 0.2, 0.0)
     assert not [c.link for d in data for c in d.contacts]
 
 
@@ -158,3 +162,17 @@ def test_what_tilts_and_what_does_not_is_told_by_the_joints(tmp_path: Path) -> N
     assert {c.link for c in model.casters} == {"left_roll", "right_roll"}
     size = np.ptp(model.body.vertices, axis=0)
     assert size[:2] == pytest.approx((0.5, 0.44), abs=1e-3)
+
+
+def test_battery_that_names_only_its_mass_keeps_it_with_the_inertia_of_its_box(tmp_path: Path) -> None:
+    robot = cart(tmp_path)
+    mass = '<inertial><origin rpy="1 0 0"/><mass value="12"/></inertial>'
+    parts = link("battery", 'box size="0.3 0.2 0.1"').replace("<collision>", f"{mass}<collision>")
+    parts += f'<link name="ballast">{mass}</link>' + joint("b", "fixed", "body", "ballast") + joint("a", "fixed", "body", "battery")
+    Path(robot.urdf).write_text(Path(robot.urdf).read_text().replace("</robot>", f"{parts}</robot>"))
+    written = ElementTree.parse(write_simulated_urdf(Path(robot.urdf), tmp_path, "nod"))
+    box, ball = (written.find(f"link[@name='{name}']/inertial") for name in ("battery", "ballast"))
+    assert box.find("mass").get("value") == "12" and box.find("origin").get("rpy") is None
+    assert [float(box.find("inertia").get(axis)) for axis in ("ixx", "iyy", "izz")] == pytest.approx([0.05, 0.10, 0.13])
+    radius_m = (3 * 12 / (4 * math.pi * 1000)) ** (1 / 3)
+    assert float(ball.find("inertia").get("ixx")) == pytest.approx(0.4 * 12 * radius_m**2, rel=1e-4)

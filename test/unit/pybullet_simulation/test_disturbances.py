@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from pybullet_simulation import IDEAL, IDEAL_TIMING, KINDS, Simulation, SimulationConfig, disturbances_csv, load_world, realistic
-from rigid_geometry import angle_difference, tilt_angle, translation_distance, yaw_of
+from pybullet_simulation.disturbances import Hands, disturbances_of
+from rigid_geometry import angle_difference, tilt_angle, transform_from_rpy, translation_distance, yaw_of
+from robot_body import load_robot, robot_file
+from simulated_movers import OpenGround
 
 
 @pytest.fixture
@@ -79,6 +82,23 @@ def test_robot_on_ice_slides_on_though_its_wheels_stand(disturbed):
 def test_robot_that_nobody_touches_is_the_same_to_the_bit(disturbed):
     truth = [driven(disturbed(script), 1.0, 0.4, 0.2)[-1].truth.T_world_base for script in ("", "push 30 0.5")]
     assert np.array_equal(*truth)
+
+
+@pytest.mark.parametrize("name", ["husky", "small"])
+def test_hands_take_hold_of_a_robot_of_any_size(name):
+    robot = load_robot(robot_file(name))
+    ways = np.arange(0.0, 5.0, 0.05)
+    clear = np.tile(np.minimum(ways, ways[::-1]), (len(ways), 1))  # a corridor along x
+    ground = OpenGround(np.zeros_like(clear).T, clear.T, -2.5, -2.5, 0.05)
+    at = {}
+    for kind, amount in (("push", 9.0), ("lift", 1.5), ("tilt", 20.0)):
+        hands = Hands(disturbances_of(f"{kind} 0 {amount}"), ground, robot, np.random.default_rng(1))
+        hands.step(0.0, transform_from_rpy((0.0, 0.0, robot.base_height_m), (0.0, 0.0, 0.0)), 0.0)
+        at[kind] = [guided.T_world_base for t in np.arange(0.0, 30.0, 0.1) if (guided := hands.guided(t)) is not None]
+    assert abs(at["push"][-1][1, 3]) == pytest.approx(2.5 - robot.half_width_m - 0.15, abs=0.1)
+    assert abs(at["lift"][-1][1, 3]) <= 2.5 - robot.turning_radius_m - 0.15 + 0.05
+    foot = np.array([0.0, -robot.track_m / 2, -robot.base_height_m, 1.0])  # stays where it is
+    assert {tuple(np.round((T @ foot)[1:3], 9)) for T in at["tilt"]} == {(-robot.track_m / 2, 0.01)}
 
 
 @pytest.mark.parametrize("script", ["shove 1 2", "push 1", "lift x 2", "tilt 1 -20", "ice nan 3", "push -1 0.5"])

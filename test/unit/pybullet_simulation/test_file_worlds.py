@@ -162,9 +162,29 @@ def test_mesh_of_an_sdf_file_in_millimetres_is_asked_about(tmp_path: Path) -> No
         load_world(path, 1)
 
 
+def test_large_sdf_world_is_judged_by_its_meshes_and_not_by_where_they_stand(tmp_path: Path) -> None:
+    trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "crate.stl")
+    crate = collision("<mesh><uri>crate.stl</uri></mesh>")
+    apart = [model(f"c{x}", crate, pose=pose(f"{x} 5 0.5 0 0 0")) for x in (0, 1500)]
+    path = str(world_file(tmp_path, GROUND, *apart))
+    assert load_world(path, 1, start=(0.0, 0.0, 0.0), area_xy=(20.0, 20.0)).start_z == pytest.approx(0.0, abs=1e-4)
+    trimesh.creation.box((2000.0, 50.0, 0.2)).export(tmp_path / "road.stl")
+    path = str(world_file(tmp_path, model("road", collision("<mesh><uri>road.stl</uri></mesh>"))))
+    assert load_world(path, 1, start=(0.0, 0.0, 0.0), area_xy=(20.0, 20.0)).start_z == pytest.approx(0.1, abs=1e-4)
+    with pytest.raises(ValueError, match="mesh road.stl is 2,000 x 50 x 0 m large.*--area X Y explores a part of it"):
+        load_world(path, 1, start=(0.0, 0.0, 0.0))
+
+
 def test_scale_and_up_are_refused_for_sdf(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="scale and up are for meshes"):
         load_world(WorldDescription(str(world_file(tmp_path, GROUND, PILLAR)), scale=0.001), 1)
+
+
+def test_what_cannot_be_read_of_a_mesh_is_noted(tmp_path: Path) -> None:
+    text = trimesh.exchange.dae.export_collada([trimesh.creation.box((12.0, 0.2, 8.0)), trimesh.creation.box()]).decode()
+    first, last = text.rsplit("<instance_geometry ", 1)
+    (tmp_path / "a.dae").write_text(f'{first}<instance_geometry url="#gone"{last[last.index(">") :]}')
+    assert load_world(str(tmp_path / "a.dae"), 1).notes == (f"{tmp_path / 'a.dae'}: gone cannot be read: left out",)
 
 
 def test_gltf_has_its_y_upwards_and_no_texture_is_missed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

@@ -6,9 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+import trimesh.exchange.dae
 
 from rigid_geometry import transform_from_rpy
-from robot_body import RobotBody, casters, driven_wheels, load_robot, missing_visuals, read_description, robot_file, robot_names, urdf_file
+from robot_body import (
+    RobotBody,
+    casters,
+    description_remarks,
+    driven_wheels,
+    load_robot,
+    read_description,
+    robot_file,
+    robot_names,
+    urdf_file,
+)
 from robot_body import simulation_problems as problems_of
 
 SMALL = load_robot(robot_file("small"))
@@ -51,19 +62,14 @@ def test_every_robot_of_the_project_can_be_simulated(name: str) -> None:
     assert robot.name == name
     urdf = urdf_file(robot)
     assert problems_of(robot, urdf.read_text(encoding="utf-8"), urdf.parent) == []
-    assert missing_visuals(urdf.read_text(encoding="utf-8"), urdf.parent) == []
+    assert description_remarks(robot, urdf.read_text(encoding="utf-8"), urdf.parent) == []
 
 
 @pytest.mark.parametrize(
     ("robot", "text", "said"),
     [
         (SMALL, without(between(LEFT_WHEEL, "<inertial>", "</inertial>")), "above 0 is missing in left_wheel, right_wheel"),
-        (SMALL, without(between(LEFT_WHEEL, "<inertia ", "/>")), "a mass and an inertia above 0 is missing in left_wheel"),
-        (
-            SMALL,
-            changed('<mass value="11.0"/>', '<mass value="0"/>', URDF.replace("<inertia ", "<nothing ")),
-            "above 0 is missing in base_link, left_wheel, right_wheel, tilt_link",
-        ),
+        (SMALL, without('<mass value="0.8"/>'), "an inertial with a mass above 0 is missing in left_wheel, right_wheel"),
         (
             SMALL,
             changed(BALL, '<collision><geometry><mesh filename="ball.stl"/></geometry></collision>'),
@@ -146,10 +152,22 @@ def test_shape_holds_what_is_inside_wherever_it_stands(shape: str, tmp_path: Pat
     assert not any(found.holds(T, np.array(place)) for place in ((1.0, 0.03, 0.62), (1.16, 0.0, 0.5), (0.0, 0.0, 0.5)))
 
 
+def test_mesh_has_the_unit_that_its_file_names_but_not_its_upward_axis(tmp_path: Path) -> None:
+    text = trimesh.exchange.dae.export_collada(trimesh.creation.box((200.0, 400.0, 600.0))).decode()
+    start, end = text.index("<asset>"), text.index("</asset>")
+    (tmp_path / "box.dae").write_text(text[:start] + '<asset><unit name="mm" meter="0.001"/><up_axis>Y_UP</up_axis>' + text[end:])
+    collision = '<collision><geometry><mesh filename="box.dae" scale="1 1 2"/></geometry></collision>'
+    found = read_description(f'<robot name="r"><link name="base_link">{collision}</link></robot>', tmp_path)
+    low, high = found.reach("base_link") or (np.zeros(3), np.zeros(3))
+    assert high - low == pytest.approx((0.2, 0.4, 1.2))
+
+
 def test_missing_mesh_of_a_picture_keeps_nobody_from_driving(tmp_path: Path) -> None:
     text = changed(BALL, '<visual><geometry><mesh filename="package://mine/ball.dae"/></geometry></visual>')
     assert problems_of(SMALL, text, tmp_path) == []
-    assert missing_visuals(text, tmp_path) == ["package://mine/ball.dae"]
+    assert description_remarks(SMALL, text, tmp_path) == [
+        "package://mine/ball.dae is missing: rviz will not show it, and nothing else needs it"
+    ]
 
 
 def test_mesh_is_found_beside_the_description_and_in_its_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,10 +175,17 @@ def test_mesh_is_found_beside_the_description_and_in_its_package(tmp_path: Path,
     (tmp_path / "mine" / "urdf").mkdir()
     (tmp_path / "mine" / "meshes" / "ball.dae").touch()
     text = changed(BALL, '<visual><geometry><mesh filename="package://mine/meshes/ball.dae"/></geometry></visual>')
-    assert missing_visuals(text, tmp_path / "mine" / "urdf") == []
-    assert missing_visuals(text, Path("/")) != []
+    assert description_remarks(SMALL, text, tmp_path / "mine" / "urdf") == []
+    assert description_remarks(SMALL, text, Path("/")) != []
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path))
-    assert missing_visuals(text, Path("/")) == []
+    assert description_remarks(SMALL, text, Path("/")) == []
+
+
+def test_mesh_of_another_package_is_not_taken_for_the_same_path_here(tmp_path: Path) -> None:
+    (tmp_path / "mine" / "meshes").mkdir(parents=True)
+    (tmp_path / "mine" / "meshes" / "ball.dae").touch()
+    text = changed(BALL, '<visual><geometry><mesh filename="package://yours/meshes/ball.dae"/></geometry></visual>')
+    assert len(description_remarks(SMALL, text, tmp_path / "mine")) == 1
 
 
 def test_wheels_are_what_turns_about_y_whatever_their_own_axes() -> None:
@@ -181,3 +206,53 @@ def test_ball_that_is_off_the_ground_is_no_caster_but_a_belly() -> None:
     high = changed('<origin xyz="-0.15 0 -0.05"/>', '<origin xyz="-0.15 0 -0.04"/>')
     assert casters(read_description(high)) == []
     assert any("ground_clearance_m = 0.05, and the URDF has 0.01" in line for line in problems_of(SMALL, high, Path("/")))
+
+
+def behind_a_joint(kind: str, axis: str) -> str:
+    """The small robot, with its left wheel behind another joint where the wheel's was."""
+    unit = '<inertial><mass value="0.1"/><inertia ixx="1e-4" ixy="0" ixz="0" iyy="1e-4" iyz="0" izz="1e-4"/></inertial>'
+    limit = '<limit lower="-0.15" upper="0.15" effort="1" velocity="1"/>'
+    joint = (
+        f'<joint name="unit_joint" type="{kind}"><parent link="base_link"/><child link="unit"/><axis xyz="{axis}"/>{limit}</joint>'
+        f'<link name="unit">{unit}</link>'
+    )
+    return changed(LEFT_JOINT, joint + LEFT_JOINT.replace('"base_link"', '"unit"'))
+
+
+@pytest.mark.parametrize("axis", ["0 1 0", "1 0 0", "0.7 0.7 0.1"])
+def test_wheel_behind_a_rocker_that_stays_at_zero_is_driven(axis: str) -> None:
+    text = behind_a_joint("revolute", axis)
+    assert [wheel.link for wheel in driven_wheels(read_description(text))] == ["left_wheel", "right_wheel"]
+    assert problems_of(SMALL, text, Path("/")) == []
+
+
+@pytest.mark.parametrize("axis", ["0 0 1", "0 0.2 -1"])
+def test_wheel_that_is_steered_is_refused_with_its_joint(axis: str) -> None:
+    found = problems_of(SMALL, behind_a_joint("revolute", axis), Path("/"))
+    assert found == ["joint unit_joint steers left_wheel: the robot turns by the difference of its sides, steered wheels are not known"]
+    assert [caster.link for caster in casters(read_description(behind_a_joint("continuous", "0 0 1")))] == ["left_wheel", "caster"]
+
+
+def test_arm_with_a_wrist_that_turns_without_end_is_neither_wheel_nor_caster() -> None:
+    arm = behind_a_joint("revolute", "0 1 0").replace('<child link="unit"/>', '<child link="unit"/><origin xyz="0 0 0.5"/>')
+    found = read_description(arm)
+    assert "left_wheel" not in {part.link for part in (*driven_wheels(found), *casters(found))}
+
+
+@pytest.mark.parametrize("inertia", ["", '<inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/>'])
+def test_mass_without_an_inertia_weighs_what_it_says(inertia: str) -> None:
+    given = between(LEFT_WHEEL, "<inertia ", "/>")
+    text = changed(LEFT_WHEEL, LEFT_WHEEL.replace(given, inertia))
+    assert read_description(text).masses["left_wheel"][0] == 0.8
+    assert problems_of(SMALL, text, Path("/")) == []
+    assert description_remarks(SMALL, text, Path("/")) == [
+        "left_wheel: mass without an inertia above 0: that of the box around its shapes is taken"
+    ]
+
+
+@pytest.mark.parametrize(("size", "told"), [("0.3 0.02 0.02", True), ("0.05 0.04 0.02", False)])
+def test_link_that_is_only_seen_is_told_unless_it_is_small(size: str, told: bool) -> None:
+    bar = f'<link name="bar"><visual><geometry><box size="{size}"/></geometry></visual></link>'
+    bar += '<joint name="j" type="fixed"><parent link="base_link"/><child link="bar"/></joint>'
+    said = ["bar: no collision shape: no laser sees it in simulation, nothing touches it, and no outline is checked for it"]
+    assert description_remarks(SMALL, changed("</robot>", bar + "</robot>"), Path("/")) == (said if told else [])

@@ -143,6 +143,35 @@ def test_model_on_a_server_is_looked_for_by_its_name(tmp_path: Path) -> None:
     assert len(read(world_file(tmp_path, f"<include><uri>{uri}</uri></include>")).triangles) == 12
 
 
+@pytest.mark.parametrize("uri", ["Construction%20Cone", "Construction Cone/3", "construction cone/tip"])
+def test_model_of_a_server_is_found_in_a_copy_of_gazebo_s_cache(tmp_path: Path, uri: str) -> None:
+    model_folder(tmp_path / "models" / "construction cone", "3", model("t", collision(box())))
+    found = read(world_file(tmp_path, f"<include><uri>https://server/1.0/someone/models/{uri}</uri></include>"))
+    assert not found.left_out and len(found.triangles) == 12
+
+
+@pytest.mark.parametrize("place", ["construction cone/3", "construction_cone"])
+def test_mesh_on_a_server_is_found_below_its_model(tmp_path: Path, place: str) -> None:
+    (tmp_path / "models" / place / "meshes").mkdir(parents=True)
+    trimesh.creation.box().export(tmp_path / "models" / place / "meshes" / "a b.stl")
+    uri = "https://server/1.0/someone/models/Construction%20Cone/3/files/meshes/a%20b.stl"
+    assert len(read(world_file(tmp_path, model("m", collision(f"<mesh><uri>{uri}</uri></mesh>")))).triangles) == 12
+
+
+@pytest.mark.parametrize(
+    ("child", "said"),
+    [
+        ("<plugin name='p' filename='libdoor.so'/>", "plugin libdoor.so in an <include>"),
+        ("<experimental:params><collision/></experimental:params>", "experimental:params in an <include>"),
+        ("<static>true</static><name>a</name><placement_frame>link</placement_frame>", None),
+    ],
+)
+def test_what_else_stands_in_an_include_is_named(tmp_path: Path, child: str, said: str | None) -> None:
+    model_folder(tmp_path, "crate", model("crate", collision(box())))
+    left_out = read(world_file(tmp_path, f"<include><uri>model://crate</uri>{child}</include>")).left_out
+    assert left_out == (() if said is None else (f"{tmp_path / 'test.world'}:3: {said}: left out",))
+
+
 def test_merged_model_gives_its_frames_to_its_parent(tmp_path: Path) -> None:
     model_folder(tmp_path, "part", f"<model name='part'><link name='tip'>{pose('0 0 3 0 0 0')}</link></model>")
     link = f"<link name='l'>{pose('1 0 0 0 0 0', relative_to='tip')}{collision(box())}</link>"
@@ -151,7 +180,8 @@ def test_merged_model_gives_its_frames_to_its_parent(tmp_path: Path) -> None:
 
 
 def test_ground_plane_and_sun_are_known_without_their_folders(tmp_path: Path) -> None:
-    known = ("<include><uri>model://ground_plane</uri></include>", "<include><uri>model://sun</uri></include>")
+    uris = ("model://ground_plane", "model://sun", "https://server/1.0/someone/models/Ground%20Plane/1", "https://server/a/models/Sun/2")
+    known = [f"<include><uri>{uri}</uri></include>" for uri in uris]
     found = read(world_file(tmp_path, *known))
     assert found.floors == (0.0,) and not found.left_out and not len(found.triangles)
 
@@ -209,6 +239,44 @@ def test_part_of_a_mesh_is_named_by_its_node(tmp_path: Path) -> None:
     assert "'Leaf'" in missing.left_out[0]
 
 
+def test_mesh_of_a_ros_package_is_found_on_its_path(tmp_path: Path) -> None:
+    folder = tmp_path / "ws" / "vendor" / "halls-main"
+    folder.mkdir(parents=True)
+    (folder / "package.xml").write_text("<package><name>halls</name></package>")
+    trimesh.creation.box().export(folder / "a.stl")
+    path = world_file(tmp_path, model("m", collision("<mesh><uri>package://halls/a.stl</uri></mesh>")))
+    assert len(read_sdf(path, ModelPaths.of([], {"ROS_PACKAGE_PATH": str(tmp_path / "ws")})).triangles) == 12
+
+
+def test_what_cannot_be_read_of_a_mesh_is_named(tmp_path: Path) -> None:
+    text = trimesh.exchange.dae.export_collada([trimesh.creation.box(), trimesh.creation.box()]).decode()
+    first, last = text.rsplit('<instance_geometry url="#', 1)
+    (tmp_path / "a.dae").write_text(f'{first}<instance_geometry url="#gone_{last}')
+    found = read(world_file(tmp_path, model("m", collision("<mesh><uri>a.dae</uri></mesh>"))))
+    assert len(found.triangles) == 12 and "of the mesh a.dae, which cannot be read: left out" in found.left_out[0]
+
+
+SUBMESH = "<mesh><uri>{}</uri><submesh><name>{}</name></submesh></mesh>"
+
+
+@pytest.mark.parametrize(("part", "high"), [("Cube", 0.5), ("Cube_1", 1.0)])
+def test_part_of_an_obj_is_its_object_whatever_its_materials(tmp_path: Path, part: str, high: float) -> None:
+    corners = "".join(f"v {x} {y} {z}\n" for z in (0.0, 0.5, 1.0) for x in (0, 1) for y in (0, 1))
+    (tmp_path / "a.obj").write_text(
+        f"{corners}o Cube\nusemtl red\nf 1 2 5\nusemtl blue\nf 1 3 5\no Cube_1\nusemtl red\nf 5 6 9\nusemtl blue\nf 5 7 9\n"
+    )
+    found = read(world_file(tmp_path, model("m", collision(SUBMESH.format("a.obj", part)))))
+    assert extent(found)[:, 2].tolist() == [high - 0.5, high] and len(found.triangles) == 2
+
+
+def test_part_that_is_not_there_is_told_with_those_that_are(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\no One\nf 1 2 3\n")
+    trimesh.creation.box().export(tmp_path / "a.stl")
+    for name, said in (("a.obj", "; it has One"), ("a.stl", ": files of this kind have no parts")):
+        (left_out,) = read(world_file(tmp_path, GROUND, model("m", collision(SUBMESH.format(name, "Leaf"))))).left_out
+        assert f"{name} has no part 'Leaf'{said}: left out" in left_out
+
+
 def test_height_map_reaches_its_size_and_lies_at_its_place(tmp_path: Path) -> None:
     Image.fromarray(np.linspace(0, 100, 17 * 17).reshape(17, 17).astype(np.uint8)).save(tmp_path / "hills.png")
     shape = "<heightmap><uri>file://hills.png</uri><size>16 8 3</size><pos>1 2 -1</pos></heightmap>"
@@ -216,6 +284,15 @@ def test_height_map_reaches_its_size_and_lies_at_its_place(tmp_path: Path) -> No
     np.testing.assert_allclose(extent(found), [[-7, -2, -1], [9, 6, 2]], atol=0.2)
     first_row = found.vertices[found.vertices[:, 1] > 5.7, 2]
     assert first_row.max() < -0.5  # the picture's first row, which is dark, lies at the highest y
+
+
+@pytest.mark.parametrize(("pixels", "thinned"), [(129, False), (1025, True)])
+def test_large_height_map_that_is_thinned_says_how_far_its_points_are_apart(tmp_path: Path, pixels: int, thinned: bool) -> None:
+    Image.fromarray(np.tile(np.linspace(0, 200, pixels), (pixels, 1)).astype(np.uint8)).save(tmp_path / "hills.png")
+    shape = "<heightmap><uri>hills.png</uri><size>256 256 9</size></heightmap>"
+    left_out = read(world_file(tmp_path, model("m", collision(shape)))).left_out
+    said = f"{tmp_path / 'test.world'}:3: heightmap hills.png has a point every 0.74 m, of pixels every 0.25 m"
+    assert left_out == ((said,) if thinned else ())
 
 
 LEFT_OUT = {
