@@ -47,12 +47,11 @@ def _is_one_floor(surfaces: Surfaces, a: Index, b: Index, gap: Index, stride: In
 
 
 @lean_njit
-def _is_rolled_over(surfaces: Surfaces, a: Index, b: Index, gap: Index, is_along_x: bool, limits: Limits) -> bool:
-    """Whether wheels roll over what is unknown between nodes a and b, `gap` columns apart.
+def _is_rolled_over(surfaces: Surfaces, a: Index, b: Index, gap: Index, axis: Index, limits: Limits) -> bool:
+    """Whether wheels roll over what is unknown between nodes a and b, `gap` columns apart along an axis.
 
     Where beams met a column off its middle, its ground ends before its border by twice as much.
     """
-    axis = 0 if is_along_x else 1
     width = gap - 1 + 2.0 * (surfaces.offset[b, axis] - surfaces.offset[a, axis])
     return bool(width <= limits.rolled_over + 1e-6)
 
@@ -105,7 +104,7 @@ def _other_side(columns: Columns, surfaces: Surfaces, a: Index, stride: Index, r
         if b < 0:
             continue
         is_floor = abs(np.int64(z[b]) - level) <= _MOST_RISE and _is_one_floor(surfaces, a, b, gap, stride, limits)
-        is_floor = is_floor and _is_rolled_over(surfaces, a, b, gap, stride == columns.ny, limits)
+        is_floor = is_floor and _is_rolled_over(surfaces, a, b, gap, 0 if stride == columns.ny else 1, limits)
         if is_floor and _spans(columns, surfaces, a, b, stride, gap, limits):
             return b, gap
         if abs(np.int64(z[b]) - level) <= step:
