@@ -6,16 +6,7 @@ The third principle of docs/terrain.md. Asked by the flood of `classify`, of the
 import numpy as np
 from numba import njit
 
-from octomap_server_3dnav.octree.columns import (
-    DX,
-    DY,
-    NO_VOXEL,
-    Columns,
-    blocking_voxel,
-    is_free_through,
-    lowest_occupied,
-    seen_down_to,
-)
+from octomap_server_3dnav.octree.columns import DX, DY, NO_VOXEL, Columns, blocking_voxel, is_free_through, lowest_occupied, seen_down_to
 from octomap_server_3dnav.octree.lean_kernels import Index, lean_njit
 from octomap_server_3dnav.terrain.config import Limits
 from octomap_server_3dnav.terrain.graph import Links
@@ -32,9 +23,7 @@ def drivable_rise(j: Index, limits: Limits) -> Index:
 
 
 @njit(cache=True)
-def _drops_along(
-    columns: Columns, surfaces: Surfaces, s: Index, c: Index, stride: Index, limits: Limits, look: Index, assumed: bool
-) -> bool:
+def _drops(columns: Columns, surfaces: Surfaces, s: Index, c: Index, stride: Index, limits: Limits, look: Index, assumed: bool) -> bool:
     """Whether from column c in `look` steps of `stride` all ground that node s could lead to lies too low, or free space below it.
 
     Where a drop is `assumed`, as the thesis does (7.3), it is enough that a beam passed where ground would be and none was seen.
@@ -62,11 +51,11 @@ def _beyond(columns: Columns, surfaces: Surfaces, s: Index, c: Index, k: Index, 
     stride = DX[k] * columns.ny + DY[k]
     is_blocked = blocking_voxel(columns, c + stride, np.int64(surfaces.z[s]), limits.step, limits.clearance) != NO_VOXEL
     look = 1 if is_blocked else limits.look
-    if _drops_along(columns, surfaces, s, c, stride, limits, look, limits.assumes_cliffs and not is_blocked):
+    if _drops(columns, surfaces, s, c, stride, limits, look, limits.assumes_cliffs and not is_blocked):
         return DROP
     if is_blocked:
         return BLOCKED
-    return EDGE if _drops_along(columns, surfaces, s, c, stride, limits, look, True) else UNKNOWN
+    return EDGE if _drops(columns, surfaces, s, c, stride, limits, look, True) else UNKNOWN
 
 
 @njit(cache=True)

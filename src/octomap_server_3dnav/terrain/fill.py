@@ -47,16 +47,6 @@ def _is_one_floor(surfaces: Surfaces, a: Index, b: Index, gap: Index, stride: In
 
 
 @lean_njit
-def _is_rolled_over(surfaces: Surfaces, a: Index, b: Index, gap: Index, axis: Index, limits: Limits) -> bool:
-    """Whether wheels roll over what is unknown between nodes a and b, `gap` columns apart along an axis.
-
-    Where beams met a column off its middle, its ground ends before its border by twice as much.
-    """
-    width = gap - 1 + 2.0 * (surfaces.offset[b, axis] - surfaces.offset[a, axis])
-    return bool(width <= limits.rolled_over + 1e-6)
-
-
-@lean_njit
 def _level_between(z: NDArray[np.int16], a: Index, b: Index, j: Index, gap: Index) -> Index:
     """Layer of the floor j of `gap` columns on the way from node a to node b."""
     return (2 * (np.int64(z[a]) * (gap - j) + np.int64(z[b]) * j) + gap) // (2 * gap)
@@ -97,6 +87,7 @@ def _spans(columns: Columns, surfaces: Surfaces, a: Index, b: Index, stride: Ind
 def _other_side(columns: Columns, surfaces: Surfaces, a: Index, stride: Index, room: Index, limits: Limits) -> tuple[Index, Index]:
     """The node across unknown columns beyond node a that is one floor with it, and how many `stride`s on; -1, 0: none within `room`."""
     z, step, c, level, floor = surfaces.z, limits.step, np.int64(surfaces.column[a]), np.int64(surfaces.z[a]), surfaces.height[a]
+    axis = 0 if stride == columns.ny else 1
     if _met(columns, surfaces, c + stride, level, step, floor, limits) >= 0:
         return -1, 0
     for gap in range(2, room + 1):
@@ -104,8 +95,8 @@ def _other_side(columns: Columns, surfaces: Surfaces, a: Index, stride: Index, r
         if b < 0:
             continue
         is_floor = abs(np.int64(z[b]) - level) <= _MOST_RISE and _is_one_floor(surfaces, a, b, gap, stride, limits)
-        is_floor = is_floor and _is_rolled_over(surfaces, a, b, gap, 0 if stride == columns.ny else 1, limits)
-        if is_floor and _spans(columns, surfaces, a, b, stride, gap, limits):
+        width = gap - 1 + 2.0 * (surfaces.offset[b, axis] - surfaces.offset[a, axis])  # met off its middle, a column ends early
+        if is_floor and width <= limits.rolled_over + 1e-6 and _spans(columns, surfaces, a, b, stride, gap, limits):
             return b, gap
         if abs(np.int64(z[b]) - level) <= step:
             return -1, 0

@@ -30,8 +30,8 @@ def unknown_edges(
     are `inside` (bool per column).
 
     The two-step test of thesis figure 5.13: no ground in a direction, and nothing that the flood has reached around one step further.
-    Ground that it did not reach is what the look is for: a deck seen from below only, a slope behind a gap. Nor does ground beyond a gap
-    of two columns answer, where wheels do not roll over two.
+    Ground that it did not reach is what the look is for: a deck seen from below only, a slope behind a gap, ground
+    across two columns that wheels do not roll over.
     """
     rise, leads_over_two = limits.step + 1, min(limits.fill, limits.rolled_over) >= 2
     found: list[tuple[Index, Index, Index, Index, Index]] = [(0, 0, 0, 0, 0) for _ in range(0)]
@@ -44,8 +44,8 @@ def unknown_edges(
             c, level, stride = np.int64(surfaces.column[s]), np.int64(surfaces.z[s]), DX[k] * columns.ny + DY[k]
             ends = _is_reached(surfaces, label, c + 2 * stride, level, rise)
             for side in range(4):
-                if side != k or leads_over_two:
-                    ends |= _is_reached(surfaces, label, c + 2 * stride + DX[side] * columns.ny + DY[side], level, rise)
+                beside = c + 2 * stride + DX[side] * columns.ny + DY[side]
+                ends |= (side != k or leads_over_two) and _is_reached(surfaces, label, beside, level, rise)
             if not ends:
                 found.append((c + stride, level, np.int64(s), np.int64(k), np.int64(seen[s, k])))
     out = np.empty((len(found), 5), np.int64)
