@@ -56,7 +56,7 @@ class LightClouds:
 
     def look_through(self, vertex_id: int, T_vertex_others: dict[int, Array]) -> None:
         """Counts what a sweep looks through of the clouds of others: T_vertex_others[k] (4, 4) takes cloud k to its frame."""
-        view = View(self._clouds[vertex_id], self._config)
+        view = View(self._clouds[vertex_id])
         for k, T_vertex_k in T_vertex_others.items():
             through = view.through(self._whole(k).transformed(T_vertex_k))
             self._counts[k] = self._counts[k] + (through & self._stays(k))
