@@ -26,7 +26,6 @@ class FollowerConfig:
     turn_in_place_above_rad: float = parameter(
         0.87, "rad", "heading errors above this are turned away standing", low=0.2, high=3.2, at_runtime=True
     )
-    turn_in_place_until_rad: float = parameter(0.15, "rad", "a turn in place towards the path ends below this error", low=0.01, high=0.8)
     slowest_share_near_obstacles: float = parameter(
         0.4, "-", "share of the speed left where the cost is 252", low=0.05, high=1.0, at_runtime=True
     )
@@ -96,7 +95,6 @@ class FollowerConfig:
             ("min_speed_mps", "max_speed_mps"),
             ("min_turn_rate_radps", "max_turn_rate_radps"),
             ("min_lookahead_m", "max_lookahead_m"),
-            ("turn_in_place_until_rad", "turn_in_place_above_rad"),
         ):
             if getattr(self, low) > getattr(self, high):
                 problems.append(f"{low} = {getattr(self, low)} is above {high} = {getattr(self, high)}")

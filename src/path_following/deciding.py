@@ -24,6 +24,7 @@ _AT_ENTRY_M = 0.02  # a path that ends before a passage is driven on to where so
 Decided = tuple[Doing, Motion]
 _PASSAGE_TURN_RAD = 0.3  # heading errors above this are turned away standing before a passage, where that is free
 _PASSAGE_HEADING_RAD = 0.08  # and such a turn ends below this error
+_TURN_IN_PLACE_UNTIL_RAD = 0.15  # a turn in place towards the path ends below this error
 
 
 def decide(doing: Doing, now: Moment) -> Decided:
@@ -72,7 +73,7 @@ def _follow(doing: Doing, now: Moment) -> Decided:
         lookahead = min(lookahead, max(stretch.begin - s, 1.5 * AT_BEGIN_M))
     steering = steering_to(now.pose, target_on(path, np.array(now.pose[:2]), s, lookahead))
     is_turning = isinstance(doing, TurningToPath)
-    limit = now.config.turn_in_place_until_rad if is_turning else now.config.turn_in_place_above_rad
+    limit = _TURN_IN_PLACE_UNTIL_RAD if is_turning else now.config.turn_in_place_above_rad
     if abs(steering.heading_error) > limit:
         return _turn_to_path(doing, now, steering.heading_error)
     return _drive(doing, now, steering, (path.length if stretch is None else stretch.begin) - s)
