@@ -124,7 +124,6 @@ class MappingConfig:
         3, "-", "tries of a match: area, last sweep alone, area of twice the distance (Alg. 1, line 15)", low=1, high=3
     )
     vertex_voxel_m: float = parameter(0.10, "m", "voxels of the cloud kept with a vertex", low=0.01, high=1.0)
-    vertex_normal_neighbours: int = parameter(20, "-", "neighbours of a normal of that cloud", low=5, high=100)
     max_correction_m: float = parameter(1.5, "m", "a match that moves the prediction by more is refused", low=0.01)
     max_correction_rad: float = parameter(0.9, "rad", "a match that turns the prediction by more is refused", low=0.01, high=math.pi)
 

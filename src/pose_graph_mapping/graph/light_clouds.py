@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pose_graph_mapping.config import MappingConfig
-from pose_graph_mapping.registration.cloud import Array, PointCloud, with_normals
+from pose_graph_mapping.registration.cloud import NORMAL_NEIGHBOURS, Array, PointCloud, with_normals
 from pose_graph_mapping.registration.seen_through import Gone, View
 
 Counts = NDArray[np.uint8]
@@ -69,7 +69,7 @@ class LightClouds:
     def _whole(self, vertex_id: int) -> PointCloud:
         cloud = self._clouds[vertex_id]
         if cloud.normals is None:  # by one thread: others classify meanwhile
-            cloud = self._clouds[vertex_id] = with_normals(cloud, self._config.vertex_normal_neighbours, threads=1)
+            cloud = self._clouds[vertex_id] = with_normals(cloud, NORMAL_NEIGHBOURS, threads=1)
         return cloud
 
     def _stays(self, vertex_id: int) -> NDArray[np.bool_]:
