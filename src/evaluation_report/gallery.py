@@ -16,7 +16,7 @@ _GRADES = {Grade.GOOD: "succeeded", Grade.PARTIAL: "left ground unexplored", Gra
 _CAUSES_SHOWN = 2
 _WORTH_NAMING_M2 = 0.05
 _PICTURE_WIDTH_PX = 760  # of a run's picture in the page
-# The pictures of the runs are most of the page; they share a budget, so that a report of many runs can still be sent by mail.
+# The pictures of the runs are most of the page. They share a budget, so that a report of many runs can be sent by mail.
 _PICTURES_BUDGET_MB = 3.2  # of all embedded pictures together, before encoding as text
 _PICTURE_LIMIT_KB = 90.0  # size of one picture
 

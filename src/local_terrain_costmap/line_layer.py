@@ -22,7 +22,7 @@ from robot_body import RobotBody
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 _SETTLING_S = 1.0  # what was met is not taken back before: the next lines pass just over it, or beside it
-_GROUND_REACH_M = 0.32  # where no ground is known, what lines meet is judged by known ground that is this near, else not at all
+_GROUND_REACH_M = 0.32  # of the known ground by which hits are judged where none is known; farther off, they are not judged
 
 
 class LineLayer:

@@ -26,7 +26,7 @@ ESTIMATED = 4  # of PARAMETERS, the first ones: all but the pitch
 BIAS = slice(4, 6)
 WEAK_SIGMAS = (0.1, 0.05, 0.05, 0.1)  # what a mount may be off before anything is measured
 SETTLED = 1e-5  # a step so short, in rad and m, ends the fit
-_USABLE_SIGMA_RAD = 0.004  # an angle that is known less well than this is not observable: 0.23 deg, half of what mounts are off by
+_USABLE_SIGMA_RAD = 0.004  # an angle known less well is not observable: 0.23 deg, half of what mounts are off by
 _USABLE_SIGMA_SCALE = 0.001  # the same for the scale: at a tilt of a radian the same angle
 
 

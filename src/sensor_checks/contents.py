@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 _REP_117 = "the driver should give inf where nothing is in range, and NaN where it does not know (REP 117)"
 _FARTHEST_M = 1000.0  # no sensor ranges farther: more are millimetres
 _RESTING_RAD = 0.05  # a mount that rests moves no more
-_STANDING_RATE = 0.05  # [rad/s] a gyroscope that stands turns no faster: ten times the bias of a cheap one, a tenth of one in degrees
+_STANDING_RATE = 0.05  # [rad/s] a gyroscope that stands turns no faster: ten times a cheap one's bias, a tenth of it in degrees
 _STANDING_MPS = 0.02  # wheels that stand turn no faster
 
 

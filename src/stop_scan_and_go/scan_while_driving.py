@@ -12,7 +12,7 @@ from stop_scan_and_go.interface import Decision, DriveState, SweepKind, TickActi
 from stop_scan_and_go.machine import StopScanAndGo
 
 _LOOKED_WITHIN_M = 0.5  # where it looked so near before, it stands for a whole sweep
-_MAX_POSE_LEAP_M = 0.06  # where the position's sigma grows by more from one tick to the next, odometry has jumped, and it stands to look
+_MAX_POSE_LEAP_M = 0.06  # where the position's sigma grows by more in one tick, odometry has jumped, and it stands to look
 _MAX_REFUSED = 2  # so many refused matches in a row ask for a whole sweep
 
 
