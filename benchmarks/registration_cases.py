@@ -21,7 +21,7 @@ from registration_worlds import MOVED, drive_poses, with_moved_furniture, world_
 
 from odometry_fusion import OdometryConfig, OdometryFilter
 from pose_graph_mapping.config import MappingConfig
-from pose_graph_mapping.registration.cloud import PointCloud, merged, vertex_cloud
+from pose_graph_mapping.registration.cloud import NORMAL_NEIGHBOURS, PointCloud, merged, vertex_cloud
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.imu import Imu
 from pybullet_simulation.laser import Laser, Motion
@@ -153,7 +153,7 @@ class Drive:
     def _vertex(self, index: int) -> PointCloud:
         if index not in self._vertices:
             config = MappingConfig()
-            self._vertices[index] = vertex_cloud(self.reading(index), config.vertex_voxel_m, config.vertex_normal_neighbours)
+            self._vertices[index] = vertex_cloud(self.reading(index), config.vertex_voxel_m, NORMAL_NEIGHBOURS)
         return self._vertices[index]
 
 

@@ -22,7 +22,7 @@ import yaml
 from map_rebuild import Array, from_scratch, recorded
 from numpy.typing import NDArray
 
-from exploration_evaluation import EvaluationConfig, RobotShape, reachable_ground, read_mesh, read_trajectory, trajectory_errors
+from exploration_evaluation import CELL_M, RobotShape, reachable_ground, read_mesh, read_trajectory, trajectory_errors
 from exploration_evaluation.classification import EDGE, classification
 from exploration_evaluation.true_classes import TrueClasses, true_classes
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
@@ -117,7 +117,7 @@ def disturbed(beams: list[Beams], poses: Array, noise: str, seed: int) -> tuple[
 def made(run: Path, noises: Sequence[str]) -> Iterator[tuple[str, Case]]:
     """The maps of a run with the true world."""
     truth, estimate = read_trajectory(run / "trajectory_truth.txt"), read_trajectory(run / "trajectory.txt")
-    mesh, robot, cell_m = read_mesh(run / "world.ply"), RobotShape(), EvaluationConfig().cell_m
+    mesh, robot, cell_m = read_mesh(run / "world.ply"), RobotShape(), CELL_M
     ground = reachable_ground(*mesh, truth[1][0, :3, 3], robot, cell_m)
     true, T_world_map = true_classes(*mesh, ground, robot, cell_m), trajectory_errors(*estimate, *truth).T_world_map
     sweeps, poses = recorded(run)

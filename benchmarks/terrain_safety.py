@@ -17,7 +17,7 @@ from map_rebuild import Array, from_scratch, recorded
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from exploration_evaluation import EvaluationConfig, RobotShape, reachable_ground, read_mesh, read_trajectory, trajectory_errors
+from exploration_evaluation import CELL_M, RobotShape, reachable_ground, read_mesh, read_trajectory, trajectory_errors
 from exploration_evaluation.classification import EDGE, Classification, classification
 from exploration_evaluation.true_classes import true_classes
 from octomap_server_3dnav.exploration.config import ExplorationConfig
@@ -42,7 +42,7 @@ class World:
 
     def __init__(self, run: Path) -> None:
         truth, estimate = read_trajectory(run / "trajectory_truth.txt"), read_trajectory(run / "trajectory.txt")
-        mesh, robot, cell_m = read_mesh(run / "world.ply"), RobotShape(), EvaluationConfig().cell_m
+        mesh, robot, cell_m = read_mesh(run / "world.ply"), RobotShape(), CELL_M
         ground = reachable_ground(*mesh, truth[1][0, :3, 3], robot, cell_m)
         self.area_m2, self.true = ground.area_m2, true_classes(*mesh, ground, robot, cell_m)
         self.T_world_map = trajectory_errors(*estimate, *truth).T_world_map

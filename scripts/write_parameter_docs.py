@@ -23,13 +23,6 @@ from robot_body import RobotBody, SensorMount  # noqa: E402
 from stage_config import documented  # noqa: E402
 
 TARGET = ROOT / "docs" / "parameters.md"
-JUDGE_CONFIGS = (
-    "exploration_evaluation.config.RobotShape",
-    "exploration_evaluation.config.EvaluationConfig",
-    "exploration_evaluation.visible_surface.VisibilityConfig",
-    "exploration_evaluation.clairvoyant.ClairvoyantConfig",
-    "exploration_evaluation.classification.ClassificationConfig",
-)
 HEADER = ("Parameter", "Default", "Unit", "Allowed", "Meaning")
 INTRODUCTION = """# Parameters
 
@@ -191,9 +184,7 @@ def common_chapter(nodes: Iterable[Launched]) -> str:
     )
     head += "\n| Name | Default | Where | What for | When to touch it |\n| --- | --- | --- | --- | --- |\n"
     rows = "".join(f"| `{c.name}` | {_default_and_file(c.name, files)} | {c.when} |\n" for c in COMMON)
-    return (
-        f"{head}{rows}\nHow much ground a success has to cover (`min_coverage`) is the judge's, not a parameter: [The judge](#the-judge).\n"
-    )
+    return f"{head}{rows}\nWhat the judge asks of a success is no parameter: [The judge](architecture.md#the-judge).\n"
 
 
 def _default_and_file(name: str, files: dict[str, str]) -> str:
@@ -230,14 +221,6 @@ def _derived_table(robot: RobotBody) -> str:
     return "| Derived | Value | Unit | How |\n| --- | --- | --- | --- |\n" + "".join(rows)
 
 
-def judge_chapter() -> str:
-    """What the judge of a run assumes: no ROS parameters, and out of the robot's reach."""
-    head = "## The judge\n\nWhat `exploration_evaluation` measures a run by; these are no ROS parameters.\n"
-    classes = [config_class(dotted) for dotted in JUDGE_CONFIGS]
-    parts = [f"### {cls.__name__}\n\n{cls.__doc__}\n\n{config_table(cls, '')}" for cls in classes]
-    return "\n".join([head, *parts])
-
-
 def check_chapter() -> str:
     """What check_robot takes for a fault; no node of the launch file, so its parameters are given on its command line."""
     head = "## check_robot\n\nPrivate parameters, as in `rosrun explore_3dnav check_robot _apart_s:=0.2`. Below `~imu` it reads those of\n"
@@ -249,7 +232,7 @@ def reference() -> str:
     """The whole file."""
     nodes = launched_nodes(ROOT / "launch")
     contents = "- [The robot](#the-robot)\n" + "".join(f"- [{node.name}](#{node.name})\n" for node in nodes)
-    contents += "- [check_robot](#check_robot)\n- [The judge](#the-judge)\n"
+    contents += "- [check_robot](#check_robot)\n"
     first_shown: dict[str, str] = {}
     chapters = [node_chapter(node, first_shown) for node in nodes]
     return "\n".join(
@@ -262,7 +245,6 @@ def reference() -> str:
             launch_arguments(ROOT / "launch" / "explore.launch"),
             *chapters,
             check_chapter(),
-            judge_chapter(),
         ]
     )
 

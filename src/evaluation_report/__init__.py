@@ -7,7 +7,6 @@ run missed, `write_soak` tells what failed of many runs. Nothing here judges: sc
 """
 
 from evaluation_report.campaign import Status, load_campaign
-from evaluation_report.config import ReportConfig
 from evaluation_report.missed import missed_view
 from evaluation_report.report import write_report
 from evaluation_report.soak import write_soak
@@ -17,7 +16,6 @@ from evaluation_report.thesis_tables import THESIS_TABLES, Mark
 __all__ = [
     "THESIS_TABLES",
     "Mark",
-    "ReportConfig",
     "Status",
     "load_campaign",
     "missed_view",

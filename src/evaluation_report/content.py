@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 from evaluation_report import charts
 from evaluation_report.campaign import Campaign, Run, Status, world_name
-from evaluation_report.config import ReportConfig
 from evaluation_report.configuration import difference_table, reference_lines
 from evaluation_report.gallery import RunCard, run_cards
 from evaluation_report.measures import keyed
@@ -58,7 +57,7 @@ class Content:
     not_asked: tuple[str, ...]
 
 
-def report_content(campaign: Campaign, config: ReportConfig) -> Content:
+def report_content(campaign: Campaign) -> Content:
     """Computes all tables and draws all charts and small pictures of a campaign."""
     return Content(
         title=f"{listed([world_name(w) for w in campaign.worlds])}, seeds {ranges(campaign.seeds)}",
@@ -70,7 +69,7 @@ def report_content(campaign: Campaign, config: ReportConfig) -> Content:
         left_out_runs=sum(_is_left_out(run) for run in campaign.runs),
         success=success_rows(campaign),
         worlds=tuple(_world(campaign, world) for world in campaign.worlds),
-        gallery=tuple((profile, run_cards(campaign, profile, config)) for profile in _reference_first(campaign)),
+        gallery=tuple((profile, run_cards(campaign, profile)) for profile in _reference_first(campaign)),
         differences=difference_table(campaign),
         configuration=reference_lines(campaign),
         packages=_packages(campaign),

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evaluation_report.campaign import Campaign, Grade, Run, Status, world_name
-from evaluation_report.config import ReportConfig
 from evaluation_report.measures import missed_area
 from evaluation_report.pictures import small_picture
 from evaluation_report.wording import UNKNOWN, clock, counted, number, percent
@@ -16,6 +15,10 @@ _ORDER = {Status.MISSING: 0, Status.CRASHED: 1, Status.WALL_LIMIT: 2, Status.SIM
 _GRADES = {Grade.GOOD: "succeeded", Grade.PARTIAL: "left ground unexplored", Grade.FAILED: "failed"}
 _CAUSES_SHOWN = 2
 _WORTH_NAMING_M2 = 0.05
+_PICTURE_WIDTH_PX = 760  # of a run's picture in the page
+# The pictures of the runs are most of the page. They share a budget, so that a report of many runs can be sent by mail.
+_PICTURES_BUDGET_MB = 3.2  # of all embedded pictures together, before encoding as text
+_PICTURE_LIMIT_KB = 90.0  # size of one picture
 
 
 @dataclass(frozen=True)
@@ -44,14 +47,14 @@ def _badness(run: Run) -> tuple[float, ...]:
     return (_ORDER[run.status], success, coverage, -collisions, -tilt)
 
 
-def run_cards(campaign: Campaign, profile: str, config: ReportConfig) -> tuple[RunCard, ...]:
+def run_cards(campaign: Campaign, profile: str) -> tuple[RunCard, ...]:
     """The runs of a profile, worst first."""
-    return tuple(_card(campaign, run, config) for run in worst_first([run for run in campaign.runs if run.profile == profile]))
+    return tuple(_card(campaign, run) for run in worst_first([run for run in campaign.runs if run.profile == profile]))
 
 
-def _card(campaign: Campaign, run: Run, config: ReportConfig) -> RunCard:
-    limit = min(1e3 * config.picture_limit_kb, 1e6 * config.pictures_budget_mb / len(campaign.runs))
-    picture = small_picture(run.folder, config.picture_width_px, limit)
+def _card(campaign: Campaign, run: Run) -> RunCard:
+    limit = min(1e3 * _PICTURE_LIMIT_KB, 1e6 * _PICTURES_BUDGET_MB / len(campaign.runs))
+    picture = small_picture(run.folder, _PICTURE_WIDTH_PX, limit)
     return RunCard(
         title=f"{world_name(run.world)}, seed {run.seed}",
         verdict=_verdict(run),

@@ -18,7 +18,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from exploration_evaluation import (
-    EvaluationConfig,
+    CELL_M,
     RobotShape,
     covered_cells,
     divided_voxels,
@@ -61,30 +61,30 @@ class _Drive:
     sweeps: Floats
 
 
-def missed_view(run_dir: Path | str, robot: RobotShape | None = None, config: EvaluationConfig | None = None) -> Path:
+def missed_view(run_dir: Path | str, robot: RobotShape | None = None) -> Path:
     """Draws map_missed.png into a run folder and returns its path.
 
     ValueError, which names the file, when the folder lacks one of world.ply, trajectory_truth.txt, trajectory.txt and occupied.npz.
     """
     folder = Path(run_dir)
     vertices, triangles = read_mesh(folder / "world.ply")
-    drive = _drive(folder, (vertices, triangles), robot or read_robot(folder), config or EvaluationConfig())
+    drive = _drive(folder, (vertices, triangles), robot or read_robot(folder))
     figure = _figure(drive, RayScene(vertices, triangles), float(vertices[:, 2].max()), folder.name)
     with written_whole(folder / NAME) as unfinished:
         figure.savefig(unfinished, dpi=_DPI, format="png", facecolor="white")
     return folder / NAME
 
 
-def _drive(folder: Path, mesh: tuple[Floats, Ints], robot: RobotShape, config: EvaluationConfig) -> _Drive:
+def _drive(folder: Path, mesh: tuple[Floats, Ints], robot: RobotShape) -> _Drive:
     at_truth, truth = read_trajectory(folder / "trajectory_truth.txt")
     stamps, poses = read_trajectory(folder / "trajectory.txt")
-    voxels = divided_voxels(*read_occupied(folder / "occupied.npz"), resolution_m(_reported(folder), config.map_resolution_m))
+    voxels = divided_voxels(*read_occupied(folder / "occupied.npz"), resolution_m(_reported(folder)))
     T_world_map = trajectory_errors(stamps, poses, at_truth, truth).T_world_map
-    ground = reachable_ground(*mesh, truth[0, :3, 3], robot, config.cell_m).covered_points
+    ground = reachable_ground(*mesh, truth[0, :3, 3], robot, CELL_M).covered_points
     mapped = np.asarray(transform_points(T_world_map, voxels), dtype=np.float64)
-    covered = covered_cells(ground, mapped, config.coverage_horizontal_m, config.coverage_vertical_m)
+    covered = covered_cells(ground, mapped)
     sweeps = np.asarray(transform_points(T_world_map, poses[:, :3, 3]), dtype=np.float64)
-    return _Drive(ground, covered, levels(ground, config.cell_m, robot.height_m), config.cell_m, truth[:, :3, 3], sweeps)
+    return _Drive(ground, covered, levels(ground, CELL_M, robot.height_m), CELL_M, truth[:, :3, 3], sweeps)
 
 
 def _reported(folder: Path) -> JsonObject:

@@ -11,7 +11,6 @@ from markupsafe import Markup
 
 from evaluation_report.campaign import Campaign, load_campaign
 from evaluation_report.charts import PROFILE_COLOURS, embedded, standalone
-from evaluation_report.config import ReportConfig
 from evaluation_report.content import Content, report_content
 from evaluation_report.results import results
 from evaluation_report.tables import Cell, Table
@@ -22,13 +21,13 @@ _NUMBER_AND_UNIT = re.compile(r"(?<=\d) (?=(?:%|m²|m|cm|s|min|deg|m/s)(?:\W|$))
 _TEMPLATES = Path(__file__).parent / "templates"
 
 
-def write_report(campaign_dir: Path, config: ReportConfig | None = None) -> tuple[Path, Path]:
+def write_report(campaign_dir: Path) -> tuple[Path, Path]:
     """Reports a campaign folder in whatever state it is; returns the paths of report.html and report.md.
 
     Replaces an earlier report whole. ValueError when campaign.json is missing or does not say what was asked for.
     """
     campaign = load_campaign(campaign_dir)
-    content = report_content(campaign, config or ReportConfig())
+    content = report_content(campaign)
     write_json(campaign.directory / "results.json", results(campaign))
     figures = _write_figures(campaign, content)
     environment = _environment()

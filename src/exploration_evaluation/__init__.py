@@ -7,7 +7,7 @@ itself because it loads matplotlib). Nothing here is shared with the terrain cla
 """
 
 from exploration_evaluation.clairvoyant_score import add_clairvoyant
-from exploration_evaluation.config import EvaluationConfig, RobotShape
+from exploration_evaluation.config import RobotShape
 from exploration_evaluation.mesh import read_cloud, read_mesh
 from exploration_evaluation.report import format_summary
 from exploration_evaluation.run_files import (
@@ -32,10 +32,10 @@ from exploration_evaluation.scores import (
     motion,
     trajectory_errors,
 )
-from exploration_evaluation.truth import ReachableGround, reachable_ground, size_problem
+from exploration_evaluation.truth import CELL_M, ReachableGround, reachable_ground, size_problem
 
 __all__ = [
-    "EvaluationConfig",
+    "CELL_M",
     "ReachableGround",
     "RobotShape",
     "add_clairvoyant",

@@ -10,7 +10,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from exploration_evaluation.config import EvaluationConfig
 from rigid_geometry import rotation_angles
 
 # The states that stop, scan and go tells of; a robot that starts, comes to rest before a sweep, or is somebody else's, waits.
@@ -26,6 +25,8 @@ _ACTIVITIES = {
 }
 _ENDS = ("finished", "failed")
 _STEP_S = 0.2  # over which a motion is told from the tremble of a robot that stands
+STILL_SPEED_MPS = 0.02  # up to which the robot stands
+_STILL_TURN_RATE_RADPS = 0.02  # turn up to which it stands
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,6 @@ def time_spent(
     states: Sequence[str],
     truth: tuple[NDArray[np.float64], NDArray[np.float64]],
     body_radius_m: float,
-    config: EvaluationConfig,
 ) -> dict[str, float]:
     """Seconds of driving, turning on the spot, standing to sweep, and waiting.
 
@@ -88,8 +88,8 @@ def time_spent(
     rate = rotation_angles(moved[:-1, :3, :3].transpose(0, 2, 1) @ moved[1:, :3, :3]) / lasts
     state = np.searchsorted(at, 0.5 * (times[kept][:-1] + times[kept][1:]), side="right") - 1
     sweeps = np.array([_ACTIVITIES.get(name) == "sweeping" for name in states])[state] & (state >= 0)
-    turning = (rate > config.still_turn_rate_radps) & (speed < body_radius_m * rate)
-    driving = (speed > config.still_speed_mps) & ~turning
+    turning = (rate > _STILL_TURN_RATE_RADPS) & (speed < body_radius_m * rate)
+    driving = (speed > STILL_SPEED_MPS) & ~turning
     parts = {"driving_s": driving, "turning_s": turning, "sweeping_s": sweeps & ~driving & ~turning}
     spent = {name: float(lasts[part].sum()) for name, part in parts.items()}
     return {**spent, "waiting_s": float(lasts.sum()) - sum(spent.values())}

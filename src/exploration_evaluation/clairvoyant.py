@@ -20,12 +20,16 @@ from exploration_evaluation.visible_surface import standpoints
 from stage_config import check_ranges, parameter
 
 _REACH_VIEWS = 3.5  # legs of so many steps of the grid are straight, in 24 directions
+_GROUND_STEP_M = 0.4  # grid of the ground that has to be seen
+VIEW_STEP_M = 1.0  # grid of the views
+SETTLE_S = 0.75  # coming to rest before a sweep
+_ROUNDS = 600  # of the search for a tour
 _ABOVE_GROUND_M, _SAME_SURFACE_M = 0.03, 0.08
 
 
 @dataclass(frozen=True)
 class ClairvoyantConfig:
-    """How finely the clairvoyant's views are searched for, and what a view of the sensor is."""
+    """What a view of the sensor is, and for how much ground the clairvoyant is computed."""
 
     range_m: float = parameter(
         6.0, "m", "ground this near is seen: in one sweep on a plain the tilting laser maps a disc of 111 m2", low=0.5, high=100.0
@@ -33,12 +37,8 @@ class ClairvoyantConfig:
     sweep_s: float = parameter(
         5.65, "s", "a whole sweep while standing: of the tilting laser, from horizontal to horizontal", low=0.0, high=60.0
     )
-    settle_s: float = parameter(0.75, "s", "coming to rest before a sweep", low=0.0, high=10.0)
     eye_m: float = parameter(0.92, "m", "height of the laser above the ground; that of the run's robot", low=0.05, high=5.0)
-    view_step_m: float = parameter(1.0, "m", "grid of the views", low=0.2, high=5.0)
-    ground_step_m: float = parameter(0.4, "m", "grid of the ground that has to be seen", low=0.1, high=2.0)
     max_ground_m2: float = parameter(1200.0, "m2", "larger ground has no clairvoyant: it would take minutes to compute", low=1.0)
-    rounds: int = parameter(600, "-", "of the search for a tour", low=0, high=100_000)
 
     def validate(self) -> list[str]:
         """All violations of ranges."""
@@ -77,15 +77,15 @@ def clairvoyant(
         raise ValueError(f"a speed is a positive number of m/s, not {speed_mps}")
     if ground.covered_area_m2 > config.max_ground_m2:
         raise ValueError(f"{ground.covered_area_m2:.0f} m2 of reachable ground; at most {config.max_ground_m2:.0f} m2 are computed")
-    views, start = _views(ground, np.asarray(start_xyz, dtype=np.float64), config.view_step_m)
-    way_m = lengths_between(ground, views, _REACH_VIEWS * config.view_step_m)
-    targets = ground.covered_points[standpoints(ground.covered_points, config.ground_step_m)]
+    views, start = _views(ground, np.asarray(start_xyz, dtype=np.float64), VIEW_STEP_M)
+    way_m = lengths_between(ground, views, _REACH_VIEWS * VIEW_STEP_M)
+    targets = ground.covered_points[standpoints(ground.covered_points, _GROUND_STEP_M)]
     sees = _sees(RayScene(np.asarray(vertices), np.asarray(triangles)), ground.way_points[views], targets, config)
     sees[~np.isfinite(way_m[start])] = False
     way_m = np.where(np.isfinite(way_m), way_m, 1e6)  # views that no way leads to show nothing, so that no tour has them
     tours = []
-    for stop_s in (config.sweep_s + config.settle_s, 0.0):
-        tour = covering_tour(sees, way_m / speed_mps, start, stop_s, config.rounds, np.random.default_rng(0))
+    for stop_s in (config.sweep_s + SETTLE_S, 0.0):
+        tour = covering_tour(sees, way_m / speed_mps, start, stop_s, _ROUNDS, np.random.default_rng(0))
         way = float(way_m[tour[:-1], tour[1:]].sum())
         tours.append((way / speed_mps + stop_s * len(tour), len(tour), way))
     (stopping_s, sweeps, stopping_way_m), (driving_s, _, driving_way_m) = tours

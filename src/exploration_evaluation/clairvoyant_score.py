@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from exploration_evaluation.clairvoyant import SENSOR_VIEWS, Clairvoyant, ClairvoyantConfig, clairvoyant
-from exploration_evaluation.config import EvaluationConfig, RobotShape
+from exploration_evaluation.config import RobotShape
 from exploration_evaluation.mesh import Floats, Ints, read_mesh
 from exploration_evaluation.run_files import JsonObject, read_json, read_robot, read_trajectory, write_json
-from exploration_evaluation.truth import reachable_ground
+from exploration_evaluation.truth import CELL_M, reachable_ground
 from exploration_evaluation.verdict import Fault
 
 SUMMARY_KEYS = ("clairvoyant_time_s", "clairvoyant_ratio", "clairvoyant")
@@ -77,12 +77,12 @@ def _kept(
     cache: Path, mesh: tuple[Floats, Ints], start: NDArray[np.float64], robot: RobotShape, speed_mps: float, view: ClairvoyantConfig
 ) -> Clairvoyant:
     """From the cache, or computed and put there; a cache that cannot be read or written costs time only."""
-    about = repr((_METHOD, EvaluationConfig().cell_m, start.tolist(), robot, speed_mps, view))
+    about = repr((_METHOD, CELL_M, start.tolist(), robot, speed_mps, view))
     digest = hashlib.sha256(b"".join([mesh[0].tobytes(), mesh[1].tobytes(), about.encode()])).hexdigest()
     path = cache / f"{digest[:32]}.json"
     with contextlib.suppress(ValueError, TypeError):
         return Clairvoyant(**read_json(path))
-    found = clairvoyant(*mesh, reachable_ground(*mesh, start, robot, EvaluationConfig().cell_m), start, speed_mps, view)
+    found = clairvoyant(*mesh, reachable_ground(*mesh, start, robot, CELL_M), start, speed_mps, view)
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_json(path, asdict(found))

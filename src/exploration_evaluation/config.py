@@ -1,4 +1,4 @@
-"""What the judge assumes: the robot's body, and the tolerances of the scores. Every default of this stage is here."""
+"""The robot's body as the judge sees it. The tolerances of a score stand in the module of that score."""
 
 import math
 from dataclasses import dataclass
@@ -88,62 +88,3 @@ class RobotShape:
         if self.ground_clearance_m < self.max_step_m:
             found.append(f"ground_clearance_m = {self.ground_clearance_m} is below max_step_m = {self.max_step_m}")
         return found
-
-
-@dataclass(frozen=True)
-class EvaluationConfig:
-    """Resolution of the truth and tolerances of the scores."""
-
-    cell_m: float = parameter(0.10, "m", "edge of a cell of ground in the truth", low=0.02, high=1.0)
-    coverage_horizontal_m: float = parameter(
-        0.12, "m", "farthest mapped voxel, along x or y, that covers a cell of ground", low=0.0, high=1.0
-    )
-    coverage_vertical_m: float = parameter(0.10, "m", "farthest mapped voxel, along z, that covers a cell of ground", low=0.0, high=1.0)
-    map_resolution_m: float = parameter(
-        0.08, "m", "finest voxel of a map whose run does not tell; pruned ones are divided", low=0.01, high=1.0
-    )
-    max_cloud_points: int = parameter(400_000, "-", "points of the cloud that are measured against the true mesh", low=100)
-    min_coverage: float = parameter(
-        0.95, "-", "share of the reachable ground that a success has to exceed; runs that end well have over 0.99", low=0.0, high=1.0
-    )
-    max_missed_piece_m2: float = parameter(
-        5.0, "m2", "largest connected piece of reachable ground that a success may lack: a small room or a deck", low=0.0
-    )
-    stayed_m: float = parameter(1.0, "m", "the robot's length: one that came no farther has never left its start", low=0.0)
-    stayed_coverage: float = parameter(0.995, "-", "coverage from which one that stayed has seen all that there is", low=0.0, high=1.0)
-    outside_m: float = parameter(0.05, "m", "by which the outline may come to where the robot may not be", low=0.0)
-    home_m: float = parameter(0.2, "m", "one that was to end at home is there within this distance", low=0.0)
-    home_rad: float = parameter(0.2, "rad", "and this heading", low=0.0, high=3.2)
-    budget_share: float = parameter(1.05, "-", "of its budget that a run may have spent: odometry counts the metres", low=1.0)
-    contact_gap_s: float = parameter(1.0, "s", "pause after which a contact counts as another collision", low=0.0)
-    unwatched_s: float = parameter(
-        0.5,
-        "s",
-        "longest step between true poses of a run that was watched: a monitor that is started again in lock-step loses 0.3 s",
-        low=0.05,
-    )
-    own_touch_mps: float = parameter(
-        0.05, "m/s", "speed of the robot above which a touch with a mover is its own; slower, the mover has touched it", low=0.0, high=1.0
-    )
-    ghost_off_m: float = parameter(
-        0.2, "m", "distance to the true surfaces beyond which a mapped voxel is none of them", low=0.05, high=1.0
-    )
-    ghost_reach_m: float = parameter(0.7, "m", "how near to a mover's place such a voxel is taken for its ghost", low=0.1, high=3.0)
-    still_speed_mps: float = parameter(0.02, "m/s", "speed up to which the robot stands", low=0.0, high=1.0)
-    full_speed_share: float = parameter(
-        0.9, "-", "of the speed that it seldom exceeds: faster is full speed, at which the ground ahead is asked for", low=0.1, high=1.0
-    )
-    start_blind_m: float = parameter(
-        1.2,
-        "m",
-        "so near its start the laser sees no ground, and the robot assumes it: how early it was shown is not asked",
-        low=0.0,
-        high=5.0,
-    )
-    still_turn_rate_radps: float = parameter(0.02, "rad/s", "turn up to which it stands", low=0.0, high=1.0)
-    fall_tilt_rad: float = parameter(0.87, "rad", "tilt of the body beyond which it has fallen", low=0.3, high=3.1)
-    fall_speed_mps: float = parameter(1.5, "m/s", "downward speed beyond which the body falls (0.11 m of free fall)", low=0.3)
-
-    def validate(self) -> list[str]:
-        """All violations of ranges."""
-        return check_ranges(self)

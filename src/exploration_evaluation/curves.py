@@ -13,8 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
-from exploration_evaluation.config import EvaluationConfig
-from exploration_evaluation.scores import covered_cells, motion
+from exploration_evaluation.scores import COVERED_HORIZONTAL_M, COVERED_VERTICAL_M, covered_cells, motion
 from rigid_geometry import inverse, transform_points
 
 Floats = NDArray[np.float64]
@@ -63,21 +62,22 @@ class SweptGround:
         return np.append(np.asarray(stamps, dtype=np.float64), np.inf)[self.first]
 
 
-def swept_ground(ground: ArrayLike, sweeps_map: Iterable[Points], T_world_map: Floats, config: EvaluationConfig) -> SweptGround:
+def swept_ground(ground: ArrayLike, sweeps_map: Iterable[Points], T_world_map: Floats, voxel_m: float) -> SweptGround:
     """Which sweep of (K, 3) points in the map frame covers each of the (N, 3) cells of ground, world frame, first.
 
-    Covered is what `covered_cells` says of the centres of the map's voxels that hold a point. ValueError without ground.
+    Covered is what `covered_cells` says of the centres of the map's voxels, `voxel_m` wide, that hold a point.
+    ValueError without ground.
     """
     cells = np.asarray(ground, dtype=np.float64)
     if not len(cells):
         raise ValueError("coverage needs at least one cell of reachable ground, got none")
-    voxels = _VoxelsAround(transform_points(inverse(T_world_map), cells), config)
+    voxels = _VoxelsAround(transform_points(inverse(T_world_map), cells), voxel_m)
     first, count = np.full(len(cells), -1), 0
     for count, points in enumerate(sweeps_map, start=1):
         left = np.flatnonzero(first < 0)
         if len(left):
             centres = transform_points(T_world_map, voxels.centres(points))
-            first[left[covered_cells(cells[left], centres, config.coverage_horizontal_m, config.coverage_vertical_m)]] = count - 1
+            first[left[covered_cells(cells[left], centres)]] = count - 1
     return SweptGround(first, count)
 
 
@@ -104,9 +104,9 @@ def driven_distances(stamps_truth: ArrayLike, T_truth: ArrayLike, at: ArrayLike)
 class _VoxelsAround:
     """The map's voxels in a box around ground: voxel (i, j, k) spans i to i + 1 times the resolution along x, as an octree's does."""
 
-    def __init__(self, ground_map: Points, config: EvaluationConfig) -> None:
-        self._size = config.map_resolution_m
-        reach = np.array([config.coverage_horizontal_m, config.coverage_horizontal_m, config.coverage_vertical_m]).max()
+    def __init__(self, ground_map: Points, voxel_m: float) -> None:
+        self._size = voxel_m
+        reach = max(COVERED_HORIZONTAL_M, COVERED_VERTICAL_M)
         # A tilted map turns the tolerances' box: its diagonal fits any turn.
         margin = np.sqrt(3.0) * reach + _MARGIN_VOXELS * self._size
         self._low = np.floor((ground_map.min(axis=0) - margin) / self._size).astype(np.int64)

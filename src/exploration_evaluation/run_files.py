@@ -26,6 +26,9 @@ Trajectory = tuple[Floats, Floats]
 
 _EVENT_COLUMNS = ["stamp_s", "wall_s", "state", "reason", "sweeps"]
 _STAMP_TOLERANCE_S = 1e-3
+_CONTACT_GAP_S = 1.0  # pause after which a contact counts as another collision
+_OWN_TOUCH_MPS = 0.05  # speed of the robot above which a touch with a mover is its own; slower, the mover has touched it
+_VOXEL_M = 0.08  # of the map of a run that does not tell
 
 JsonObject = dict[str, Any]
 """What a JSON file holds: names, and values of whatever type the file says."""
@@ -74,10 +77,10 @@ def read_robot(folder: Path) -> RobotShape:
     return replace(RobotShape.of(robot), laser_height_m=round(height_m, 2))
 
 
-def read_contacts(path: Path, gap_s: float = 1.0, own_touch_mps: float = 0.05) -> tuple[ContactEpisode, ...]:
+def read_contacts(path: Path) -> tuple[ContactEpisode, ...]:
     """Collisions from contacts.csv (stamp,link,speed_mps,force_n,other); a file with a header only means none.
 
-    A mover, `other`, that touches a robot which stands, or is slower than `own_touch_mps`, is no collision of the robot.
+    A mover, `other`, that touches a robot which stands, or is slower than `_OWN_TOUCH_MPS`, is no collision of the robot.
     """
     if not path.is_file():
         raise ValueError(f"{path.name} is not there")
@@ -85,9 +88,9 @@ def read_contacts(path: Path, gap_s: float = 1.0, own_touch_mps: float = 0.05) -
         reader = csv.DictReader(file)
         if list(reader.fieldnames or [])[:4] != ["stamp", "link", "speed_mps", "force_n"]:
             raise ValueError(f"{path.name} has the columns {reader.fieldnames}, not stamp,link,speed_mps,force_n")
-        rows = [row for row in reader if not row.get("other") or _number(row["speed_mps"], path) > own_touch_mps]
+        rows = [row for row in reader if not row.get("other") or _number(row["speed_mps"], path) > _OWN_TOUCH_MPS]
     numbers = {key: [_number(row[key], path) for row in rows] for key in ("stamp", "speed_mps", "force_n")}
-    return contact_episodes(numbers["stamp"], tuple(row["link"] for row in rows), numbers["speed_mps"], numbers["force_n"], gap_s)
+    return contact_episodes(numbers["stamp"], tuple(row["link"] for row in rows), numbers["speed_mps"], numbers["force_n"], _CONTACT_GAP_S)
 
 
 def read_sweeps(folder: Path, stamps: ArrayLike) -> Iterator[NDArray[np.floating]]:
@@ -207,9 +210,9 @@ def crop_half_m(reported: JsonObject) -> float:
         raise ValueError("run.json does not tell the crop_half_m of octomap_server_3dnav_node") from error
 
 
-def resolution_m(reported: JsonObject, otherwise_m: float) -> float:
-    """Edge of a voxel of the map that a run reports; `otherwise_m` where it tells of none."""
+def resolution_m(reported: JsonObject) -> float:
+    """Edge of a voxel of the map that a run reports; `_VOXEL_M` where it tells of none."""
     try:
         return float(reported["config"]["octomap_server_3dnav_node"]["resolution"])
     except (KeyError, TypeError, ValueError):
-        return otherwise_m
+        return _VOXEL_M

@@ -6,7 +6,7 @@ Last step of the judge. Whatever a score needs and cannot be read makes that sco
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from exploration_evaluation.activity import ActivityTimes, activity_times, time_spent
 from exploration_evaluation.asked import budget_share, was_to_explore
 from exploration_evaluation.collisions import NO_COLLISION_SCORES, collision_scores
-from exploration_evaluation.config import EvaluationConfig, RobotShape
+from exploration_evaluation.config import RobotShape
 from exploration_evaluation.curves import coverage_curve, driven_distances, placed_sweeps, swept_ground
 from exploration_evaluation.graph_edges import read_edges, wrong_edges
 from exploration_evaluation.ground_ahead import ground_ahead
@@ -50,7 +50,7 @@ from exploration_evaluation.scores import (
 from exploration_evaluation.shortest_path import path_ratio, shortest_legs
 from exploration_evaluation.start_distance import StartDistance, start_scores
 from exploration_evaluation.surface_scores import NO_SURFACE_SCORES, surface_scores
-from exploration_evaluation.truth import ReachableGround, reachable_ground
+from exploration_evaluation.truth import CELL_M, ReachableGround, reachable_ground
 from exploration_evaluation.verdict import Outcome, faults, largest_piece_m2, succeeded
 from exploration_evaluation.zone_scores import closed_in_world, farthest_outside_m, zones_of
 from map_zones import NO_ZONES
@@ -90,7 +90,6 @@ def evaluate_run(
     vertices: ArrayLike,
     triangles: ArrayLike,
     robot: RobotShape | None = None,
-    config: EvaluationConfig | None = None,
 ) -> JsonObject:
     """Scores a run folder against the true mesh, (V, 3) and (T, 3) in the world frame, and writes its summary.json.
 
@@ -106,7 +105,7 @@ def evaluate_run(
     folder = Path(directory)
     if not folder.is_dir():
         raise ValueError(f"no run folder at {folder}")
-    summary = _Judgement(folder, vertices, triangles, robot or read_robot(folder), config or EvaluationConfig()).summary()
+    summary = _Judgement(folder, vertices, triangles, robot or read_robot(folder)).summary()
     write_json(folder / "summary.json", summary)
     return summary
 
@@ -114,13 +113,13 @@ def evaluate_run(
 class _Judgement:
     """One run being judged: every input is read once, and what cannot be had is noted once, with its reason."""
 
-    def __init__(self, folder: Path, vertices: ArrayLike, triangles: ArrayLike, robot: RobotShape, config: EvaluationConfig) -> None:
-        self._folder, self._mesh, self._robot, self._config = folder, (vertices, triangles), robot, config
+    def __init__(self, folder: Path, vertices: ArrayLike, triangles: ArrayLike, robot: RobotShape) -> None:
+        self._folder, self._mesh, self._robot = folder, (vertices, triangles), robot
         self._missing: list[str] = []
 
     def summary(self) -> dict[str, Any]:
         reported = self._reported()
-        self._config = replace(self._config, map_resolution_m=resolution_m(reported, self._config.map_resolution_m))
+        self._voxel_m = resolution_m(reported)
         truth = self._try("truth", lambda: read_trajectory(self._folder / "trajectory_truth.txt"))
         estimate = self._try("trajectory", lambda: read_trajectory(self._folder / "trajectory.txt"))
         errors = self._trajectory(estimate, truth)
@@ -131,7 +130,7 @@ class _Judgement:
             **self._motion(truth),
             **start_scores(truth),
             "outside_m": farthest_outside_m(zones, T_world_map, truth, self._robot),
-            **(self._try("collisions", lambda: collision_scores(self._folder, truth, self._config)) or NO_COLLISION_SCORES),
+            **(self._try("collisions", lambda: collision_scores(self._folder, truth)) or NO_COLLISION_SCORES),
             **trajectory_scores(errors),
             **self._coverage(ground, errors),
             **self._map_error(errors),
@@ -141,15 +140,15 @@ class _Judgement:
         }
         if estimate is not None and truth is not None and errors is not None:
             poses = matched_poses(*estimate, *truth)
-            scores |= self._try("movers", lambda: mover_scores(self._folder, self._mesh, errors.T_world_map, self._config)) or {}
+            scores |= self._try("movers", lambda: mover_scores(self._folder, self._mesh, errors.T_world_map, self._voxel_m)) or {}
             scores |= self._relative_error(poses)
             scores["wrong_edges"] = self._try("wrong edges", lambda: self._wrong_edges(estimate[0], poses))
             if ground is not None:
                 scores |= self._try("coverage curve", lambda: self._swept(reported, estimate, truth, errors, ground)) or {}
                 scores |= self._way(poses, truth, ground)
-                scores |= surface_scores(self._folder, self._mesh, ground, errors.T_world_map, self._robot, self._config, self._try)
+                scores |= surface_scores(self._folder, self._mesh, ground, errors.T_world_map, self._robot, self._voxel_m, self._try)
         outcome = self._outcome(reported, scores, truth)
-        verdict = {"success": succeeded(outcome, self._config), "faults": [str(fault) for fault in faults(outcome, self._config)]}
+        verdict = {"success": succeeded(outcome), "faults": [str(fault) for fault in faults(outcome)]}
         return {**verdict, **reported, **scores, "missing": self._missing}
 
     def _outcome(self, reported: JsonObject, scores: Mapping[str, Any], truth: Trajectory | None) -> Outcome:
@@ -206,8 +205,8 @@ class _Judgement:
     ) -> dict[str, Any]:
         stamps, poses = estimate
         sweeps = placed_sweeps(read_sweeps(self._folder, stamps), poses, crop_half_m(reported))
-        swept = swept_ground(ground.covered_points, sweeps, errors.T_world_map, self._config)
-        ahead = ground_ahead(ground.covered_points, swept.shown_s(stamps), truth, self._config)
+        swept = swept_ground(ground.covered_points, sweeps, errors.T_world_map, self._voxel_m)
+        ahead = ground_ahead(ground.covered_points, swept.shown_s(stamps), truth)
         return {
             "coverage_curve": [asdict(point) for point in coverage_curve(swept.shares, stamps, *truth)],
             "ground_ahead": asdict(ahead) if ahead else None,
@@ -229,7 +228,7 @@ class _Judgement:
         if truth is not None and events is not None:
             end_s = float(truth[0][-1])
             found = self._try("activity", lambda: activity_times(*events, end_s))
-            spent = self._try("time spent", lambda: time_spent(events[0], events[2], truth, self._robot.inscribed_radius_m, self._config))
+            spent = self._try("time spent", lambda: time_spent(events[0], events[2], truth, self._robot.inscribed_radius_m))
         compute_s = found.compute_s if found else None
         if found and compute_s is None:
             self._missing.append("compute_s: the run was cut off while it was mapping")
@@ -241,7 +240,7 @@ class _Judgement:
         }
 
     def _motion(self, truth: Trajectory | None) -> dict[str, Any]:
-        found = None if truth is None else motion(*truth, self._config.fall_tilt_rad, self._config.fall_speed_mps)
+        found = None if truth is None else motion(*truth)
         return {
             "distance_m": found.distance_m if found else None,
             "max_tilt_rad": found.max_tilt_rad if found else None,
@@ -252,7 +251,7 @@ class _Judgement:
         if truth is None:
             return None
         start = truth[1][0, :3, 3]
-        return self._try("reachable ground", lambda: reachable_ground(*self._mesh, start, self._robot, self._config.cell_m, closed))
+        return self._try("reachable ground", lambda: reachable_ground(*self._mesh, start, self._robot, CELL_M, closed))
 
     def _coverage(self, ground: ReachableGround | None, errors: TrajectoryErrors | None) -> dict[str, Any]:
         shares: dict[str, float] = {}
@@ -268,13 +267,13 @@ class _Judgement:
         }
 
     def _shares(self, ground: ReachableGround, T_world_map: Floats) -> dict[str, float]:
-        voxels = divided_voxels(*read_occupied(self._folder / "occupied.npz"), self._config.map_resolution_m)
-        near = (transform_points(T_world_map, voxels), self._config.coverage_horizontal_m, self._config.coverage_vertical_m)
-        covered = covered_cells(ground.covered_points, *near)
+        voxels = divided_voxels(*read_occupied(self._folder / "occupied.npz"), self._voxel_m)
+        mapped = transform_points(T_world_map, voxels)
+        covered = covered_cells(ground.covered_points, mapped)
         return {
             "coverage": float(covered.mean()),
-            "coverage_straight": coverage(ground.straight_points, *near),
-            "missed_piece_m2": largest_piece_m2(ground.covered_points[~covered], self._config.cell_m),
+            "coverage_straight": coverage(ground.straight_points, mapped),
+            "missed_piece_m2": largest_piece_m2(ground.covered_points[~covered], CELL_M),
         }
 
     def _map_error(self, errors: TrajectoryErrors | None) -> dict[str, Any]:
@@ -283,7 +282,7 @@ class _Judgement:
 
     def _cloud_error(self, T_world_map: Floats) -> Any:
         cloud = read_cloud(self._folder / "cloud.ply")
-        return map_error(transform_points(T_world_map, cloud), *self._mesh, max_points=self._config.max_cloud_points)
+        return map_error(transform_points(T_world_map, cloud), *self._mesh)
 
     def _map_saved(self) -> bool:
         saved = [name for name in ("map.bt", "cloud.ply") if (self._folder / name).is_file() and (self._folder / name).stat().st_size]

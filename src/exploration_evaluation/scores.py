@@ -22,6 +22,11 @@ _LEVER_ARMS = np.vstack([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
 _DISTANCE_STEP_S = 0.2
 _JITTER_M = 0.001
 _FALL_WINDOW_S = 0.1
+_FALL_TILT_RAD = 0.87  # tilt of the body beyond which it has fallen
+_FALL_SPEED_MPS = 1.5  # downward speed beyond which the body falls (0.11 m of free fall)
+_CLOUD_POINTS = 400_000  # of the cloud that are measured against the true mesh
+COVERED_HORIZONTAL_M = 0.12  # farthest mapped voxel, along x or y, that covers a cell of ground
+COVERED_VERTICAL_M = 0.10  # the same along z
 
 
 @dataclass(frozen=True)
@@ -72,7 +77,9 @@ class Motion:
     fell: bool
 
 
-def covered_cells(ground: ArrayLike, voxels: ArrayLike, horizontal_m: float = 0.12, vertical_m: float = 0.10) -> NDArray[np.bool_]:
+def covered_cells(
+    ground: ArrayLike, voxels: ArrayLike, horizontal_m: float = COVERED_HORIZONTAL_M, vertical_m: float = COVERED_VERTICAL_M
+) -> NDArray[np.bool_]:
     """(N,) whether each (N, 3) cell of ground has one of the (K, 3) mapped voxels' centres near it.
 
     Near is a box: at most `horizontal_m` away in x and in y, at most `vertical_m` in z. Both in the world frame.
@@ -87,7 +94,9 @@ def covered_cells(ground: ArrayLike, voxels: ArrayLike, horizontal_m: float = 0.
     return np.asarray(np.isfinite(distance))
 
 
-def coverage(ground: ArrayLike, voxels: ArrayLike, horizontal_m: float = 0.12, vertical_m: float = 0.10) -> float:
+def coverage(
+    ground: ArrayLike, voxels: ArrayLike, horizontal_m: float = COVERED_HORIZONTAL_M, vertical_m: float = COVERED_VERTICAL_M
+) -> float:
     """Share of the (N, 3) cells of ground that the map's (K, 3) occupied voxels cover (see `covered_cells`).
 
     ValueError without ground: a share of nothing is not known.
@@ -98,7 +107,7 @@ def coverage(ground: ArrayLike, voxels: ArrayLike, horizontal_m: float = 0.12, v
     return float(covered.mean())
 
 
-def map_error(cloud_world: ArrayLike, vertices: ArrayLike, triangles: ArrayLike, max_points: int = 400_000) -> MapError:
+def map_error(cloud_world: ArrayLike, vertices: ArrayLike, triangles: ArrayLike, max_points: int = _CLOUD_POINTS) -> MapError:
     """Distances from the (N, 3) points of a map to the true mesh; a larger cloud is thinned to evenly spaced points."""
     cloud = _points(cloud_world, "cloud")
     if not len(cloud):
@@ -169,7 +178,7 @@ def contact_episodes(
     )
 
 
-def motion(stamps: ArrayLike, T_world_base: ArrayLike, fall_tilt_rad: float = 0.87, fall_speed_mps: float = 1.5) -> Motion:
+def motion(stamps: ArrayLike, T_world_base: ArrayLike) -> Motion:
     """Distance, tilt and falls from (M, 4, 4) true poses at (M,) increasing stamps.
 
     Distance is summed over fifths of a second and without the tremble of a standing robot. A fall is a tilt, or a downward
@@ -181,7 +190,7 @@ def motion(stamps: ArrayLike, T_world_base: ArrayLike, fall_tilt_rad: float = 0.
     steps = np.linalg.norm(np.diff(poses[_every(at, _DISTANCE_STEP_S), :3, 3], axis=0), axis=1)
     tilt = float(np.arccos(np.clip(poses[:, 2, 2], -1.0, 1.0)).max())
     speed = _top_fall_speed(at, poses[:, 2, 3])
-    return Motion(float(steps[steps > _JITTER_M].sum()), tilt, speed, tilt > fall_tilt_rad or speed > fall_speed_mps)
+    return Motion(float(steps[steps > _JITTER_M].sum()), tilt, speed, tilt > _FALL_TILT_RAD or speed > _FALL_SPEED_MPS)
 
 
 def divided_voxels(centres: ArrayLike, sizes: ArrayLike, resolution_m: float) -> Floats:

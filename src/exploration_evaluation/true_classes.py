@@ -26,7 +26,7 @@ from exploration_evaluation.ground_grid import (
 )
 from exploration_evaluation.ground_surfaces import TrueWorld, steepest
 from exploration_evaluation.mesh import RayScene
-from exploration_evaluation.truth import ReachableGround, true_world
+from exploration_evaluation.truth import CELL_M, ReachableGround, true_world
 
 Codes = NDArray[np.int8]
 
@@ -85,7 +85,7 @@ class _Ground:
 
 
 def true_classes(
-    vertices: ArrayLike, triangles: ArrayLike, ground: ReachableGround, robot: RobotShape | None = None, cell_m: float = 0.10
+    vertices: ArrayLike, triangles: ArrayLike, ground: ReachableGround, robot: RobotShape | None = None, cell_m: float = CELL_M
 ) -> TrueClasses:
     """The true classes around the reachable ground of a mesh, (V, 3) metres and (T, 3) indices in the world frame.
 

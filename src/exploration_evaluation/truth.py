@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from exploration_evaluation.config import EvaluationConfig, RobotShape
+from exploration_evaluation.config import RobotShape
 from exploration_evaluation.ground_ends import TrueGround, true_ground
 from exploration_evaluation.ground_grid import Floats, Ints, Mask, Surfaces, among, components, distances, grid_over
 from exploration_evaluation.ground_surfaces import TrueWorld
@@ -25,6 +25,7 @@ from exploration_evaluation.straight_drives import straight_drives
 
 ON_GROUND_M = 0.3
 """A point on the ground is known to that, up or down: the ground beside a robot on a slope is higher."""
+CELL_M = 0.10  # edge of a cell of ground in the truth
 _START_SEARCH_M = 1.5
 
 
@@ -64,7 +65,7 @@ def true_world(vertices: ArrayLike, triangles: ArrayLike, cell_m: float) -> True
 def size_problem(vertices: Floats) -> str:
     """Why a world of (V, 3) vertices is too large to be judged, and what to do; empty where it is not."""
     try:
-        grid_over(vertices, EvaluationConfig().cell_m)
+        grid_over(vertices, CELL_M)
     except ValueError as error:
         return f"{error}; --area X Y explores a part of it"
     return ""
@@ -75,7 +76,7 @@ def reachable_ground(
     triangles: ArrayLike,
     start_xyz: ArrayLike,
     robot: RobotShape | None = None,
-    cell_m: float = 0.10,
+    cell_m: float = CELL_M,
     closed: Callable[[Floats], Mask] | None = None,
 ) -> ReachableGround:
     """The ground of a mesh that a robot can reach from a start and turn on, level by level.

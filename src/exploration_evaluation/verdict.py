@@ -15,12 +15,19 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from exploration_evaluation.config import EvaluationConfig
 from exploration_evaluation.start_distance import StartDistance
 
 ENDED = "ended"  # begins a stop reason: somebody asked for it, or the budget was spent
 INTERRUPTED = "interrupted"  # the reason of a run that its user interrupts
 TIME_LIMIT = "time limit"  # begins the reason of a run whose simulated time is over
+
+_MIN_COVERAGE = 0.95  # share of the reachable ground that a success has to exceed; runs that end well have over 0.99
+_MAX_MISSED_PIECE_M2 = 5.0  # largest connected piece of reachable ground that a success may lack: a small room or a deck
+_STAYED_M = 1.0  # the robot's length: one that came no farther has never left its start
+_STAYED_COVERAGE = 0.995  # from which one that stayed has seen all that there is
+_OUTSIDE_M = 0.05  # by which the outline may come to where the robot may not be
+_HOME_M, _HOME_RAD = 0.2, 0.2  # one that was to end at home is there within this distance and this heading
+_BUDGET_SHARE = 1.05  # of its budget that a run may have spent: odometry counts the metres
 
 
 class Fault(StrEnum):
@@ -67,7 +74,7 @@ class Outcome:
         return self.explores and not (self.stop_reason or "").startswith(ENDED)
 
 
-def faults(outcome: Outcome, config: EvaluationConfig) -> tuple[Fault, ...]:
+def faults(outcome: Outcome) -> tuple[Fault, ...]:
     """All that is known to speak against a run."""
     o, whole, reason = outcome, outcome.is_to_be_whole, outcome.stop_reason
     against = {
@@ -77,31 +84,30 @@ def faults(outcome: Outcome, config: EvaluationConfig) -> tuple[Fault, ...]:
         Fault.TOUCHED: o.collisions is not None and o.collisions > 0,
         Fault.NOT_SAVED: o.explores and not o.map_saved,
         Fault.NOT_ON_DISK: not o.on_disk,
-        Fault.MISSED: whole and _is_missed(o.coverage, o.missed_piece_m2, config),
-        Fault.STAYED: whole and _has_stayed(o, config),
-        Fault.NOT_HOME: _is_not_home(o, config),
-        Fault.OUTSIDE: o.outside_m is not None and o.outside_m > config.outside_m,
-        Fault.LATE: o.budget_share is not None and o.budget_share > config.budget_share,
+        Fault.MISSED: whole and _is_missed(o.coverage, o.missed_piece_m2),
+        Fault.STAYED: whole and _has_stayed(o),
+        Fault.NOT_HOME: _is_not_home(o),
+        Fault.OUTSIDE: o.outside_m is not None and o.outside_m > _OUTSIDE_M,
+        Fault.LATE: o.budget_share is not None and o.budget_share > _BUDGET_SHARE,
     }
     return tuple(fault for fault, holds in against.items() if holds)
 
 
-def succeeded(outcome: Outcome, config: EvaluationConfig) -> bool | None:
+def succeeded(outcome: Outcome) -> bool | None:
     """False when anything known speaks against it, None when something is not known, True otherwise."""
-    if faults(outcome, config):
+    if faults(outcome):
         return False
     o = outcome
     needed = (o.stop_reason, o.fell, o.collisions, *((o.coverage, o.missed_piece_m2, o.start) if o.is_to_be_whole else ()))
     return None if any(part is None for part in needed) else True
 
 
-def succeeded_alone(stop_reason: str, driven_m: float, set_aside: int, config: EvaluationConfig | None = None) -> bool:
+def succeeded_alone(stop_reason: str, driven_m: float, set_aside: int) -> bool:
     """Success as the robot itself knows it, without a true world: ended as somebody asked for, or explored, and not just given up on all
     that it never drove to."""
-    stayed_m = (config or EvaluationConfig()).stayed_m
     if "; not home, " in stop_reason:
         return False
-    return stop_reason.startswith(ENDED) or stop_reason.startswith("explored") and (driven_m >= stayed_m or set_aside == 0)
+    return stop_reason.startswith(ENDED) or stop_reason.startswith("explored") and (driven_m >= _STAYED_M or set_aside == 0)
 
 
 def largest_piece_m2(cells: ArrayLike, cell_m: float) -> float:
@@ -117,20 +123,20 @@ def largest_piece_m2(cells: ArrayLike, cell_m: float) -> float:
     return float(np.bincount(piece).max() * cell_m**2)
 
 
-def _is_missed(coverage: float | None, piece_m2: float | None, config: EvaluationConfig) -> bool:
-    too_little = coverage is not None and coverage <= config.min_coverage
-    return too_little or (piece_m2 is not None and piece_m2 > config.max_missed_piece_m2)
+def _is_missed(coverage: float | None, piece_m2: float | None) -> bool:
+    too_little = coverage is not None and coverage <= _MIN_COVERAGE
+    return too_little or (piece_m2 is not None and piece_m2 > _MAX_MISSED_PIECE_M2)
 
 
-def _has_stayed(outcome: Outcome, config: EvaluationConfig) -> bool:
-    if outcome.start is None or outcome.start.farthest_m >= config.stayed_m:
+def _has_stayed(outcome: Outcome) -> bool:
+    if outcome.start is None or outcome.start.farthest_m >= _STAYED_M:
         return False
-    return outcome.coverage is None or outcome.coverage < config.stayed_coverage
+    return outcome.coverage is None or outcome.coverage < _STAYED_COVERAGE
 
 
-def _is_not_home(outcome: Outcome, config: EvaluationConfig) -> bool:
+def _is_not_home(outcome: Outcome) -> bool:
     """Whether the robot was to end at home, as its stop reason tells, and did not, by its own word or by the true poses."""
     reason, start = outcome.stop_reason or "", outcome.start
     if "; home, " not in reason or start is None:
         return "; not home, " in reason
-    return start.end_m > config.home_m or start.end_rad > config.home_rad
+    return start.end_m > _HOME_M or start.end_rad > _HOME_RAD

@@ -23,14 +23,15 @@ Mask = NDArray[np.bool_]
 
 _MAX_PIECES = 2_000_000
 _SAME_SURFACE_M = 0.01
+_STANDPOINT_M = 1.5  # distance between the places from which the surface is looked at
+_SEEN_WITHIN_M = 0.10  # a piece is mapped when the map has a point this near
 
 
 @dataclass(frozen=True)
 class VisibilityConfig:
-    """What counts as a surface that the sensor could see, and as one that the map shows."""
+    """What counts as a surface that the sensor could see."""
 
     piece_m: float = parameter(0.40, "m", "longest edge of the triangles by whose centroids the surface is sampled", low=0.01, high=5.0)
-    standpoint_m: float = parameter(1.5, "m", "distance between the places from which the surface is looked at", low=0.1, high=10.0)
     sensor_height_m: float = parameter(0.92, "m", "height of the laser above the ground; that of the run's robot", low=0.0, high=5.0)
     max_range_m: float = parameter(12.0, "m", "farthest surface that gets into the map", low=0.5, high=100.0)
     max_incidence_rad: float = parameter(
@@ -43,7 +44,6 @@ class VisibilityConfig:
         low=-1.57,
         high=1.57,
     )
-    seen_within_m: float = parameter(0.10, "m", "a piece is mapped when the map has a point this near", low=0.01, high=1.0)
 
     def validate(self) -> list[str]:
         """All violations of ranges."""
@@ -88,27 +88,27 @@ def visible_surface(
         raise ValueError("nothing can be seen from reachable ground without points")
     mesh = checked_mesh(vertices, triangles)
     centroids, normals, areas = _pieces(*mesh, config.piece_m)
-    eyes = ground.points[standpoints(ground.points, config.standpoint_m)] + [0.0, 0.0, config.sensor_height_m]
+    eyes = ground.points[standpoints(ground.points, _STANDPOINT_M)] + [0.0, 0.0, config.sensor_height_m]
     seen = _seen_from_any(RayScene(*mesh), eyes, centroids, normals, config)
     return VisibleSurface(centroids[seen], areas[seen])
 
 
-def completeness(surface: VisibleSurface, map_points_world: ArrayLike, seen_within_m: float = 0.10) -> Completeness:
+def completeness(surface: VisibleSurface, map_points_world: ArrayLike) -> Completeness:
     """How near the (K, 3) points of a map, in the world frame, come to every visible piece of the true surface.
 
-    ValueError without visible surface, without finite points of the map, or for a distance that is not positive.
+    ValueError without visible surface, or without finite points of the map.
     """
     points = np.asarray(map_points_world, dtype=np.float64)
     if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
         raise ValueError(f"the points of a map are finite and of shape (K, 3) with K > 0, not {points.shape}")
-    if not len(surface.points) or not seen_within_m > 0:
-        raise ValueError(f"completeness needs visible surface and a positive distance, not {len(surface.points)} and {seen_within_m}")
+    if not len(surface.points):
+        raise ValueError("completeness needs visible surface, and there is none")
     away, _ = cKDTree(points).query(surface.points)
     share = surface.areas_m2 / surface.area_m2
     return Completeness(
         rms_m=math.sqrt(float(share @ away**2)),
         p95_m=_weighted_percentile(away, share, 0.95),
-        seen_share=float(share[away <= seen_within_m + 1e-9].sum()),
+        seen_share=float(share[away <= _SEEN_WITHIN_M + 1e-9].sum()),
         visible_area_m2=surface.area_m2,
     )
 

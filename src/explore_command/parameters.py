@@ -48,7 +48,6 @@ NODE_CONFIGS: dict[str, dict[str, str]] = {
     "icp_matcher_node": {"": "pose_graph_mapping.config.RegistrationConfig"},
     "pose_graph_mapping_node": {
         "": "pose_graph_mapping.config.MappingConfig",
-        "localisation": "pose_graph_mapping.graph.localisation.LocalisationConfig",
     },
     "octomap_server_3dnav_node": {
         "": "ros_adapters.octomap_server_config.OctomapServerConfig",

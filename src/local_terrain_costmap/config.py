@@ -27,22 +27,12 @@ class CostmapConfig:
         0.2, "m", "a hit so much higher than the robot over known traversable ground is passed under", low=0.0, high=5.0
     )
     least_hits: int = parameter(2, "-", "beams of one line that must end in a voxel; fewer are taken for stray", low=1, high=100)
-    settling_s: float = parameter(
-        1.0, "s", "what was met is not taken back before: the next lines pass just over it, or beside it", low=0.0, high=60.0
-    )
     keep_s: float = parameter(
         10.0,
         "s",
         "what lines met is forgotten when they did not meet it again for so long; a mount that nods looks every 2.75 s",
         low=0.1,
         at_runtime=True,
-    )
-    ground_reach_m: float = parameter(
-        0.32,
-        "m",
-        "where no ground is known, what lines meet is judged by known ground that is this near, else not at all",
-        low=0.0,
-        high=2.0,
     )
     inflation_radius_m: float = parameter(
         0.90, "m", "cells farther than this from every lethal cell cost nothing", low=0.0, high=5.0, at_runtime=True

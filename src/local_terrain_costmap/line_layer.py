@@ -21,6 +21,8 @@ from robot_body import RobotBody
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
+_SETTLING_S = 1.0  # what was met is not taken back before: the next lines pass just over it, or beside it
+_GROUND_REACH_M = 0.32  # of the known ground by which hits are judged where none is known; farther off, they are not judged
 
 
 class LineLayer:
@@ -78,7 +80,7 @@ class LineLayer:
         self._newest_s = stamp_s
         ends = np.concatenate([hits, free_ends])
         corner = np.array([*self._window.origin_xy, 0.0])
-        settled_s = stamp_s - self._config.settling_s
+        settled_s = stamp_s - _SETTLING_S
         _pass(self._met_s, ends, origin, corner, self._window.resolution, (self._config.clearing_range_m, settled_s))
         self._keep(stamp_s, hits[np.hypot(*(hits - origin)[:, :2].T) <= self._config.obstacle_range_m])
         before = self.marked
@@ -108,7 +110,7 @@ class LineLayer:
         ground = terrain.height
         self.is_known = ndimage.binary_dilation(terrain.cost == LETHAL, np.ones((3, 3)))
         distance, (row, column) = ndimage.distance_transform_edt(np.isnan(ground), self._window.resolution, return_indices=True)
-        near = distance <= self._config.ground_reach_m
+        near = distance <= _GROUND_REACH_M
         self._ground = np.where(near, ground[row, column] - self._half_cell_m, np.nan).astype(np.float32)
         self._allowed_m = (self._tolerance_m + distance * self._steepest).astype(np.float32)
 

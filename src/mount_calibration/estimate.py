@@ -26,6 +26,8 @@ ESTIMATED = 4  # of PARAMETERS, the first ones: all but the pitch
 BIAS = slice(4, 6)
 WEAK_SIGMAS = (0.1, 0.05, 0.05, 0.1)  # what a mount may be off before anything is measured
 SETTLED = 1e-5  # a step so short, in rad and m, ends the fit
+_USABLE_SIGMA_RAD = 0.004  # an angle known less well is not observable: 0.23 deg, half of what mounts are off by
+_USABLE_SIGMA_SCALE = 0.001  # the same for the scale: at a tilt of a radian the same angle
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +74,7 @@ class _Fit:
         covariance = np.full((self._size, self._size), np.nan)
         for _ in range(self._config.iterations):
             points, jacobians = self._points(state)
-            equations = plane_equations(*self._in_map(state, points, jacobians), self._kinds, self._config)
+            equations = plane_equations(*self._in_map(state, points, jacobians), self._kinds)
             if equations is None:
                 return MountEstimate(start, first_m, np.nan, 0, "no plane was seen twice: rising and falling, or over the laser's back")
             first_m = equations.thickness_m if np.isnan(first_m) else first_m
@@ -143,7 +145,7 @@ class _Fit:
     def _grounds(self, points: list[FloatArray], jacobians: list[FloatArray]) -> list[tuple[FloatArray, FloatArray]]:
         """What the ground says at the places where the robot stands level: elsewhere a wheel may stand on a stone."""
         found = (
-            ground_equations(base, jacobian, self._geometry.T_base_mount[:2, 3], self._robot, self._config)
+            ground_equations(base, jacobian, self._geometry.T_base_mount[:2, 3], self._robot)
             for base, jacobian, pose in zip(points, jacobians, self._odometry, strict=True)
             if tilt_angle(pose) <= self._config.level_rad
         )
@@ -151,9 +153,9 @@ class _Fit:
 
     def _calibration(self, state: FloatArray, covariance: FloatArray) -> TiltCalibration:
         """What is known well enough; of the rest the value stays where it was, and its variance is inf."""
-        config, start = self._config, self._geometry.calibration
-        limits = np.full(ESTIMATED, config.usable_sigma_rad)
-        limits[PARAMETERS.index("scale")] = config.usable_sigma_scale
+        start = self._geometry.calibration
+        limits = np.full(ESTIMATED, _USABLE_SIGMA_RAD)
+        limits[PARAMETERS.index("scale")] = _USABLE_SIGMA_SCALE
         usable = np.sqrt(np.diag(covariance)[:ESTIMATED]) <= limits
         values = np.where(usable, state[:ESTIMATED], start.values[:ESTIMATED])
         full = np.zeros((len(PARAMETERS), len(PARAMETERS)))

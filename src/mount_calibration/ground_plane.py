@@ -6,27 +6,31 @@ import math
 
 import numpy as np
 
-from mount_calibration.config import MountCalibrationConfig
 from mount_calibration.plane_cells import FloatArray, IntArray
 from robot_body import RobotBody
 
 MAD = 1.4826  # sigma over the median of what is off
 FIT_ROUNDS = 10
+_GROUND_RADIUS_M = 2.5  # ground up to here from the laser says where the wheels stand
+_GROUND_HEIGHT_M = 0.15  # hits count as ground up to so far from the wheels' plane
+_GROUND_FLAT_M = 0.0003  # no ground is flatter than so much below the wheels
+_PATCH_M = 0.1  # size of a patch of ground as a wheel feels it
+_LEAST_PATCHES = 50  # patches of ground that say how uneven it is
 
 
 def ground_equations(
-    points: FloatArray, jacobian: FloatArray, centre_xy: FloatArray, robot: RobotBody, config: MountCalibrationConfig
+    points: FloatArray, jacobian: FloatArray, centre_xy: FloatArray, robot: RobotBody
 ) -> tuple[FloatArray, FloatArray] | None:
     """(P, P) information and (P,) gradient of the ground's two slopes in base_link being zero; None where too little ground is seen.
 
     (N, 3) hits with (N, 3, P) derivatives. How well zero is believed follows from how uneven the ground is.
     """
     radius = np.hypot(points[:, 0] - centre_xy[0], points[:, 1] - centre_xy[1])
-    near = np.flatnonzero((radius <= config.ground_radius_m) & (np.abs(points[:, 2] + robot.base_height_m) <= config.ground_height_m))
-    ground = near[_of_ground(points[near] - np.array([*centre_xy, 0.0]))] if len(near) >= config.least_patches else near
-    _, patch = np.unique(np.floor(points[ground, :2] / config.patch_m).astype(np.int64), axis=0, return_inverse=True)
+    near = np.flatnonzero((radius <= _GROUND_RADIUS_M) & (np.abs(points[:, 2] + robot.base_height_m) <= _GROUND_HEIGHT_M))
+    ground = near[_of_ground(points[near] - np.array([*centre_xy, 0.0]))] if len(near) >= _LEAST_PATCHES else near
+    _, patch = np.unique(np.floor(points[ground, :2] / _PATCH_M).astype(np.int64), axis=0, return_inverse=True)
     size = np.bincount(patch)
-    if len(size) < config.least_patches:
+    if len(size) < _LEAST_PATCHES:
         return None
     mean = _mean(points[ground], patch, size) - np.array([*centre_xy, 0.0])
     fit = np.linalg.pinv(np.column_stack([np.ones(len(mean)), mean[:, :2]]))
@@ -34,7 +38,7 @@ def ground_equations(
     plane = np.column_stack([np.ones(len(mean)), mean[:, :2]]) @ (fit @ mean[:, 2])
     seen = (fit @ fit.T)[1:, 1:] * float(np.mean((mean[:, 2] - plane) ** 2))
     uneven_m = _unevenness(points[ground, 2] - plane[patch], mean[:, 2] - plane, patch, size)
-    standing = (math.hypot(uneven_m, config.ground_flat_m) / robot.standing_base_m) ** 2
+    standing = (math.hypot(uneven_m, _GROUND_FLAT_M) / robot.standing_base_m) ** 2
     precision = np.linalg.inv(seen + standing * np.eye(2))
     return slopes_by.T @ precision @ slopes_by, slopes_by.T @ precision @ slopes
 

@@ -12,10 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mount_calibration.config import MountCalibrationConfig
-
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.intp]
+_CELL_M = 0.5  # edge of the cells in which hits are compared with a plane
+_LEAST_POINTS = 4  # hits of one kind from which they count in a cell: three make a plane
+_LEAST_SPREAD_M = 0.05  # rms width of the hits of a cell that hold a plane
+_PLANAR_SIGMAS = 2.0  # thicker than so many of the median thickness a cell is no plane
+_MOST_CUT = 0.2  # share of the hits of a cell that may lie within the noise of a face
+_ROBUST_SIGMAS = 2.0  # distance from the plane at which a hit weighs half (Cauchy)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,13 +49,13 @@ class _Cells:
     sigma_m: float
 
 
-def plane_equations(points: FloatArray, jacobian: FloatArray, kinds: IntArray, config: MountCalibrationConfig) -> NormalEquations | None:
+def plane_equations(points: FloatArray, jacobian: FloatArray, kinds: IntArray) -> NormalEquations | None:
     """Normal equations of (N, 3) hits with (N, 3, P) derivatives and (N,) kinds; None where no cell holds hits of two kinds on planes.
 
     Two grids of cells, half a cell apart, are averaged: a plane along the faces of one lies amid the cells of the other.
     """
-    grids = [_planar_cells(points, kinds, config, shift * config.cell_m) for shift in (0.0, 0.5)]
-    parts = [_equations(cells, jacobian, config) for cells in grids if cells is not None]
+    grids = [_planar_cells(points, kinds, shift * _CELL_M) for shift in (0.0, 0.5)]
+    parts = [_equations(cells, jacobian) for cells in grids if cells is not None]
     if not parts:
         return None
     return NormalEquations(
@@ -64,14 +68,14 @@ def plane_equations(points: FloatArray, jacobian: FloatArray, kinds: IntArray, c
     )
 
 
-def _equations(cells: _Cells, jacobian: FloatArray, config: MountCalibrationConfig) -> NormalEquations:
+def _equations(cells: _Cells, jacobian: FloatArray) -> NormalEquations:
     local = np.einsum("nij,nj->ni", cells.axes[cells.cell], cells.offsets)
     normals = cells.axes[cells.cell, 0]
     by = np.einsum("ni,nip->np", normals, jacobian[cells.chosen])
     off = local[:, 0].copy()
     for _ in range(2):
         scale_m = max(cells.sigma_m, 1.4826 * float(np.median(np.abs(off))))
-        weights = 1.0 / (1.0 + (off / (config.robust_sigmas * scale_m)) ** 2)
+        weights = 1.0 / (1.0 + (off / (_ROBUST_SIGMAS * scale_m)) ** 2)
         off = _freed(local[:, :1], local[:, 1:], weights, cells)[:, 0]
     by = _freed(by, local[:, 1:], weights, cells)
     weighted = by * weights[:, None]
@@ -83,12 +87,12 @@ def _equations(cells: _Cells, jacobian: FloatArray, config: MountCalibrationConf
     )
 
 
-def _planar_cells(points: FloatArray, kinds: IntArray, config: MountCalibrationConfig, shift_m: float) -> _Cells | None:
+def _planar_cells(points: FloatArray, kinds: IntArray, shift_m: float) -> _Cells | None:
     """Cells whose kinds each lie on a plane, of one slope; where they lie to each other does not matter."""
-    chosen, cell, count = _numbered(np.floor((points + shift_m) / config.cell_m).astype(np.int64), np.arange(len(points)))
+    chosen, cell, count = _numbered(np.floor((points + shift_m) / _CELL_M).astype(np.int64), np.arange(len(points)))
     _, kind, kinds_count = _numbered(np.column_stack([cell, kinds[chosen]]), chosen)
     size = np.bincount(kind, minlength=kinds_count)
-    enough = size[kind] >= config.least_points
+    enough = size[kind] >= _LEAST_POINTS
     chosen, cell, kind = chosen[enough], cell[enough], kind[enough]
     if len(chosen) == 0:
         return None
@@ -103,12 +107,12 @@ def _planar_cells(points: FloatArray, kinds: IntArray, config: MountCalibrationC
     values, vectors = np.linalg.eigh(_spreads(within, cell, count))
     rms = np.sqrt(np.maximum(values[:, 0], 0.0))
     used = np.bincount(cell, minlength=count) > 0
-    wide = used & (np.sqrt(np.maximum(values[:, 1], 0.0)) >= config.least_spread_m)
+    wide = used & (np.sqrt(np.maximum(values[:, 1], 0.0)) >= _LEAST_SPREAD_M)
     if not wide.any():
         return None
     sigma_m = float(np.median(rms[wide]))
-    planar = wide & (rms <= config.planar_sigmas * sigma_m)
-    planar &= _cut_share(points[chosen] + shift_m, cell, vectors[:, :, 0], sigma_m, config.cell_m) <= config.most_cut
+    planar = wide & (rms <= _PLANAR_SIGMAS * sigma_m)
+    planar &= _cut_share(points[chosen] + shift_m, cell, vectors[:, :, 0], sigma_m, _CELL_M) <= _MOST_CUT
     if not planar.any():
         return None
     kept = planar[cell]

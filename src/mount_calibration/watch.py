@@ -16,6 +16,9 @@ from robot_body import RobotBody
 from stage_config import check_ranges, parameter
 
 _BACKLASH = PARAMETERS.index("backlash_rad")
+_SIGMAS = 3.0  # a change beyond so many sigma, and beyond the tolerance, is one
+_BEAMS = 30_000  # hits used of a sweep: half a second on a busy core
+_ITERATIONS = 5  # most steps of the fit of one sweep
 
 
 @dataclass(frozen=True)
@@ -24,11 +27,8 @@ class MountWatchConfig:
 
     sweeps: int = parameter(5, "-", "the newest sweeps that are put together", low=1, high=100)
     least_sweeps: int = parameter(2, "-", "fewer say nothing: one may be of a place where something moved", low=1, high=100)
-    sigmas: float = parameter(3.0, "-", "a change beyond so many sigma", low=1.0, high=20.0)
     tolerance_rad: float = parameter(0.0009, "rad", "and beyond this: a calibration is asked to be as good", low=0.0, high=0.1)
     tolerance_scale: float = parameter(0.001, "-", "the same for the scale", low=0.0, high=0.1)
-    beams: int = parameter(30_000, "-", "hits used of a sweep: half a second on a busy core", low=1000)
-    iterations: int = parameter(5, "-", "most steps of the fit", low=1, high=100)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
@@ -55,7 +55,7 @@ class MountWatch:
         if problems := config.validate() + fit.validate():
             raise ValueError("; ".join(problems))
         self._geometry, self._config, self._robot = geometry, config, robot
-        self._fit = replace(fit, most_beams=config.beams, iterations=config.iterations)
+        self._fit = replace(fit, most_beams=_BEAMS, iterations=_ITERATIONS)
         self._changes: list[tuple[FloatArray, FloatArray]] = []
 
     def after(self, place: Place | None) -> MountVerdict:
@@ -76,7 +76,7 @@ class MountWatch:
             return None
         change, sigma = (float(values[_BACKLASH]) for values in self._mean_change())
         known_rad = max(0.0, self._geometry.calibration.backlash_rad + change)
-        return known_rad if self._config.sigmas * sigma <= self._config.tolerance_rad else None
+        return known_rad if _SIGMAS * sigma <= self._config.tolerance_rad else None
 
     def _verdict(self) -> MountVerdict:
         count, known = len(self._changes), self._geometry.calibration
@@ -85,7 +85,7 @@ class MountWatch:
         change, sigma = self._mean_change()
         calibrated = np.where(known.measured, known.sigmas, 0.0)
         limits = np.array([self._config.tolerance_scale if name == "scale" else self._config.tolerance_rad for name in PARAMETERS])
-        limits += self._config.sigmas * np.hypot(sigma, calibrated)
+        limits += _SIGMAS * np.hypot(sigma, calibrated)
         off = [_said(name, c, limit) for name, c, limit in zip(PARAMETERS, change, limits, strict=True) if abs(c) > limit]
         if not off:
             return MountVerdict(False, f"the mount is as calibrated, by {count} sweeps", count)

@@ -20,6 +20,17 @@ from robot_body import RobotBody
 
 FloatArray = NDArray[np.float64]
 SET_BACK = "the clock was set back"
+_WINDOW_S = 0.5  # over so long IMU and wheels are compared; over longer the attitude's error would count
+_DISPLACED_M = 0.15  # a way within that time of which the wheels know nothing: somebody moves the robot, or it slides
+_SHARE = 0.15  # beside it, as a share of the way that they rolled; rocks make three quarters of both at 0.7 m/s
+_UP_M = 0.1  # the same upward or downward: somebody lifts it, or it falls
+_UP_SHARE = 0.35  # and beside it, as such a share; plates and ramps make three quarters of both
+_TURN_RAD = 0.35  # a turn within that time of which they know nothing, beside yaw_rate_slip of theirs
+_TILT_RAD = 0.25  # a tilt while its wheels stand that somebody makes: one that slips off its highest step tilts by 0.2
+_STANDING_M = 0.05  # wheels that roll less stand
+_REST_MPS2 = 0.3  # a displacement is over after still_delay_s without a stronger acceleration
+_REST_RATE = 0.05  # [rad/s] and without a faster turn
+_SIGMA_M = 5.0  # nothing is known of the way then; sigma that it adds to the position, sample by sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +102,7 @@ class DisplacementWatch:
                 upward,
             )
         )
-        while self._window[0].stamp_s < now_s - self._config.displaced_window_s:
+        while self._window[0].stamp_s < now_s - _WINDOW_S:
             self._window.popleft()
 
     def _too_much(self) -> str:
@@ -100,42 +111,42 @@ class DisplacementWatch:
         seconds = last.stamp_s - first.stamp_s
         x, y, z = (last.way - first.way - seconds * first.unexplained).tolist()
         rolled_m = last.rolled_m - first.rolled_m
-        if math.hypot(x, y) > config.displaced_m + config.displaced_share * rolled_m:
+        if math.hypot(x, y) > _DISPLACED_M + _SHARE * rolled_m:
             return f"moved {math.hypot(x, y):.2f} m otherwise than by its wheels"
-        if abs(z) > config.displaced_up_m + config.displaced_up_share * rolled_m:
+        if abs(z) > _UP_M + _UP_SHARE * rolled_m:
             return f"moved {z:+.2f} m up otherwise than by its wheels"
         turned = abs(last.unexplained_yaw - first.unexplained_yaw)
-        if turned > config.displaced_turn_rad + config.yaw_rate_slip * (last.wheel_yaw - first.wheel_yaw):
+        if turned > _TURN_RAD + config.yaw_rate_slip * (last.wheel_yaw - first.wheel_yaw):
             return f"turned {turned:.2f} rad otherwise than by its wheels"
         tipped = math.acos(min(1.0, float(first.upward @ last.upward)))
-        if tipped > config.displaced_tilt_rad and rolled_m < config.displaced_standing_m:
+        if tipped > _TILT_RAD and rolled_m < _STANDING_M:
             return f"tilted {tipped:.2f} rad while its wheels stood"
         return ""
 
     def _rest(self, now_s: float, acceleration: FloatArray, rate: FloatArray) -> None:
         """Over once it has rested long enough: neither accelerated nor turned."""
         config = self._config
-        if float(np.linalg.norm(acceleration)) > config.displaced_rest_mps2 or float(np.linalg.norm(rate)) > config.displaced_rest_rate:
+        if float(np.linalg.norm(acceleration)) > _REST_MPS2 or float(np.linalg.norm(rate)) > _REST_RATE:
             self._moved_s = now_s
         if now_s - self._moved_s > config.still_delay_s:
             self._reason = ""
             self._window.clear()
 
 
-def displaced(state: State, config: OdometryConfig, before_m2: float = 0.0) -> State:
+def displaced(state: State, before_m2: float = 0.0) -> State:
     """The state after a way of which nothing is known, as the covariance of its position says.
 
     That of the heading stays: else every metre driven on would make the position as unsure again. `before_m2`: the variance that the
     position had in a filter that has begun anew since, m^2, above which it leaps.
     """
     covariance = state.covariance.copy()
-    np.einsum("ii->i", covariance)[POSITION] += before_m2 + config.displaced_sigma_m**2
+    np.einsum("ii->i", covariance)[POSITION] += before_m2 + _SIGMA_M**2
     return replace(state, covariance=covariance)
 
 
-def begun_again(track: Track, before: Track | None, config: OdometryConfig) -> Track:
+def begun_again(track: Track, before: Track | None) -> Track:
     """The first track of a filter; after that `before`, whose clock was set back, nothing is known of the way between."""
     if before is None:
         return track
     before_m2 = float(np.diag(track_covariance(before))[:2].max())
-    return replace(track, state=displaced(track.state, config, before_m2), displaced=SET_BACK)
+    return replace(track, state=displaced(track.state, before_m2), displaced=SET_BACK)

@@ -14,6 +14,11 @@ from robot_body import RobotBody
 FloatArray = NDArray[np.float64]
 GYRO_BIAS_Z = 11
 YAW = 5
+GRAVITY_DRIVING_SIGMA = 0.5  # [m/s^2] noise of the gravity direction while driving quietly
+QUIET_ACCEL_MPS2 = 0.5  # specific force further than this from gravity says nothing about up
+_QUIET_RATE = 0.25  # [rad/s] nor does one measured while turning faster
+_STILL_VELOCITY_SIGMA_MPS = 1e-3  # noise of the zero velocity while standing
+_STILL_RATE_SIGMA = 2e-4  # [rad/s] noise of the zero rate while standing, beside the gyroscope's own
 
 
 def level(stamp_s: float, mean_accel: FloatArray, duration_s: float, disturbance_mps2: float, still: bool, config: OdometryConfig) -> State:
@@ -42,8 +47,8 @@ def stand_still(state: State, interval: ImuInterval, config: OdometryConfig) -> 
     H = np.zeros((6, SIZE))
     H[0:3, VELOCITY] = H[3:6, GYRO_BIAS] = np.eye(3)
     residual = np.concatenate([-state.velocity, interval.mean_rate - state.gyro_bias])
-    rate_variance = config.gyro_noise**2 / interval.duration_s + config.still_rate_sigma**2
-    variances = np.repeat([config.still_velocity_sigma_mps**2, rate_variance], 3)
+    rate_variance = config.gyro_noise**2 / interval.duration_s + _STILL_RATE_SIGMA**2
+    variances = np.repeat([_STILL_VELOCITY_SIGMA_MPS**2, rate_variance], 3)
     if interval.mean_accel is not None:
         gravity_residual, gravity_H = _gravity(state, interval.mean_accel, config)
         residual, H = np.concatenate([residual, gravity_residual]), np.vstack([H, gravity_H])
@@ -79,13 +84,13 @@ def roll_wheels(
 def feel_gravity(state: State, interval: ImuInterval, forward_accel: float, config: OdometryConfig) -> State:
     """While driving quietly the accelerometer, less what the motion explains, shows up; unchanged when it is not quiet."""
     rate = interval.mean_rate - state.gyro_bias
-    if interval.mean_accel is None or float(np.linalg.norm(rate)) > config.quiet_rate or abs(forward_accel) > config.quiet_accel_mps2:
+    if interval.mean_accel is None or float(np.linalg.norm(rate)) > _QUIET_RATE or abs(forward_accel) > QUIET_ACCEL_MPS2:
         return state
     force = interval.mean_accel - np.cross(rate, state.velocity) - np.array([forward_accel, 0.0, 0.0])
-    if abs(float(np.linalg.norm(force)) - config.gravity_mps2) > config.quiet_accel_mps2:
+    if abs(float(np.linalg.norm(force)) - config.gravity_mps2) > QUIET_ACCEL_MPS2:
         return state
     residual, H = _gravity(state, force, config)
-    return update(state, residual, H, np.full(3, config.gravity_driving_sigma**2))
+    return update(state, residual, H, np.full(3, GRAVITY_DRIVING_SIGMA**2))
 
 
 def _gravity(state: State, specific_force: FloatArray, config: OdometryConfig) -> tuple[FloatArray, FloatArray]:
@@ -108,6 +113,6 @@ def _first_covariance(still: bool, config: OdometryConfig) -> FloatArray:
     """Position and yaw define odom, hence are known; tilt is unknown until gravity is felt."""
     sigmas = np.empty(SIZE)
     sigmas[0:3], sigmas[ATTITUDE], sigmas[YAW] = 1e-4, 1.0, 1e-4
-    sigmas[VELOCITY] = config.still_velocity_sigma_mps if still else 1.0
+    sigmas[VELOCITY] = _STILL_VELOCITY_SIGMA_MPS if still else 1.0
     sigmas[GYRO_BIAS], sigmas[ACCEL_BIAS], sigmas[SLIP] = config.gyro_bias_sigma, config.accel_bias_sigma, config.forward_slip_sigma
     return np.diag(sigmas**2)

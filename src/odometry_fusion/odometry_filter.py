@@ -17,6 +17,7 @@ from odometry_fusion.config import OdometryConfig
 from odometry_fusion.displacement import DisplacementWatch, begun_again, displaced
 from odometry_fusion.error_state import GYRO_BIAS, SLIP, VELOCITY, ProcessNoise, State, predict, rest
 from odometry_fusion.interval import ImuInterval, imu_interval
+from odometry_fusion.measurements import GRAVITY_DRIVING_SIGMA, QUIET_ACCEL_MPS2
 from odometry_fusion.stamp_watch import StampWatch
 from odometry_fusion.track import Track, Wheels, anchored, at_stamp, track_covariance
 from rigid_geometry import JUMP_BACK_S, STAMP_TOLERANCE_S, StampedBuffer
@@ -25,6 +26,10 @@ from robot_body import RobotBody
 FloatArray = NDArray[np.float64]
 IMU_RATE_HZ = 100.0  # bandwidth for which the noise of the reported rates holds
 FIRST_LEVELLING_S = 1.0  # IMU samples older than this say nothing about the attitude at the first wheel message
+_FORWARD_VELOCITY_WALK = 0.3  # [m/s^2/sqrt(Hz)] how strongly the forward velocity changes unseen
+_ACROSS_VELOCITY_WALK = 0.2  # [m/s^2/sqrt(Hz)] how strongly the velocity sideways and up changes
+_FORWARD_SLIP_TIME_S = 60.0  # for how long the slip stays as it is, before terrain and load change it
+_GAP_RATE_SIGMA = 0.3  # [rad/s] how fast the robot may have turned unseen
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +61,11 @@ class OdometryFilter:
         self._config, self._robot = config, robot
         self._noise = ProcessNoise(
             gyro=config.gyro_noise,
-            velocity_walk=(config.forward_velocity_walk, config.across_velocity_walk),
+            velocity_walk=(_FORWARD_VELOCITY_WALK, _ACROSS_VELOCITY_WALK),
             gyro_bias_walk=config.gyro_bias_walk,
             accel_bias_walk=config.accel_bias_walk,
             slip_sigma=config.forward_slip_sigma,
-            slip_time_s=config.forward_slip_time_s,
+            slip_time_s=_FORWARD_SLIP_TIME_S,
         )
         self._dropped: Counter[str] = Counter()
         self._imu: StampedBuffer[list[float]] = StampedBuffer("imu", config.buffer_s, self._dropped)
@@ -184,10 +189,10 @@ class OdometryFilter:
             self._dropped["start_without_gravity"] += 1
             return None
         still = wheels.still_since_s is not None
-        disturbance = abs(strength - self._config.gravity_mps2) + (0.0 if still else self._config.gravity_driving_sigma)
+        disturbance = abs(strength - self._config.gravity_mps2) + (0.0 if still else GRAVITY_DRIVING_SIGMA)
         duration_s = max(float(np.ptp(stamps[before])), 0.01)
         state = measurements.level(wheels.stamp_s, force, duration_s, disturbance, still, self._config)
-        return begun_again(Track(state, wheels, rows[before, :3][-1], -math.inf, False, None), self._before, self._config)
+        return begun_again(Track(state, wheels, rows[before, :3][-1], -math.inf, False, None), self._before)
 
     def _advanced(self, track: Track, wheels: Wheels) -> Track:
         """The track at the next wheel message, with its measurements."""
@@ -215,7 +220,7 @@ class OdometryFilter:
         if not track.displaced:
             self._dropped["displaced"] += 1
         track = anchored(track)
-        return replace(track, state=displaced(track.state, self._config), rocked_s=track.wheels.stamp_s, displaced=why)
+        return replace(track, state=displaced(track.state), rocked_s=track.wheels.stamp_s, displaced=why)
 
     def _between(self, track: Track, stamp_s: float, following: Wheels) -> Track:
         """The track at a time before the wheel message that follows, which only tells whether the robot stands."""
@@ -244,14 +249,14 @@ class OdometryFilter:
         if interval.mean_accel is None:
             return False
         up = self._config.gravity_mps2 * state.R_odom_base[2]
-        return float(np.linalg.norm(interval.mean_accel - state.accel_bias - up)) > self._config.quiet_accel_mps2
+        return float(np.linalg.norm(interval.mean_accel - state.accel_bias - up)) > QUIET_ACCEL_MPS2
 
     def _driven(self, state: State, interval: ImuInterval) -> State:
         turning = abs(float(interval.mean_rate[2] - state.gyro_bias[2]))
         noise = replace(self._noise, skid_walk=self._config.turning_slip_walk * turning)
         if interval.longest_gap_s > self._config.max_imu_gap_s:
             unseen_s = min(interval.longest_gap_s, interval.duration_s)
-            variance = self._config.gap_rate_sigma**2 * interval.longest_gap_s * unseen_s  # over the whole gap: (sigma * length)^2
+            variance = _GAP_RATE_SIGMA**2 * interval.longest_gap_s * unseen_s  # over the whole gap: (sigma * length)^2
             noise = replace(noise, attitude_variance=variance)
         return predict(state, interval.rates, interval.durations, noise)
 

@@ -23,12 +23,9 @@ class FollowerConfig:
     max_lookahead_m: float = parameter(
         0.50, "m", "the same at full speed; longer is smoother and cuts corners more", low=0.1, high=3.0, at_runtime=True
     )
-    smoothing_m: float = parameter(0.20, "m", "the path is averaged over this much to each side: steps of a grid vanish", low=0.0, high=1.0)
     turn_in_place_above_rad: float = parameter(
         0.87, "rad", "heading errors above this are turned away standing", low=0.2, high=3.2, at_runtime=True
     )
-    turn_in_place_until_rad: float = parameter(0.15, "rad", "a turn in place towards the path ends below this error", low=0.01, high=0.8)
-    slow_below_radius_m: float = parameter(0.9, "m", "curves tighter than this are driven slower in proportion", low=0.0, high=5.0)
     slowest_share_near_obstacles: float = parameter(
         0.4, "-", "share of the speed left where the cost is 252", low=0.05, high=1.0, at_runtime=True
     )
@@ -58,11 +55,6 @@ class FollowerConfig:
     passage_speed_mps: float = parameter(
         0.25, "m/s", "fastest speed where the path leads straight through a passage", low=0.05, high=2.0, at_runtime=True
     )
-    passage_turn_rad: float = parameter(
-        0.3, "rad", "heading errors above this are turned away standing before a passage, where that is free", low=0.05, high=1.6
-    )
-    passage_heading_rad: float = parameter(0.08, "rad", "and such a turn ends below this error", low=0.01, high=0.5)
-    passage_lookahead_m: float = parameter(0.30, "m", "distance of the point steered for in a passage", low=0.1, high=2.0)
     passage_look_m: float = parameter(1.2, "m", "so far ahead the footprint must be free in a passage", low=0.1, high=3.0)
     known_ahead_m: float = parameter(
         0.0,
@@ -79,14 +71,9 @@ class FollowerConfig:
         4.0, "s", "wait this long for ground ahead to become known: half a nod of the mount, and the time to map it", low=0.0, high=60.0
     )
     blocked_patience_s: float = parameter(2.0, "s", "wait this long for a blocked way to become free", low=0.0, high=60.0, at_runtime=True)
-    progress_distance_m: float = parameter(0.10, "m", "progress is this much along the path", low=0.01, high=1.0)
-    progress_angle_rad: float = parameter(0.15, "rad", "or this much of a turn", low=0.01, high=1.0)
     progress_patience_s: float = parameter(6.0, "s", "no progress for this long starts a recovery", low=0.5, high=120.0, at_runtime=True)
     back_off_distance_m: float = parameter(0.4, "m", "a recovery drives back so far, if that is free", low=0.05, high=2.0)
     back_off_speed_mps: float = parameter(0.15, "m/s", "speed of a recovery", low=0.02, high=1.0)
-    recovery_turn_rad: float = parameter(0.6, "rad", "a recovery turns so far where driving back is not free", low=0.05, high=3.0)
-    recovery_limit_s: float = parameter(6.0, "s", "a recovery ends after this time at the latest", low=0.5, high=60.0)
-    max_gap_s: float = parameter(0.5, "s", "a longer gap between two steps does not count as time without progress", low=0.05, high=10.0)
 
     def stopping_m(self, speed_mps: float) -> float:
         """How far the robot goes from a speed until it stands: reaction_s, then max_deceleration_mps2."""
@@ -108,8 +95,6 @@ class FollowerConfig:
             ("min_speed_mps", "max_speed_mps"),
             ("min_turn_rate_radps", "max_turn_rate_radps"),
             ("min_lookahead_m", "max_lookahead_m"),
-            ("turn_in_place_until_rad", "turn_in_place_above_rad"),
-            ("passage_heading_rad", "passage_turn_rad"),
         ):
             if getattr(self, low) > getattr(self, high):
                 problems.append(f"{low} = {getattr(self, low)} is above {high} = {getattr(self, high)}")

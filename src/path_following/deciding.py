@@ -8,9 +8,10 @@ from path_following.doing import AwaitingGround, BackingOff, Doing, Ended, Follo
 from path_following.getting_free import getting_free
 from path_following.interface import FollowerState
 from path_following.manoeuvres import Motion, detour, make_room, recovery, turn_by
+from path_following.progress import PROGRESS_DISTANCE_M
 from path_following.pursuit import Steering, lookahead_m, regulated_speed, steering_to, target_on
 from path_following.reference_path import Stretch
-from path_following.straight_driving import StraightDrive, WayOut
+from path_following.straight_driving import PASSAGE_LOOKAHEAD_M, StraightDrive, WayOut
 from path_following.surroundings import Unknown, arc_poses
 from path_following.task import AT_BEGIN_M, Moment
 from rigid_geometry import angle_difference
@@ -21,6 +22,9 @@ _RUN_UP_M = 0.3  # where it begins there is room to turn, if not always to drift
 _AT_ENTRY_M = 0.02  # a path that ends before a passage is driven on to where so little of it is left
 
 Decided = tuple[Doing, Motion]
+_PASSAGE_TURN_RAD = 0.3  # heading errors above this are turned away standing before a passage, where that is free
+_PASSAGE_HEADING_RAD = 0.08  # and such a turn ends below this error
+_TURN_IN_PLACE_UNTIL_RAD = 0.15  # a turn in place towards the path ends below this error
 
 
 def decide(doing: Doing, now: Moment) -> Decided:
@@ -69,7 +73,7 @@ def _follow(doing: Doing, now: Moment) -> Decided:
         lookahead = min(lookahead, max(stretch.begin - s, 1.5 * AT_BEGIN_M))
     steering = steering_to(now.pose, target_on(path, np.array(now.pose[:2]), s, lookahead))
     is_turning = isinstance(doing, TurningToPath)
-    limit = now.config.turn_in_place_until_rad if is_turning else now.config.turn_in_place_above_rad
+    limit = _TURN_IN_PLACE_UNTIL_RAD if is_turning else now.config.turn_in_place_above_rad
     if abs(steering.heading_error) > limit:
         return _turn_to_path(doing, now, steering.heading_error)
     return _drive(doing, now, steering, (path.length if stretch is None else stretch.begin) - s)
@@ -106,12 +110,12 @@ def _turn_into_line(doing: Doing, now: Moment, stretch: Stretch, way: float) -> 
 
     With its nose ahead, where there is room; at a corner, where there may be little, with that end ahead that is nearer.
     """
-    config, pose, s, around = now.config, now.pose, now.at.s, now.around
-    error = steering_to(pose, stretch.point_at(s + config.passage_lookahead_m)).heading_error
+    pose, s, around = now.pose, now.at.s, now.around
+    error = steering_to(pose, stretch.point_at(s + PASSAGE_LOOKAHEAD_M)).heading_error
     is_at_begin = s < stretch.begin + _RUN_UP_M
     is_at_corner = stretch.from_corner and is_at_begin
     begins_inside = stretch.begin < AT_BEGIN_M  # with a path that begins in its line the robot may stand where it cannot turn
-    limit = config.passage_heading_rad if isinstance(doing, TurningToPath) or is_at_corner else config.passage_turn_rad
+    limit = _PASSAGE_HEADING_RAD if isinstance(doing, TurningToPath) or is_at_corner else _PASSAGE_TURN_RAD
     errors = [error] if way > 0.0 or (is_at_begin and not begins_inside) else []
     if is_at_corner:
         errors = sorted([error, angle_difference(error, math.pi)], key=abs)
@@ -163,7 +167,7 @@ def _wait(doing: Doing, now: Moment, reason: str, side: float) -> Decided:
 def _speed_on_known_ground(doing: Doing, now: Moment) -> float:
     """The fastest at which the robot stops on the ground that is known; 0 while it waits and no more of it is known than before."""
     known_m = now.known_ahead_m
-    is_waiting = isinstance(doing, AwaitingGround) and known_m < doing.known_m + now.config.progress_distance_m
+    is_waiting = isinstance(doing, AwaitingGround) and known_m < doing.known_m + PROGRESS_DISTANCE_M
     return 0.0 if is_waiting else now.speed_within(known_m - now.config.known_ahead_m)
 
 

@@ -20,6 +20,9 @@ from path_following.trail import Trail
 from rigid_geometry import yaw_of
 from robot_body import RobotBody
 
+_SMOOTHING_M = 0.20  # the path is averaged over this much to each side: steps of a grid vanish
+_MAX_GAP_S = 0.5  # a longer gap between two steps does not count as time without progress
+
 
 class PathFollower:
     """Follows one path at a time (thesis 5.5.2): `set_path`, then `step` with every observation until the state `is_over`.
@@ -75,7 +78,7 @@ class PathFollower:
         """
         if goal_yaw is not None and not math.isfinite(goal_yaw):
             raise ValueError(f"goal_yaw is a finite heading or None, not {goal_yaw!r}")
-        task = self._from_here(Task(ReferencePath(points, self._config.smoothing_m, straight), goal_yaw, exact), points, straight)
+        task = self._from_here(Task(ReferencePath(points, _SMOOTHING_M, straight), goal_yaw, exact), points, straight)
         if self._task is None or self._pose is None or self._command == STAND:
             self._begin(task, Following("new path"))
         else:
@@ -92,7 +95,7 @@ class PathFollower:
             return task
         whole = np.vstack([way, np.asarray(points, dtype=np.float64)[:, :2]])
         flags = [*[False] * len(way), *straight] if len(straight) else ()
-        return Task(ReferencePath(whole, self._config.smoothing_m, flags), task.goal_yaw, task.exact)
+        return Task(ReferencePath(whole, _SMOOTHING_M, flags), task.goal_yaw, task.exact)
 
     def _begin(self, task: Task | None, doing: Doing) -> None:
         self._task, self._doing = task, doing
@@ -138,7 +141,7 @@ class PathFollower:
         if last is None:
             return 0.0
         dt = stamp - last
-        if 0.0 <= dt <= self._config.max_gap_s:
+        if 0.0 <= dt <= _MAX_GAP_S:
             return dt
         self._sit_out(dt)
         return 0.0

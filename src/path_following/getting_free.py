@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from path_following.config import FollowerConfig
-from path_following.manoeuvres import Arc, Motion
+from path_following.manoeuvres import RECOVERY_LIMIT_S, Arc, Motion
 from path_following.reference_path import Pose
 from path_following.surroundings import Surroundings
 
@@ -28,10 +28,10 @@ class GettingFree:
             self.arc, self.arc_s = arcs[0], None
         return self.arc.motion
 
-    def is_done(self, config: FollowerConfig, around: Surroundings, pose: Pose, stamp: float) -> bool:
+    def is_done(self, _config: FollowerConfig, around: Surroundings, pose: Pose, stamp: float) -> bool:
         """True where the robot may turn, or when an arc or all of them took too long."""
         self.arc_s = stamp if self.arc_s is None else self.arc_s
-        is_late = stamp - self.arc_s > config.recovery_limit_s or stamp - self.begun_s > self.limit_s
+        is_late = stamp - self.arc_s > RECOVERY_LIMIT_S or stamp - self.begun_s > self.limit_s
         return is_late or around.has_room(pose)
 
 
@@ -40,13 +40,13 @@ def getting_free(config: FollowerConfig, around: Surroundings, pose: Pose, stamp
     arcs = [] if around.has_room(pose) else _arcs(config, around, pose)
     if not arcs or not arcs[0].goes_on(around, pose):
         return None
-    limit_s = config.recovery_limit_s + 2.0 * sum(arc.length_m for arc in arcs) / config.back_off_speed_mps
+    limit_s = RECOVERY_LIMIT_S + 2.0 * sum(arc.length_m for arc in arcs) / config.back_off_speed_mps
     return GettingFree(stamp, limit_s, arcs[0])
 
 
 def _arcs(config: FollowerConfig, around: Surroundings, pose: Pose) -> list[Arc]:
-    """Each no longer than it takes half of `recovery_limit_s`."""
+    """Each no longer than it takes half of `RECOVERY_LIMIT_S`."""
     v, way = config.back_off_speed_mps, around.way_to_room(pose)
-    most_m = 0.5 * config.recovery_limit_s * v
+    most_m = 0.5 * RECOVERY_LIMIT_S * v
     signed = [(math.copysign(v, metres), bend, abs(metres)) for metres, bend in way]
     return [Arc(Motion(speed, speed * bend), pose, min(length_m, most_m)) for speed, bend, length_m in signed]

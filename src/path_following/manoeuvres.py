@@ -15,6 +15,8 @@ from rigid_geometry import angle_difference
 _ARC_DONE_M = 0.02  # an arc with so little left is over
 _NEAR = (0.1, 0.2, 0.3, 0.45), (0.0, 1.5, -1.5)  # lengths in metres and curvatures in 1/m of arcs that make room for a turn
 _FAR = (0.45, 0.7, 1.0), (0.0, 0.5, -0.5)  # and of those beside a wall: only gentle ones get away from it
+_RECOVERY_TURN_RAD = 0.6  # a recovery turns so far where driving back is not free
+RECOVERY_LIMIT_S = 6.0  # a recovery ends after this time at the latest
 
 
 @dataclass(frozen=True)
@@ -110,12 +112,12 @@ class Recovery:
     distance_m: float
     angle_rad: float
 
-    def is_done(self, config: FollowerConfig, _around: Surroundings, pose: Pose, stamp: float) -> bool:
+    def is_done(self, _config: FollowerConfig, _around: Surroundings, pose: Pose, stamp: float) -> bool:
         """True when it went far enough, or for too long."""
         moved = math.hypot(pose[0] - self.begun_at[0], pose[1] - self.begun_at[1])
         turned = abs(angle_difference(pose[2], self.begun_at[2]))
         far = moved >= self.distance_m if self.motion.v else turned >= self.angle_rad
-        return far or stamp - self.begun_s > config.recovery_limit_s
+        return far or stamp - self.begun_s > RECOVERY_LIMIT_S
 
     def motion_from(self, _config: FollowerConfig, around: Surroundings, pose: Pose) -> Motion | None:
         """The command at a pose; None when the next part is not free."""
@@ -134,7 +136,7 @@ class Recovery:
 def recovery(config: FollowerConfig, around: Surroundings, pose: Pose, stamp: float) -> Recovery | None:
     """Straight back if that is free, else a turn to the side that is; None when nothing is."""
     for motion in (Motion(-config.back_off_speed_mps, 0.0), Motion(0.0, 0.4), Motion(0.0, -0.4)):
-        option = Recovery(motion, pose, stamp, config.back_off_distance_m, config.recovery_turn_rad)
+        option = Recovery(motion, pose, stamp, config.back_off_distance_m, _RECOVERY_TURN_RAD)
         if option.is_free(around, pose):
             return option
     return None

@@ -7,6 +7,8 @@ from path_following.config import FollowerConfig
 from rigid_geometry import angle_difference
 
 _LARGEST_TURN_RAD = 3 * math.pi
+PROGRESS_DISTANCE_M = 0.10  # progress is this much along the path
+_PROGRESS_ANGLE_RAD = 0.15  # or this much of a turn
 
 
 @dataclass(frozen=True)
@@ -37,9 +39,9 @@ class ProgressWatch:
     def is_stalled(self, stamp: float, s: float, yaw: float) -> bool:
         """Take in arc length `s` m and `yaw` rad at `stamp` s; True when the patience is over."""
         turn = abs(angle_difference(yaw, self._mark.yaw))
-        if s >= self._mark.s + self._config.progress_distance_m:
+        if s >= self._mark.s + PROGRESS_DISTANCE_M:
             self._mark, self._turned, self.has_recovered = _Mark(stamp, s, yaw), 0.0, False
-        elif turn >= self._config.progress_angle_rad and self._turned < _LARGEST_TURN_RAD:
+        elif turn >= _PROGRESS_ANGLE_RAD and self._turned < _LARGEST_TURN_RAD:
             self._turned += turn
             self._mark = _Mark(stamp, self._mark.s, yaw)
         return stamp - self._mark.stamp > self._config.progress_patience_s

@@ -10,6 +10,8 @@ from path_following.config import FollowerConfig
 from path_following.reference_path import Pose, ReferencePath
 from rigid_geometry import angle_difference
 
+_SLOW_BELOW_RADIUS_M = 0.9  # curves tighter than this are driven slower in proportion
+
 
 @dataclass(frozen=True)
 class Steering:
@@ -53,8 +55,8 @@ def regulated_speed(config: FollowerConfig, steering: Steering, cost: int, remai
     """Speed in m/s: slower in tight curves, off heading, where the cost under the centre is high, and towards the goal."""
     speed = config.max_speed_mps
     bend = abs(steering.curvature)
-    if bend * config.slow_below_radius_m > 1.0:
-        speed /= bend * config.slow_below_radius_m
+    if bend * _SLOW_BELOW_RADIUS_M > 1.0:
+        speed /= bend * _SLOW_BELOW_RADIUS_M
     speed *= max(0.3, math.cos(min(abs(steering.heading_error), math.pi / 2)))
     if cost < 255:
         speed *= 1.0 - (1.0 - config.slowest_share_near_obstacles) * min(1.0, cost / 252)

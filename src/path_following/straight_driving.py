@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from path_following.config import FollowerConfig
-from path_following.manoeuvres import Motion
+from path_following.manoeuvres import RECOVERY_LIMIT_S, Motion
 from path_following.pursuit import steering_to
 from path_following.reference_path import Pose, ReferencePath, Stretch
 from path_following.surroundings import Surroundings, arc_poses
@@ -15,6 +15,7 @@ from path_following.surroundings import Surroundings, arc_poses
 _SPACING_M = 0.05
 _FARTHER = (1.0, 2.0, 4.0)  # times the distance of the point steered for: longer arcs, if the shorter is not free
 _LEFT_M = 0.05  # a way out with so little left is over
+PASSAGE_LOOKAHEAD_M = 0.30  # distance of the point steered for in a passage
 
 
 @dataclass(frozen=True)
@@ -31,11 +32,11 @@ class StraightDrive:
         Where it is narrow the corners of a robot beside the line may not swing out far: a long arc may be free that leads back slowly.
         """
         for farther in _FARTHER:
-            lookahead = farther * config.passage_lookahead_m
+            lookahead = farther * PASSAGE_LOOKAHEAD_M
             to_line = _curvature(self.stretch.point_at(s + lookahead), pose, self.way)
             if around.is_clear(self._poses(pose, s, to_line, lookahead, self._look(config, s, lookahead))):
                 return to_line
-        return 0.0 if around.is_clear(arc_poses(pose, self.way, 0.0, self._look(config, s, config.passage_lookahead_m))) else None
+        return 0.0 if around.is_clear(arc_poses(pose, self.way, 0.0, self._look(config, s, PASSAGE_LOOKAHEAD_M))) else None
 
     def _look(self, config: FollowerConfig, s: float, lookahead: float) -> float:
         """How far ahead the way must be free: no farther than to its end, where the robot may turn."""
@@ -65,15 +66,15 @@ class WayOut:
     def motion_from(self, config: FollowerConfig, around: Surroundings, pose: Pose) -> Motion | None:
         """The command at a pose; None when the next part of the way does not stay off everything."""
         v = config.back_off_speed_mps
-        for curvature in (_curvature(self.drive.stretch.point_at(self._s(pose) - config.passage_lookahead_m), pose, -1.0), 0.0):
-            if around.is_clear(arc_poses(pose, -1.0, curvature, config.passage_lookahead_m)):
+        for curvature in (_curvature(self.drive.stretch.point_at(self._s(pose) - PASSAGE_LOOKAHEAD_M), pose, -1.0), 0.0):
+            if around.is_clear(arc_poses(pose, -1.0, curvature, PASSAGE_LOOKAHEAD_M)):
                 return Motion(-v, -v * curvature)
         return None
 
     def is_done(self, config: FollowerConfig, _around: Surroundings, pose: Pose, stamp: float) -> bool:
         """True when it is out, or took too long."""
         stretch = self.drive.stretch
-        limit = config.recovery_limit_s + 2.0 * (stretch.end - stretch.begin) / config.back_off_speed_mps
+        limit = RECOVERY_LIMIT_S + 2.0 * (stretch.end - stretch.begin) / config.back_off_speed_mps
         return self._s(pose) < stretch.begin + _LEFT_M or stamp - self.begun_s > limit
 
     def _s(self, pose: Pose) -> float:

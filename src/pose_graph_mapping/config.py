@@ -12,19 +12,8 @@ class RegistrationConfig:
 
     method: str = parameter("gicp", "-", "registration behind match_clouds", choices=("gicp", "thesis_chain"))
     voxel_m: float = parameter(0.10, "m", "edge of the voxels both clouds are averaged in", low=0.01, high=1.0)
-    normal_neighbours: int = parameter(20, "-", "neighbours of a normal; fewer are useless at centimetres of noise", low=5, high=100)
     coarse_distance_m: float = parameter(1.0, "m", "largest distance of matched points, first stage", low=0.01)
     fine_distance_m: float = parameter(0.3, "m", "largest distance of matched points, second stage", low=0.01)
-    early_points: int = parameter(
-        4000, "-", "points of the reading that are matched until all of them are, for the last iterations", low=200
-    )
-    half_weight_m: float = parameter(
-        0.05, "m", "distance across a surface at which a matched point counts half in the last iterations", low=0.001
-    )
-    max_iterations: int = parameter(20, "-", "most iterations of a stage; along a corridor more of them only slide", low=1, high=1000)
-    facing_away_cos: float = parameter(
-        -0.1, "-", "reference points whose normal makes a cosine below this with the sensor are left out", low=-1.0, high=0.0
-    )
     search_shift_m: float = parameter(
         3.0, "m", "horizontal half width of the search around a guess of which nothing is known", low=0.0, high=20.0
     )
@@ -32,38 +21,10 @@ class RegistrationConfig:
         7.5, "m", "the same once more where less than `min_overlap_unguided` overlapped: then `min_overlap` is enough", low=0.0, high=50.0
     )
     search_height_m: float = parameter(1.0, "m", "half height of the search", low=0.0, high=10.0)
-    search_yaw_rad: float = parameter(math.pi, "rad", "half angle of the search", low=0.0, high=math.pi)
-    search_least_shift_m: float = parameter(
-        1.0, "m", "least half width of the search, after a direct match was refused", low=0.0, high=20.0
-    )
-    search_least_yaw_rad: float = parameter(math.radians(45.0), "rad", "the same, heading", low=0.0, high=math.pi)
-    search_cell_m: float = parameter(0.30, "m", "edge of the cells of the search", low=0.05, high=2.0)
-    search_yaw_step_rad: float = parameter(math.radians(5.0), "rad", "step of its headings", low=0.01, high=0.5)
-    search_points: int = parameter(600, "-", "points of the reading that are placed", low=50, high=5000)
     search_range_m: float = parameter(15.0, "m", "farther points of the reading are not placed", low=1.0, high=100.0)
-    search_peaks: int = parameter(
-        10, "-", "placements that are looked at closer; twice as many where free space allows none", low=1, high=100
-    )
-    search_peaks_a_heading: int = parameter(3, "-", "most of them of one heading", low=1, high=100)
-    search_apart_m: float = parameter(0.6, "m", "placements nearer than this are one", low=0.0, high=5.0)
-    search_apart_rad: float = parameter(math.radians(15.0), "rad", ".. if they differ in heading by less than this", low=0.0, high=math.pi)
-    search_refine_voxel_m: float = parameter(0.4, "m", "voxels of their first refinement", low=0.05, high=2.0)
-    search_refine_points: int = parameter(1500, "-", "most points of the reading in it", low=100)
-    search_iterations: int = parameter(12, "-", "most iterations of it", low=1, high=1000)
-    search_refined: int = parameter(4, "-", "most placements that are refined in full", low=1, high=100)
-    search_max_contradiction: float = parameter(
-        0.015, "-", "points in free space above which a rough placement comes last", low=0.0, high=1.0
-    )
-    search_rival_share: float = parameter(0.4, "-", "share of the best overlap that makes a rival", low=0.0, high=1.0)
 
     degenerate_eigenvalue: float = parameter(
         1.5, "-", "Hessian eigenvalue by inlier under which a direction is unconstrained (0.5 is nothing)", low=0.0
-    )
-    degenerate_sigma_m: float = parameter(
-        2.0, "m", "sigma given to an unconstrained direction, at the distance of a typical point", low=0.01
-    )
-    degenerate_guess_sigma_m: float = parameter(
-        0.6, "m", "a guess known no better than this along an unconstrained direction does not stand there", low=0.0
     )
     pattern_rotation_factor: float = parameter(
         6.0,
@@ -74,7 +35,6 @@ class RegistrationConfig:
     pattern_yaw_factor: float = parameter(0.3, "-", "the same about the upright axis, which a tilting mount hardly turns", low=0.0)
     pattern_translation_m: float = parameter(7.0, "m/rad", "the same for a translation", low=0.0)
     pattern_good_rad: float = parameter(math.radians(0.027), "rad", "how much of that angle a mount leaves that is not off", low=0.0)
-    covariance_scale: float = parameter(0.5, "-", "factor of the inverse Hessian", low=0.0)
     floor_rotation_rad: float = parameter(math.radians(0.0125), "rad", "sigma of a match that no number of points improves", low=1e-5)
     floor_translation_m: float = parameter(0.00045, "m", "the same for translation", low=1e-5)
 
@@ -82,8 +42,6 @@ class RegistrationConfig:
         "checked", "-", "checked: overlap, free space, degeneracy; match_ratio: that alone (thesis)", choices=("checked", "match_ratio")
     )
     min_match_ratio: float = parameter(0.5, "-", "least match ratio where it alone decides", low=0.0, high=1.0, at_runtime=True)
-    min_points: int = parameter(200, "-", "fewest points of a cloud after voxelling", low=10)
-    overlap_distance_m: float = parameter(0.2, "m", "a reading point with a reference point this near overlaps", low=0.01)
     min_overlap: float = parameter(0.2, "-", "least share of overlapping reading points", low=0.0, high=1.0, at_runtime=True)
     min_overlap_unguided: float = parameter(
         0.5, "-", "the same where nothing is known of the guess: the truth may lie where no match looks", low=0.0, high=1.0, at_runtime=True
@@ -125,15 +83,6 @@ class RegistrationConfig:
         high=1.0,
         at_runtime=True,
     )
-    free_space_margin_m: float = parameter(0.15, "m", "a point contradicts when it is nearer than seen by more than this ..", low=0.0)
-    free_space_margin_ratio: float = parameter(0.02, "-", ".. plus this share of the range", low=0.0, high=1.0)
-    free_space_least_cos: float = parameter(
-        0.4,
-        "-",
-        "surfaces that a beam meets at a smaller cosine are not compared: the filter of veiled points takes them out",
-        low=0.0,
-        high=0.9,
-    )
     free_space_viewpoints: int = parameter(6, "-", "most standpoints of a cloud that are checked, nearest first", low=1, high=100)
     standpoint_m: float = parameter(
         0.5,
@@ -145,14 +94,6 @@ class RegistrationConfig:
 
     chain_min_range_m: float = parameter(0.3, "m", "shorter beams are dropped", low=0.0)
     chain_max_range_m: float = parameter(30.0, "m", "longer beams are dropped", low=0.1)
-    chain_trim_ratio: float = parameter(0.7, "-", "share of nearest matches that are used", low=0.01, high=1.0, at_runtime=True)
-    chain_max_distance_m: float = parameter(1.0, "m", "matches farther apart are outliers", low=0.01)
-    chain_max_normal_angle_rad: float = parameter(
-        math.radians(50), "rad", "matches whose normals differ by more are outliers", low=0.0, high=math.pi
-    )
-    chain_min_translation_m: float = parameter(0.0005, "m", "smaller mean steps end the iteration ..", low=0.0)
-    chain_min_rotation_rad: float = parameter(0.0001, "rad", ".. if they turn less than this too", low=0.0)
-    chain_smooth_length: int = parameter(3, "-", "number of steps in that mean", low=1, high=20)
     chain_degenerate_share: float = parameter(
         0.0035, "-", "eigenvalue by match (1: every point holds it) under which a direction is unconstrained", low=0.0, high=1.0
     )
@@ -183,8 +124,6 @@ class MappingConfig:
         3, "-", "tries of a match: area, last sweep alone, area of twice the distance (Alg. 1, line 15)", low=1, high=3
     )
     vertex_voxel_m: float = parameter(0.10, "m", "voxels of the cloud kept with a vertex", low=0.01, high=1.0)
-    vertex_normal_neighbours: int = parameter(20, "-", "neighbours of a normal of that cloud", low=5, high=100)
-    min_sweep_points: int = parameter(200, "-", "sweeps with fewer finite points are an error", low=10)
     max_correction_m: float = parameter(1.5, "m", "a match that moves the prediction by more is refused", low=0.01)
     max_correction_rad: float = parameter(0.9, "rad", "a match that turns the prediction by more is refused", low=0.01, high=math.pi)
 
@@ -202,13 +141,6 @@ class MappingConfig:
         low=0,
         high=100,
     )
-    gone_margin_m: float = parameter(
-        0.2, "m", "they have to see this much farther than the point, and nothing this near to it", low=0.02, high=2.0
-    )
-    gone_standpoint_m: float = parameter(0.2, "m", "beams that start so near to each other have one standpoint then", low=0.05, high=2.0)
-    gone_least_cos: float = parameter(
-        0.4, "-", "points whose surface they would meet at a smaller cosine are not asked for", low=0.0, high=0.9
-    )
 
     use_gravity: bool = parameter(True, "-", "every vertex is tied to the up direction that the resting IMU measured")
     gravity_sigma_rad: float = parameter(
@@ -223,10 +155,7 @@ class MappingConfig:
 
     loop_min_dist_m: float = parameter(8.0, "m", "least distance along the graph of a loop candidate (Alg. 2)", low=0.0)
     loop_max_dist_m: float = parameter(5.0, "m", "largest straight distance of a loop candidate (Alg. 2)", low=0.1)
-    loop_sigmas: float = parameter(3.0, "-", "sigmas of drift that are added to that distance, and that a match may correct", low=0.0)
     loop_grown_dist_m: float = parameter(10.0, "m", "largest straight distance of a loop candidate however uncertain it is", low=0.1)
-    loop_group_neighbours: int = parameter(2, "-", "nearest neighbours that candidates are grouped by (Alg. 2, line 4)", low=1, high=20)
-    loop_group_dist_m: float = parameter(4.0, "m", "neighbours farther apart never share a group", low=0.1)
     loop_min_dist_match: int = parameter(3, "-", "least number of vertices between both ends of a loop (Alg. 2, line 7)", low=1)
     loop_match_success: float = parameter(0.5, "-", "least match ratio of a loop (Alg. 2, line 16)", low=0.0, high=1.0)
     loose_sigma_m: float = parameter(

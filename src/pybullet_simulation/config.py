@@ -15,9 +15,6 @@ class SimulationConfig:
         200, "Hz", "steps of the physics; a multiple of 200, so that the 100 Hz of the IMU fall on steps", low=200, high=1000
     )
     clock_start_s: float = parameter(0.0, "s", "what the clock says at the start: a session that goes on is later than its sweeps", low=0.0)
-    settle_time_s: float = parameter(
-        1.0, "s", "time the robot gets to come to rest on its wheels before the first tick", low=0.0, high=10.0
-    )
     friction: float = parameter(
         0.85, "-", "friction coefficient of wheels and ground, combined: dry concrete in Wong, Theory of Ground Vehicles", low=0.1, high=2.0
     )
@@ -44,7 +41,6 @@ class SimulationConfig:
     slip_patch_sigma: float = parameter(
         0.015, "-", "slip that goes with the place: patches of ground that hold less or more", low=0.0, high=0.2
     )
-    slip_patch_m: float = parameter(3.0, "m", "how far apart such patches are", low=0.2, high=100.0)
     slip_per_climb: float = parameter(
         0.1,
         "-",
@@ -106,9 +102,6 @@ class SimulationConfig:
         low=0.0,
         high=1.0,
     )
-    veiling_jump_m: float = parameter(
-        0.15, "m", "difference of neighbouring ranges that makes a depth edge, beside 5 % of the range", low=0.01, high=5.0
-    )
     tilt_encoder_sigma_rad: float = parameter(0.0001, "rad", "noise of the measured tilt", low=0.0, high=0.05)
     tilt_backlash_rad: float = parameter(
         0.0052, "rad", "play of the tilt drive, from one side to the other: 0.3 deg, a hobby servo or a worn gear", low=0.0, high=0.1
@@ -145,14 +138,6 @@ class SimulationConfig:
     nod_highest_rad: float = parameter(-0.26, "rad", "tilt at the upper end of a nod", low=-0.79, high=0.0)
     nod_half_period_s: float = parameter(2.0, "s", "time of a nod from one end to the other", low=0.5, high=20.0)
     tilt_acceleration_rps2: float = parameter(30.0, "rad/s^2", "acceleration of the tilt drive", low=1.0, high=500.0)
-    wheel_contact_margin_rad: float = parameter(
-        0.005,
-        "rad",
-        "a wheel on a surface so much steeper than its highest step makes it touches an obstacle, not ground",
-        low=0.0,
-        high=0.5,
-    )
-    contact_force_min_n: float = parameter(1.0, "N", "weaker touches are not reported", low=0.0, high=1000.0)
     disturbances: str = parameter(
         "",
         "-",

@@ -14,6 +14,7 @@ from pybullet_simulation.config import SimulationConfig
 Array = NDArray[np.float64]
 
 _WAVES = 12
+_SLIP_PATCH_M = 3.0  # how far apart patches of ground are that hold less or more
 
 
 class _Field:
@@ -34,7 +35,7 @@ class Ground:
     def __init__(self, config: SimulationConfig, rng: np.random.Generator) -> None:
         """`rng` draws the ground and the wheels, once."""
         self._config = config
-        self._slip, self._grip = _Field(config.slip_patch_m, rng), _Field(config.slip_patch_m, rng)
+        self._slip, self._grip = _Field(_SLIP_PATCH_M, rng), _Field(_SLIP_PATCH_M, rng)
         self._radius = config.wheel_radius_sigma * float(rng.standard_normal())
         self.varies = bool(config.slip_patch_sigma or config.slip_per_climb or config.grip_patch_sigma or self._radius)
 

@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 
 MESH_FLAGS = 1 | 2  # concave, with internal edges: wheels do not catch on the edges between coplanar triangles
 TRIANGLES_AT_ONCE = 20_000
+_WHEEL_CONTACT_MARGIN_RAD = 0.005  # a wheel on a surface so much steeper than its highest step makes it touches an obstacle, not ground
+_CONTACT_FORCE_MIN_N = 1.0  # [N] weaker touches are not reported
 
 
 @contextlib.contextmanager
@@ -97,7 +99,7 @@ class Physics:
 
     def _steepest(self, body: RobotBody) -> dict[int, float]:
         """By wheel and caster, how little the normal of a surface may point up that it stands on: one steeper is an obstacle."""
-        margin = self._config.wheel_contact_margin_rad
+        margin = _WHEEL_CONTACT_MARGIN_RAD
         return {link: float(np.cos(body.climbing_rad(radius_m) + margin)) for link, radius_m in self._radii.items()}
 
     def _let_casters_roll(self) -> None:
@@ -247,7 +249,7 @@ class Physics:
             is_ground = steep_z is not None and (
                 normal[2] > steep_z or self._is_level(point[6], steep_z) or self._is_climbed(link, point[6], normal)
             )
-            if other != self._robot and not is_ground and force >= self._config.contact_force_min_n:
+            if other != self._robot and not is_ground and force >= _CONTACT_FORCE_MIN_N:
                 speed = float(np.linalg.norm(before.linear + np.cross(before.angular, np.array(point[5]) - before.centre_of_mass)))
                 found.append(Contact(self._names[link], speed, float(force), self._movers.get(other, "")))
         return found

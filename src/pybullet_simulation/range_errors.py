@@ -10,6 +10,7 @@ Array = NDArray[np.float64]
 
 FAR_M = 10.0  # the data sheet gives the noise up to here and beyond
 GRAZING_SHARE = 0.05  # of the range: what neighbouring beams may differ on one surface seen at a grazing angle of 5 deg
+_VEILING_JUMP_M = 0.15  # difference of neighbouring ranges that makes a depth edge, beside 5 % of the range
 
 
 class RangeErrors:
@@ -54,7 +55,7 @@ class RangeErrors:
         chance, share = self._rng.random((2, ranges.size - 1), dtype=np.float32)
         with np.errstate(invalid="ignore"):
             jump = np.diff(ranges)
-            least = self._config.veiling_jump_m + GRAZING_SHARE * np.minimum(ranges[1:], ranges[:-1])
+            least = _VEILING_JUMP_M + GRAZING_SHARE * np.minimum(ranges[1:], ranges[:-1])
             edge = np.isfinite(jump) & (np.abs(jump) > least) & (chance < self._config.veiling_probability)
         out = ranges.copy()
         out[:-1][edge] += share[edge] * jump[edge]

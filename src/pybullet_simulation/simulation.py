@@ -39,6 +39,7 @@ TICK_NS = 50_000_000
 ENCODERS_PER_TICK = 2  # instants at which the wheels' angles are taken
 IMU_PER_TICK = round(TICK_S / IMU_PERIOD_S)
 _SLIP, _GROUND, _MOUNT, _HANDS = 13, 16, 17, 18  # random streams of a seed, beside those of the sensors
+_SETTLE_TIME_S = 1.0  # time the robot gets to come to rest on its wheels before the first tick
 
 
 class Simulation:
@@ -115,7 +116,7 @@ class Simulation:
         self._physics.set_tilt(0.0)
         self._physics.set_wheel_speeds(np.zeros(len(self._robot.wheels)))
         self._state = self._physics.state()
-        for _ in range(round(self._config.settle_time_s * self._config.physics_rate_hz)):
+        for _ in range(round(_SETTLE_TIME_S * self._config.physics_rate_hz)):
             self._state = self._physics.step()
 
     def close(self) -> None:

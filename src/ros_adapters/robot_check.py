@@ -151,7 +151,7 @@ class RobotCheck:
     def _of_imu(self, graph: RobotGraph) -> list[Row]:
         rows, topic = self._timing(self._imu, "imu/data", graph), self._imu.topic
         samples = np.array([(*gyro, *accel) for _, gyro, accel in self._imu.contents]).reshape(-1, 6)
-        standing = stands(np.array(self._wheels.contents).reshape(-1, 2), self._limits)
+        standing = stands(np.array(self._wheels.contents).reshape(-1, 2))
         for frame in sorted(self._imu.frames):
             own = samples[[content[0] == frame for content in self._imu.contents]]
             try:
@@ -162,13 +162,13 @@ class RobotCheck:
                 )
                 continue
             rows.append(Row(Level.OK, topic, "frame", repr(frame)))
-            rows += imu_rows(topic, own[:, :3] @ R.T, own[:, 3:] @ R.T, frame, standing, (self._imu_limits, self._limits))
+            rows += imu_rows(topic, own[:, :3] @ R.T, own[:, 3:] @ R.T, frame, standing, self._imu_limits)
         return rows
 
     def _of_wheels(self, graph: RobotGraph) -> list[Row]:
         rows = self._timing(self._wheels, "wheel_odom", graph)
         if self._wheels.contents:
-            rows += wheel_rows(self._wheels.topic, np.array(self._wheels.contents), self._robot, self._limits)
+            rows += wheel_rows(self._wheels.topic, np.array(self._wheels.contents), self._robot)
         return rows
 
     def _description(self) -> list[Row]:

@@ -14,7 +14,7 @@ from sensor_msgs.msg import PointCloud2
 from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.graph.finished_map import FinishedMap, Mapper
 from pose_graph_mapping.graph.light_clouds import Counts
-from pose_graph_mapping.graph.localisation import LocalisationConfig, Placement, localise
+from pose_graph_mapping.graph.localisation import Placement, localise
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.graph.pose_graph import PoseGraph
@@ -130,11 +130,9 @@ class SessionKeeper:
         return True, "; ".join((f"{len(poses)} vertices saved", *left_out))
 
 
-def found_in_map(
-    mapper: Mapper, cloud: tuple[Singles, Singles], up: NDArray[np.float64], match: Match, config: LocalisationConfig
-) -> Placement:
+def found_in_map(mapper: Mapper, cloud: tuple[Singles, Singles], up: NDArray[np.float64], match: Match) -> Placement:
     """Where in the map a sweep was made of which odometry knows nothing; ValueError when it does not tell."""
-    placement = localise(mapper.graph, mapper.vertex_clouds(), PointCloud.of_finite(*cloud), match, config, up)
+    placement = localise(mapper.graph, mapper.vertex_clouds(), PointCloud.of_finite(*cloud), match, up)
     if not placement.accepted:
         raise ValueError(f"the robot was not found in the map: {placement.reason}")
     rospy.loginfo("localised: %s", placement.reason)

@@ -1,4 +1,4 @@
-"""What run_replay_node is told: what to show by the launch file, how finely by its defaults."""
+"""What run_replay_node is told: what to show, and how fast."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from stage_config import check_ranges, parameter
 
 @dataclass(frozen=True)
 class ReplayConfig:
-    """What is shown, how fast, and how finely."""
+    """What is shown, and how fast."""
 
     run: str = parameter("", "-", "folder of the run to show; empty: none")
     other: str = parameter("", "-", "folder of the run to compare it with; empty: none")
@@ -15,8 +15,6 @@ class ReplayConfig:
     speed: float = parameter(10.0, "-", "simulated seconds in a second of wall time; 0: without waiting", low=0.0)
     viewer: bool = parameter(False, "-", "wait for a viewer before the first frame, and stay after the last one")
     frame_rate_hz: float = parameter(25.0, "1/s", "poses of the robot in a second of wall time", low=1.0, high=200.0)
-    cloud_voxel_m: float = parameter(0.05, "m", "edge of the voxels of which the shown cloud has one point each", low=0.01, high=1.0)
-    path_step_m: float = parameter(0.1, "m", "distance between two points of the shown path", low=0.01, high=5.0)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""

@@ -24,6 +24,11 @@ Array = NDArray[np.float64]
 _ROUNDS = 6
 _STILL_M, _STILL_RAD = 2e-4, 1e-4  # a step that small ends the rounds
 _MAP, _RELATIVE = np.eye(6, 12), np.eye(6, 12) - np.eye(6, 12, 6)  # what surfaces of the map, and own ones, tell of both errors
+FACING_COS = 0.1  # least cosine of a surface's normal with the beam back: the other side of a wall is no partner
+PATCH_M = 0.5  # edge of the cubes that patches are told by
+_HALF_WEIGHT_M = 0.04  # distance to the surface at which a point counts half
+NORMAL_SIGMA_RAD = 0.08  # error of the map's normals; what they alone would tell is taken off
+MIN_POINTS = 20  # fewer partners are no match, and fewer new points no own surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +85,7 @@ def align(bundle: Bundle, mapped: LocalMap, own: LocalMap, prior: Estimate, conf
     for _ in range(_ROUNDS):
         information, alone = _told(bundle, (mapped, own), prior, state, config)
         partners = len(bundle) - len(alone)
-        if partners < config.min_points:
+        if partners < MIN_POINTS:
             return Alignment(prior, np.zeros(6), partners, alone, f"{partners} of {len(bundle)} points have a partner in the map")
         whitened, joint = _posterior(information, L, state)
         before, state = state, L @ whitened
@@ -99,22 +104,20 @@ def _told(
     """What the points tell at the prior with (12,) errors, and which of them have no partner."""
     (mapped, own), T = surfaces, moved_by(prior.T, state[POSE])
     points, beams = bundle.points @ T[:3, :3].T + T[:3, 3], (bundle.origins - bundle.points) @ T[:3, :3].T
-    pairs, alone = _pairs(points, beams, np.arange(len(points)), mapped.partners(points, config.reach_m), config)
+    pairs, alone = _pairs(points, beams, np.arange(len(points)), mapped.partners(points, config.reach_m))
     told = _information(pairs, T[:3, 3], _MAP, prior.joint, config)
     if not len(own) or not len(alone):
         return told, alone
     back = moved_by(np.eye(4), -state[OWN])  # own surfaces stay where they are, and points go the other way
     shifted = (points[alone] - prior.T[:3, 3]) @ back[:3, :3].T + back[:3, 3] + prior.T[:3, 3]
-    pairs, alone = _pairs(shifted, beams[alone], alone, own.partners(shifted, config.reach_m), config)
+    pairs, alone = _pairs(shifted, beams[alone], alone, own.partners(shifted, config.reach_m))
     return told + _information(pairs, T[:3, 3], _RELATIVE, prior.joint, config), alone
 
 
-def _pairs(
-    points: Array, beams: Array, numbers: NDArray[np.intp], found: Partners, config: ScanTrackingConfig
-) -> tuple[_Pairs, NDArray[np.intp]]:
+def _pairs(points: Array, beams: Array, numbers: NDArray[np.intp], found: Partners) -> tuple[_Pairs, NDArray[np.intp]]:
     """Points with a partner on the side that they were seen from, and the `numbers` of the others."""
     back = beams[found.which]
-    facing = np.einsum("ij,ij->i", found.normals, back) > config.facing_cos * np.linalg.norm(back, axis=1)
+    facing = np.einsum("ij,ij->i", found.normals, back) > FACING_COS * np.linalg.norm(back, axis=1)
     which, normals = found.which[facing], found.normals[facing]
     off = np.einsum("ij,ij->i", normals, points[which] - found.points[facing])
     return _Pairs(points[which], back[facing], normals, off), np.delete(numbers, which)
@@ -132,7 +135,7 @@ def _information(pairs: _Pairs, centre: Array, tells: Array, joint: Array, confi
     rows, weights, arms = _rows(pairs, centre), _weights(pairs, config), pairs.points - centre
     weighted = rows * weights[:, None]
     matrix = weighted.T @ rows
-    faked = config.normal_sigma_rad**2 * (_all_around(arms, weights) - matrix)
+    faked = NORMAL_SIGMA_RAD**2 * (_all_around(arms, weights) - matrix)
     return _Information(tells.T @ matrix @ tells, tells.T @ faked @ tells, -tells.T @ (weighted.T @ pairs.off))
 
 
@@ -149,10 +152,10 @@ def _across(pairs: _Pairs) -> Array:
 
 def _weights(pairs: _Pairs, config: ScanTrackingConfig) -> Array:
     """(K,) inverse variances: Cauchy's weight over what is a point's own error and its share of the patch's common one."""
-    _, patch, counts = np.unique(cell_keys(pairs.points, config.patch_m), return_inverse=True, return_counts=True)
+    _, patch, counts = np.unique(cell_keys(pairs.points, PATCH_M), return_inverse=True, return_counts=True)
     common = config.patch_sigma_m**2 + config.beam_sigma_rad**2 * _across(pairs)
     variances = config.point_sigma_m**2 + counts[patch] * common
-    return np.asarray(1.0 / (variances * (1.0 + (pairs.off / config.half_weight_m) ** 2)))
+    return np.asarray(1.0 / (variances * (1.0 + (pairs.off / _HALF_WEIGHT_M) ** 2)))
 
 
 def _all_around(arms: Array, weights: Array) -> Array:

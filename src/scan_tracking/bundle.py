@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 NODE_SPACING_S = 0.005  # 3 rad/s bends a 12 m beam by 0.3 mm between two of them
 _PER_POINT = 4  # beams that are moved for each point wanted: most of them share a cell
 _NO_FREE_BEAMS = FreeBeams(1.0, 1 << 40)
+_MOST_POINTS = 1500  # most points of a bundle
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +69,10 @@ class Bundler:
         beams = self._sensor.beams(stamps_s, readings, (begin, end), _NO_FREE_BEAMS)
         ranges = np.linalg.norm(beams.hits, axis=1)
         kept = np.flatnonzero((ranges > self._config.min_range_m) & (ranges < self._config.max_range_m))
-        kept = kept[:: max(1, len(kept) // (_PER_POINT * self._config.most_points))]
+        kept = kept[:: max(1, len(kept) // (_PER_POINT * _MOST_POINTS))]
         nodes = np.linspace(span_s[0], span_s[1], max(2, round((span_s[1] - span_s[0]) / NODE_SPACING_S) + 1))
         points, origins = along_nodes(nodes, self._laser_poses(nodes, motion), beams.times_s[kept], beams.hits[kept])
-        chosen = thinned(points.astype(np.float64), self._config.cell_m, self._config.most_points)
+        chosen = thinned(points.astype(np.float64), self._config.cell_m, _MOST_POINTS)
         return Bundle(points[chosen].astype(np.float64), origins[chosen].astype(np.float64))
 
     def _laser_poses(self, nodes: Array, motion: Motion) -> Array:

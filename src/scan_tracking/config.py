@@ -14,13 +14,6 @@ class ScanTrackingConfig:
         0.3, "s", "after it a bundle is closed without the readings or tilts that have not come", low=0.0, high=5.0
     )
     most_gap_s: float = parameter(0.16, "s", "a bundle with a longer pause of odometry or tilts is not matched", low=0.01, high=5.0)
-    moved_m: float = parameter(0.01, "m", "way, 0.3 m a radian counted in, below which a robot stands", low=0.0, high=0.5)
-    standing_sigma_m: float = parameter(
-        0.015, "m", "of the position; one that stands is matched until it is no worse ..", low=1e-3, high=1.0
-    )
-    standing_looks: int = parameter(
-        30, "-", ".. or so many bundles were, a nod of the mount: what is seen again tells no more", low=1, high=1000
-    )
 
     ground_walk: float = parameter(0.03, "m/sqrt(m)", "error of odometry's position forward and sideways, by the way", low=1e-4, high=1.0)
     skid_walk: float = parameter(0.08, "m/sqrt(rad)", "the same by the turn: a skid steer slides aside", low=1e-4, high=1.0)
@@ -34,37 +27,20 @@ class ScanTrackingConfig:
     cell_m: float = parameter(
         0.1, "m", "map and bundles are thinned to one point a cell, the map to one a cell and face", low=0.02, high=1.0
     )
-    most_points: int = parameter(1500, "-", "most points of a bundle", low=50, high=20000)
     min_range_m: float = parameter(0.5, "m", "nearer points are not matched", low=0.0, high=10.0)
     max_range_m: float = parameter(30.0, "m", "nor are farther ones", low=1.0, high=100.0)
     reach_m: float = parameter(0.2, "m", "largest distance of a point to its partner: two cells", low=0.05, high=2.0)
     gate_sigmas: float = parameter(
         3.0, "-", "a point farther off its surface than so many sigmas, the prior's counted in, has none", low=1.0, high=100.0
     )
-    facing_cos: float = parameter(
-        0.1, "-", "least cosine of a surface's normal with the beam back: the other side of a wall is no partner", low=0.0, high=0.9
-    )
     point_sigma_m: float = parameter(0.015, "m", "error of a point against its surface that is its own: range noise", low=1e-3, high=0.5)
     patch_sigma_m: float = parameter(0.01, "m", "error that all points of a patch have in common: map and mount", low=0.0, high=0.5)
     beam_sigma_rad: float = parameter(
         0.003, "rad", "error of the beams' direction, common to a patch: the mount's zero and play", low=0.0, high=0.1
     )
-    patch_m: float = parameter(0.5, "m", "edge of the cubes that patches are told by", low=0.05, high=10.0)
-    half_weight_m: float = parameter(0.04, "m", "distance to the surface at which a point counts half", low=0.005, high=1.0)
-    normal_sigma_rad: float = parameter(
-        0.08, "rad", "error of the map's normals; what they alone would tell is taken off", low=0.0, high=0.5
-    )
-    normal_sigmas: float = parameter(3.0, "-", "a normal farther from its patch's mean is left out of the map", low=1.0, high=20.0)
-    min_points: int = parameter(20, "-", "fewer partners are no match, and fewer new points no own surface", low=6)
     most_sigmas: float = parameter(5.0, "-", "a correction of more sigmas of the prior, in six dimensions, is refused", low=1.0, high=100.0)
 
-    most_contradicted: int = parameter(
-        10, "-", "so many such bundles in a row, a second of driving: the robot is not where odometry has it, and nobody knows where", low=2
-    )
-
     own_every_m: float = parameter(1.0, "m", "way after which surfaces that the map lacks are put down; 0: never", low=0.0, high=20.0)
-    own_sigma_m: float = parameter(0.003, "m", "their own error in position, beside the pose's", low=1e-4, high=0.5)
-    own_sigma_rad: float = parameter(0.001, "rad", "and in attitude", low=1e-5, high=0.1)
 
     most_speed_mps: float = parameter(3.0, "m/s", "odometry that moves faster has jumped", low=0.1, high=50.0)
     most_turn_rps: float = parameter(
@@ -74,10 +50,6 @@ class ScanTrackingConfig:
         low=0.1,
         high=50.0,
     )
-    displaced_sigma_m: float = parameter(
-        5.0, "m", "of the position where odometry knows nothing of the way, until a sweep tells", low=1.0, high=1000.0
-    )
-    displaced_sigma_rad: float = parameter(1.8, "rad", "and of the heading: that of all headings", low=0.1, high=10.0)
     buffer_s: float = parameter(5.0, "s", "oldest data kept while another topic is silent", low=1.0)
 
     def validate(self) -> list[str]:

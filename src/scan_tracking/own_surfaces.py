@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from scan_tracking.alignment import FACING_COS
 from scan_tracking.config import ScanTrackingConfig
 
 Array = NDArray[np.float64]
@@ -34,5 +35,5 @@ def surfaces_of(points: Array, origins: Array, config: ScanTrackingConfig) -> tu
     good = np.flatnonzero(thin & dense & (~line | (np.abs(along[:, 2]) < _LEVEL)))
     beams = origins[good] - points[good]
     towards = np.einsum("ij,ij->i", normals[good], beams)
-    facing = np.abs(towards) > config.facing_cos * np.linalg.norm(beams, axis=1)
+    facing = np.abs(towards) > FACING_COS * np.linalg.norm(beams, axis=1)
     return good[facing], normals[good][facing] * np.sign(towards[facing])[:, None]

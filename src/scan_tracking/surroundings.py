@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigid_geometry import inverse
-from scan_tracking.alignment import Alignment, align
+from scan_tracking.alignment import MIN_POINTS, NORMAL_SIGMA_RAD, PATCH_M, Alignment, align
 from scan_tracking.bundle import Bundle
 from scan_tracking.config import ScanTrackingConfig
 from scan_tracking.estimate import Estimate
@@ -13,6 +13,9 @@ from scan_tracking.own_surfaces import surfaces_of
 from scan_tracking.pose_error import moved_by, way_of
 
 Array = NDArray[np.float64]
+_NORMAL_SIGMAS = 3.0  # a normal farther from its patch's mean is left out of the map
+_OWN_SIGMA_M = 0.003  # error in position of own surfaces, beside the pose's
+_OWN_SIGMA_RAD = 0.001  # and in attitude
 
 
 class Surroundings:
@@ -37,7 +40,7 @@ class Surroundings:
         """Takes (N, 3) points and normals in map. Own surfaces are forgotten: the map is newer. ValueError as `LocalMap` raises it."""
         config = self._config
         found = LocalMap(points, normals, config.cell_m)
-        found = found.chosen(supported(found.points, found.normals, config.patch_m, config.normal_sigmas * config.normal_sigma_rad))
+        found = found.chosen(supported(found.points, found.normals, PATCH_M, _NORMAL_SIGMAS * NORMAL_SIGMA_RAD))
         found.move(inverse(T_map_tracked))
         self._mapped, self._own, self._put_down_at = found, LocalMap.empty(self._config.cell_m), None
 
@@ -57,10 +60,10 @@ class Surroundings:
         points, origins = (rows @ T[:3, :3].T + T[:3, 3] for rows in (bundle.points, bundle.origins))
         which, normals = surfaces_of(points, origins, self._config)
         new = np.isin(which, found.alone)
-        if new.sum() < self._config.min_points:
+        if new.sum() < MIN_POINTS:
             return found
         self._own = self._own.joined(points[which[new]], normals[new])
-        sigmas = np.repeat([self._config.own_sigma_m, self._config.own_sigma_rad], 3)
+        sigmas = np.repeat([_OWN_SIGMA_M, _OWN_SIGMA_RAD], 3)
         return found.with_estimate(found.estimate.anchored(sigmas))
 
 

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mount_calibration import TiltDirection
 from rigid_geometry import STAMP_TOLERANCE_S, StampedBuffer, as_covariance, as_transform, inverse, rotation_angle
+from scan_tracking.alignment import MIN_POINTS
 from scan_tracking.bundle import Bundle, Bundler, Motion, Samples
 from scan_tracking.config import ScanTrackingConfig
 from scan_tracking.estimate import Estimate
@@ -25,6 +26,12 @@ from sweep_assembly.beams import Sensor
 Array = NDArray[np.float64]
 
 _DISPLACED = "the robot was moved, and no sweep has told yet where it is"
+_MOVED_M = 0.01  # way, 0.3 m a radian counted in, below which a robot stands
+_STANDING_SIGMA_M = 0.015  # of the position; a robot that stands is matched until it is no worse
+_STANDING_LOOKS = 30  # or so many bundles were, a nod of the mount: what is seen again tells no more
+_MOST_CONTRADICTED = 10  # bundles in a row that the map contradicts, a second of driving: nobody knows where the robot is
+_DISPLACED_SIGMA_M = 5.0  # of the position where odometry knows nothing of the way, until a sweep tells
+_DISPLACED_SIGMA_RAD = 1.8  # and of the heading: that of all headings
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,9 +206,9 @@ class ScanTracker:
 
     def _lose(self, track: _Track) -> None:
         """The robot is anywhere from here on, as upright as odometry says."""
-        sigmas = np.array([*[self._config.displaced_sigma_m] * 3, 0.0, 0.0, self._config.displaced_sigma_rad])
+        sigmas = np.array([*[_DISPLACED_SIGMA_M] * 3, 0.0, 0.0, _DISPLACED_SIGMA_RAD])
         self._track = replace(track, estimate=track.estimate.widened(sigmas), refused=_DISPLACED)
-        self._displaced_s, self._is_placed, self._contradicted, self._looks_left = track.stamp_s, False, 0, self._config.standing_looks
+        self._displaced_s, self._is_placed, self._contradicted, self._looks_left = track.stamp_s, False, 0, _STANDING_LOOKS
 
     def _placed(self, T_odom_base: Array) -> Array:
         """(4, 4) the tracked pose of an odometry pose; odometry itself, to the bit, as long as nothing corrected it."""
@@ -246,11 +253,11 @@ class ScanTracker:
     def _match(self, bundle: Bundle, track: _Track) -> None:
         found = self._around.match(bundle, track.estimate)
         self._track = replace(track, estimate=found.estimate)
-        contradicts = bool(found.refused) and found.partners >= self._config.min_points
+        contradicts = bool(found.refused) and found.partners >= MIN_POINTS
         self._contradicted = self._contradicted + 1 if contradicts else 0
         if found.refused:
             self._refuse(found.refused)
-            if self._contradicted >= self._config.most_contradicted:
+            if self._contradicted >= _MOST_CONTRADICTED:
                 self._counts["lost"] += 1
                 self._lose(self._track)
             return
@@ -266,7 +273,7 @@ class ScanTracker:
 
     def _moved(self, T_odom_base: Array) -> bool:
         """Whether the robot is elsewhere than at the last bundle that was looked at: one that rocks as its mount turns is not."""
-        moved = way_of(inverse(self._looked_at) @ T_odom_base) > self._config.moved_m
+        moved = way_of(inverse(self._looked_at) @ T_odom_base) > _MOVED_M
         if moved:
             self._looked_at = T_odom_base
         return moved
@@ -274,8 +281,8 @@ class ScanTracker:
     def _looks(self, T_odom_base: Array, prior: Estimate) -> bool:
         """Whether the robot moves, or stands, is unsure, and has not looked around: it may have stopped where it saw too little."""
         if self._moved(T_odom_base):
-            self._looks_left = self._config.standing_looks
-        elif np.sqrt(np.diag(prior.covariance)[:3].max()) <= self._config.standing_sigma_m:
+            self._looks_left = _STANDING_LOOKS
+        elif np.sqrt(np.diag(prior.covariance)[:3].max()) <= _STANDING_SIGMA_M:
             self._looks_left = 0
         return self._looks_left > 0
 

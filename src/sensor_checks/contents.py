@@ -14,6 +14,10 @@ from sensor_checks.rows import Level, Row, judged
 
 FloatArray = NDArray[np.float64]
 _REP_117 = "the driver should give inf where nothing is in range, and NaN where it does not know (REP 117)"
+_FARTHEST_M = 1000.0  # no sensor ranges farther: more are millimetres
+_RESTING_RAD = 0.05  # a mount that rests moves no more
+_STANDING_RATE = 0.05  # [rad/s] a gyroscope that stands turns no faster: ten times a cheap one's bias, a tenth of it in degrees
+_STANDING_MPS = 0.02  # wheels that stand turn no faster
 
 
 @dataclass(frozen=True)
@@ -35,24 +39,22 @@ def frame_row(topic: str, frames: set[str], expected: str) -> Row:
     return judged(topic, "frame", found, ({frame.lstrip("/") for frame in frames} != {expected}, Level.ERROR, advice))
 
 
-def imu_rows(
-    topic: str, gyro_base: FloatArray, accel_base: FloatArray, frame: str, stands: bool, limits: tuple[ImuLimits, CheckLimits]
-) -> list[Row]:
+def imu_rows(topic: str, gyro_base: FloatArray, accel_base: FloatArray, frame: str, stands: bool, limits: ImuLimits) -> list[Row]:
     """Gravity and rates of (N, 3) samples that are turned into base_link; `stands`: by its wheels."""
     finite = np.isfinite(np.hstack([gyro_base, accel_base])).all(axis=1)
     if not finite.any():
         return [Row(Level.ERROR, topic, "values", "no sample is finite", "see the driver's output, and the cable")]
-    gyro, accel, (imu, contents) = gyro_base[finite], accel_base[finite], limits
+    gyro, accel = gyro_base[finite], accel_base[finite]
     rows = []
     if not finite.all():
         rows.append(Row(Level.WARN, topic, "values", f"{int((~finite).sum())} of {len(gyro_base)} are not finite", "these are dropped"))
     force = accel.mean(axis=0)
-    fault = gravity_fault(force, frame, imu)
+    fault = gravity_fault(force, frame, limits)
     rows.append(judged(topic, "gravity", f"{np.linalg.norm(force):.2f} m/s^2", (fault is not None, Level.ERROR, str(fault))))
     rate = float(np.linalg.norm(np.sqrt(np.mean(np.square(gyro), axis=0))))
     if stands:
         advice = "wheels stand: its rates are in deg/s, or its bias is large; let the driver publish rad/s and calibrate it"
-        rows.append(judged(topic, "turning", f"{rate:.3f} rad/s", (rate > contents.standing_rate, Level.ERROR, advice)))
+        rows.append(judged(topic, "turning", f"{rate:.3f} rad/s", (rate > _STANDING_RATE, Level.ERROR, advice)))
     frozen = len(accel) > 20 and not np.ptp(np.hstack([gyro, accel]), axis=0).any()
     if frozen:
         rows.append(
@@ -92,7 +94,7 @@ def _ranges(topic: str, ranges: FloatArray, layout: ScanLayout, limits: CheckLim
     share = len(hits) / max(len(ranges), 1)
     middle = f", half of them nearer than {np.median(hits):.2f} m" if len(hits) else ""
     finite = ranges[np.isfinite(ranges)]
-    millimetres = layout.range_max > limits.farthest_m or (len(finite) > 0 and float(np.median(finite)) > limits.farthest_m)
+    millimetres = layout.range_max > _FARTHEST_M or (len(finite) > 0 and float(np.median(finite)) > _FARTHEST_M)
     return judged(
         topic,
         "ranges",
@@ -120,7 +122,7 @@ def points_rows(topic: str, points: Sequence[FloatArray], times_s: Sequence[Floa
             topic,
             "ranges",
             f"{100.0 * share:.0f} % of {len(ranges) // max(len(points), 1)} beams hit something, half of them nearer than {middle:.2f} m",
-            (middle > limits.farthest_m, Level.ERROR, "points are in millimetres: let the driver publish metres (REP 103)"),
+            (middle > _FARTHEST_M, Level.ERROR, "points are in millimetres: let the driver publish metres (REP 103)"),
             (1.0 - share > limits.blind_share, Level.ERROR, "the lidar sees nothing: is it covered, or are its range limits wrong?"),
         ),
         judged(
@@ -150,7 +152,7 @@ def tilt_rows(topic: str, tilts: FloatArray, joint: str, limits: CheckLimits) ->
             "tilt",
             f"{joint} at {middle:.3f} rad, moves by {moved:.3f} rad",
             (abs(middle) > 2.0 * math.pi, Level.ERROR, "the joint is in degrees: let its driver publish radians (REP 103)"),
-            (moved > limits.resting_rad, Level.WARN, "the mount moves: look at a robot that stands, with no sweep under way"),
+            (moved > _RESTING_RAD, Level.WARN, "the mount moves: look at a robot that stands, with no sweep under way"),
             (
                 abs(middle) > limits.level_rad,
                 Level.ERROR,
@@ -161,7 +163,7 @@ def tilt_rows(topic: str, tilts: FloatArray, joint: str, limits: CheckLimits) ->
     ]
 
 
-def wheel_rows(topic: str, velocities: FloatArray, robot: RobotBody, limits: CheckLimits) -> list[Row]:
+def wheel_rows(topic: str, velocities: FloatArray, robot: RobotBody) -> list[Row]:
     """(N, 2) forward velocity and yaw rate by the wheels."""
     if not np.isfinite(velocities).all():
         return [Row(Level.ERROR, topic, "values", "not all velocities are finite", "see the base's driver")]
@@ -173,11 +175,11 @@ def wheel_rows(topic: str, velocities: FloatArray, robot: RobotBody, limits: Che
             "velocity",
             f"up to {forward:.3f} m/s and {turning:.3f} rad/s",
             (too_fast, Level.ERROR, f"{robot.name} cannot drive so fast: publish m/s and rad/s, or correct max_speed_mps of robot.yaml"),
-            (not stands(velocities, limits), Level.WARN, "the robot moves: look at one that stands; units are judged by it"),
+            (not stands(velocities), Level.WARN, "the robot moves: look at one that stands; units are judged by it"),
         )
     ]
 
 
-def stands(velocities: FloatArray, limits: CheckLimits) -> bool:
+def stands(velocities: FloatArray) -> bool:
     """Whether the wheels stood all the time; without any it is not known, hence False."""
-    return bool(len(velocities)) and bool((np.abs(velocities) <= [limits.standing_mps, limits.standing_rate]).all())
+    return bool(len(velocities)) and bool((np.abs(velocities) <= [_STANDING_MPS, _STANDING_RATE]).all())

@@ -37,20 +37,12 @@ class CheckLimits:
 
     ahead_s: float = parameter(0.02, "s", "stamps may be ahead of the clock by this: a millisecond of chrony, and some jitter", low=0.0)
     apart_s: float = parameter(0.1, "s", "stamps of two inputs may be apart by this beyond their latencies", low=0.0)
-    jump_s: float = parameter(0.5, "s", "a stamp that goes back by more is a clock that jumped", low=0.0)
-    most_repeated: float = parameter(0.02, "-", "share of messages that may come twice or late", low=0.0, high=1.0)
-    farthest_m: float = parameter(1000.0, "m", "no sensor ranges farther: more are millimetres", low=1.0)
     blind_share: float = parameter(
         0.98, "-", "a laser of which more beams hit nothing is covered, or its limits are wrong", low=0.0, high=1.0
     )
     level_rad: float = parameter(
         0.01, "rad", "the laser rests as near to the horizontal: horizontal_tolerance_rad of sweep_assembler_node", low=0.0
     )
-    resting_rad: float = parameter(0.05, "rad", "a mount that rests moves no more", low=0.0)
-    standing_rate: float = parameter(
-        0.05, "rad/s", "a gyroscope that stands turns no faster: ten times the bias of a cheap one, a tenth of one in degrees", low=0.0
-    )
-    standing_mps: float = parameter(0.02, "m/s", "wheels that stand turn no faster", low=0.0)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""

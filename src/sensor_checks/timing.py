@@ -10,6 +10,8 @@ from sensor_checks.limits import CheckLimits, Needs
 from sensor_checks.rows import Level, Row, judged
 
 FloatArray = NDArray[np.float64]
+_JUMP_S = 0.5  # a stamp that goes back by more is a clock that jumped
+_MOST_REPEATED = 0.02  # share of messages that may come twice or late
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ def timing_rows(topic: str, heard: Sequence[Heard], needs: Needs, looked_s: floa
         found = f"{int((stamps <= 0.0).sum())} of {len(stamps)} are zero"
         return [Row(Level.ERROR, topic, "stamps", found, "the driver must stamp each message with the time of its measurement")]
     ages = np.array([h.clock_s for h in heard]) - stamps
-    rows = [_rate(topic, stamps, arrivals, needs, looked_s), _age(topic, ages, needs, limits), _order(topic, stamps, limits)]
+    rows = [_rate(topic, stamps, arrivals, needs, looked_s), _age(topic, ages, needs, limits), _order(topic, stamps)]
     return rows + _pauses(topic, stamps, needs)
 
 
@@ -83,7 +85,7 @@ def _age(topic: str, ages: FloatArray, needs: Needs, limits: CheckLimits) -> Row
     )
 
 
-def _order(topic: str, stamps: FloatArray, limits: CheckLimits) -> Row:
+def _order(topic: str, stamps: FloatArray) -> Row:
     steps = np.diff(stamps)
     repeated, back = int((steps == 0.0).sum()), int((steps < 0.0).sum())
     jump_s = float(-steps.min()) if back else 0.0
@@ -94,9 +96,9 @@ def _order(topic: str, stamps: FloatArray, limits: CheckLimits) -> Row:
         topic,
         "order",
         "; ".join(texts) or "each stamp later than the one before",
-        (jump_s > limits.jump_s, Level.ERROR, "time jumps back: two drivers on one topic, or a clock that was set; see rostopic info"),
+        (jump_s > _JUMP_S, Level.ERROR, "time jumps back: two drivers on one topic, or a clock that was set; see rostopic info"),
         (
-            repeated + back > limits.most_repeated * len(stamps),
+            repeated + back > _MOST_REPEATED * len(stamps),
             Level.WARN,
             "these are dropped: two drivers on one topic, or a driver that sends old data again",
         ),

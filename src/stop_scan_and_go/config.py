@@ -14,22 +14,11 @@ class StopScanAndGoConfig:
     )
     teleop_topic: str = parameter("joy_teleop/cmd_vel", "-", "a Twist here drives the robot in place of the follower's command")
     teleop_hold_s: float = parameter(0.5, "s", "for so long after it came", low=0.05, high=10.0, at_runtime=True)
-    start_delay_s: float = parameter(1.0, "s", "odometry must have been there for so long before the first sweep", low=0.0, high=60.0)
     max_distance_m: float = parameter(
         2.5, "m", "distance since the last sweep that asks for the next", low=0.2, high=100.0, at_runtime=True
     )
-    looked_within_m: float = parameter(
-        0.5, "m", "while driving: where it looked so near before, it stands for a whole sweep", low=0.0, high=10.0
-    )
     nod_patience_s: float = parameter(
         6.0, "s", "while driving: a robot that has stood so long without a decision asks the mount again to nod", low=1.0, high=60.0
-    )
-    max_pose_leap_m: float = parameter(
-        0.06,
-        "m",
-        "while driving: where the position's sigma grows by more from one tick to the next, odometry has jumped, and it stands to look",
-        low=0.001,
-        high=1.0,
     )
     max_backward_m: float = parameter(
         0.5,
@@ -38,7 +27,6 @@ class StopScanAndGoConfig:
         low=0.1,
         high=100.0,
     )
-    max_refused: int = parameter(2, "-", "while driving: so many refused matches in a row ask for a whole sweep", low=1, high=100)
     max_yaw_rad: float = parameter(
         3.5, "rad", "sum of turns since the last sweep that asks for the next", low=0.3, high=100.0, at_runtime=True
     )
@@ -73,17 +61,12 @@ class StopScanAndGoConfig:
     )
     level_tilt_rad: float = parameter(0.02, "rad", "the laser is horizontal within this angle", low=0.001, high=0.2)
     level_rate_radps: float = parameter(0.04, "rad/s", "and stands when it tilts slower: a sweep passes the horizon", low=0.0, high=1.0)
-    level_time_s: float = parameter(0.1, "s", "horizontal and standing for so long ends a sweep", low=0.0, high=5.0)
     left_tilt_rad: float = parameter(0.3, "rad", "tilted more than this the sweep has begun", low=0.05, high=3.0)
     sweep_start_limit_s: float = parameter(3.0, "s", "a sweep that has not begun after this time has failed", low=0.1, high=60.0)
     sweep_limit_s: float = parameter(30.0, "s", "a sweep that has not ended after this time has failed", low=1.0, high=600.0)
     decision_limit_s: float = parameter(
         120.0, "s", "time to wait for a decision where the clock does not stand, as on a real robot", low=1.0, high=3600.0
     )
-    follower_grace_s: float = parameter(
-        0.5, "s", "after a decision the follower's old end is not taken for its new one so long", low=0.0, high=10.0
-    )
-    idle_limit_s: float = parameter(5.0, "s", "a follower without a path for this long ends the drive", low=0.1, high=120.0)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""

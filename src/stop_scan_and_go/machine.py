@@ -10,6 +10,9 @@ from stop_scan_and_go.watches import HeldFor, RockingWatch, SweepWatch, leap_s
 
 _DISPLACED = "the robot was moved, or slid: it looks where it is"
 _STANDING = (DriveState.STARTING, DriveState.PAUSED, DriveState.FINISHED, DriveState.FAILED)
+_START_DELAY_S = 1.0  # odometry must have been there for so long before the first sweep
+_FOLLOWER_GRACE_S = 0.5  # after a decision the follower's old end is not taken for its new one so long
+_IDLE_LIMIT_S = 5.0  # a follower without a path for this long ends the drive
 
 
 class StopScanAndGo:
@@ -26,10 +29,10 @@ class StopScanAndGo:
         self._stamp: float | None = None
         self._entered_s, self._began_s = 0.0, math.nan
         self._travel = TravelMeter(config.slope_rad)
-        self._ready = HeldFor(config.start_delay_s)
+        self._ready = HeldFor(_START_DELAY_S)
         self._still = HeldFor(config.still_time_s)
         self._rocks, self._rocking = RockingWatch(), math.inf
-        self._idle = HeldFor(config.idle_limit_s)
+        self._idle = HeldFor(_IDLE_LIMIT_S)
         self._watch: SweepWatch | None = None
         self._early: tuple[Decision, str] | None = None
         self._before = self._state, self._reason  # what it did when the joystick took over
@@ -138,7 +141,7 @@ class StopScanAndGo:
             return self._prepare_sweep(SweepKind.IDLE, _DISPLACED)
         self._enter(DriveState.DRIVING, reason)
         self._awaits_follower = True
-        self._idle = HeldFor(self._config.idle_limit_s)
+        self._idle = HeldFor(_IDLE_LIMIT_S)
         self._kind = None
         return self._answer()
 
@@ -244,7 +247,7 @@ class StopScanAndGo:
     def _end_of_drive(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
         end = tick.drive_end
         # The follower may still tell of its last path when the new one is just being stored.
-        is_old = self._awaits_follower and tick.stamp_s - self._entered_s < self._config.follower_grace_s
+        is_old = self._awaits_follower and tick.stamp_s - self._entered_s < _FOLLOWER_GRACE_S
         if end is not None and not is_old:
             return end, f"{tick.follower_state}: {tick.follower_reason}"
         if end is None and not tick.is_idle:
@@ -281,7 +284,7 @@ class StopScanAndGo:
 
     def _finished(self, tick: TickObservation) -> TickAction:
         # The follower may still tell of its last path just after the decision.
-        is_new = tick.stamp_s - self._entered_s >= self._config.follower_grace_s
+        is_new = tick.stamp_s - self._entered_s >= _FOLLOWER_GRACE_S
         if is_new and tick.has_path:
             return self._drive("to a goal after exploration")
         if is_new and tick.is_recalled:

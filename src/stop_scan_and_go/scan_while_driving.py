@@ -11,6 +11,10 @@ from stop_scan_and_go.config import StopScanAndGoConfig
 from stop_scan_and_go.interface import Decision, DriveState, SweepKind, TickAction, TickObservation
 from stop_scan_and_go.machine import StopScanAndGo
 
+_LOOKED_WITHIN_M = 0.5  # where it looked so near before, it stands for a whole sweep
+_MAX_POSE_LEAP_M = 0.06  # where the position's sigma grows by more in one tick, odometry has jumped, and it stands to look
+_MAX_REFUSED = 2  # so many refused matches in a row ask for a whole sweep
+
 
 class ScanWhileDriving(StopScanAndGo):
     """The same machine, with LOOKING beside DRIVING."""
@@ -68,7 +72,7 @@ class ScanWhileDriving(StopScanAndGo):
 
     def _end_drive(self, kind: SweepKind, reason: str) -> TickAction:
         here_m = self._travel.total_m
-        is_seen, self._looked_at_m = here_m - self._looked_at_m < self._config.looked_within_m, here_m
+        is_seen, self._looked_at_m = here_m - self._looked_at_m < _LOOKED_WITHIN_M, here_m
         if is_seen and kind is not SweepKind.INTERMEDIATE:
             self._looked_at_m = -math.inf
             return self._prepare_sweep(kind, reason)
@@ -79,7 +83,7 @@ class ScanWhileDriving(StopScanAndGo):
     def _too_far(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
         if self._travel.distance_m > self._config.max_distance_m:
             return SweepKind.INTERMEDIATE, f"{self._travel.distance_m:.2f} m without a decision"
-        if self._leap_m > self._config.max_pose_leap_m:
+        if self._leap_m > _MAX_POSE_LEAP_M:
             return (
                 SweepKind.INTERMEDIATE,
                 f"odometry jumped: all at once the position is known to {100 * (self._sigma_m or 0.0):.0f} cm only",
@@ -87,7 +91,7 @@ class ScanWhileDriving(StopScanAndGo):
         return None
 
     def _driving(self, tick: TickObservation) -> TickAction:
-        if self._refused >= self._config.max_refused:
+        if self._refused >= _MAX_REFUSED:
             self._refused = 0
             return self._prepare_sweep(SweepKind.INTERMEDIATE, "matches were refused")
         if self._is_blind(tick):

@@ -9,6 +9,7 @@ from rigid_geometry import clock_leap_s
 from stop_scan_and_go.config import StopScanAndGoConfig
 
 _UNBROKEN_S = 1.0  # ticks come at 10 Hz or more; a longer step is a clock that was set or a robot that was not looked at
+_LEVEL_TIME_S = 0.1  # horizontal and standing for so long ends a sweep
 
 
 def leap_s(before: float | None, stamp: float) -> float:
@@ -62,7 +63,7 @@ class SweepWatch:
         self.begun_s = stamp
         self.has_left = False
         self._last: tuple[float, float] | None = None
-        self._level = HeldFor(config.level_time_s)
+        self._level = HeldFor(_LEVEL_TIME_S)
 
     def is_over(self, stamp: float, tilt: float) -> bool:
         """Take in the tilt in radians at `stamp` s; True when the laser has left the horizontal and stands in it again."""

@@ -33,6 +33,8 @@ from sweep_assembly.sweep_window import NodWindowDetector, SweepWindow, SweepWin
 
 _MOST_BREAKS = 2000  # in the longest sweep: one a sample of the odometry
 NODE_SPACING_S = 0.002  # the laser's pose is exact at nodes and linear between them: 3 rad/s bends a 30 m beam by 0.1 mm
+_STANDING_M = 0.01  # odometry may differ by so much over a sweep of a robot that stands
+_STANDING_RAD = 0.005  # and may turn by so much
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,10 +230,8 @@ class SweepAssembler:
 
     def _place(self, window: SweepWindow, beams: Beams) -> Place | None:
         _, poses = self._odometry.between(window.start_stamp_s, window.end_stamp_s)
-        config = self._config
         stood = all(
-            translation_distance(T, poses[-1]) <= config.standing_m and rotation_angle(inverse(poses[-1]) @ T) <= config.standing_rad
-            for T in poses
+            translation_distance(T, poses[-1]) <= _STANDING_M and rotation_angle(inverse(poses[-1]) @ T) <= _STANDING_RAD for T in poses
         )
         if not (poses and stood and window.from_rest):
             return None

@@ -27,11 +27,8 @@ class SweepAssemblyConfig:
     max_duration_s: float = parameter(30.0, "s", "a sweep that takes longer is dropped", low=0.1)
     max_joint_gap_s: float = parameter(0.11, "s", "scans that overlap a longer pause of the joint samples are dropped", low=1e-3)
     max_odometry_gap_s: float = parameter(0.21, "s", "scans that overlap a longer pause of the odometry are dropped", low=1e-3)
-    told_missing: float = parameter(0.1, "-", "a sweep that lacks a larger share of its scans is told of", low=0.0, high=1.0)
     buffer_s: float = parameter(60.0, "s", "oldest data kept while another topic is silent; at 40 Hz a second of scans is 0.2 MB", low=1.0)
 
-    standing_m: float = parameter(0.01, "m", "odometry may differ by so much over a sweep of a robot that stands", low=0.0, high=1.0)
-    standing_rad: float = parameter(0.005, "rad", "and may turn by so much", low=0.0, high=0.5)
     free_range_m: float = parameter(
         5.0,
         "m",

@@ -267,9 +267,9 @@ class PoseGraphMappingTest(unittest.TestCase):
             self.mapped.wait_for_stamp(self.clock_s)
 
     def test_wrong_parameter_ends_the_node_with_the_nearest_name(self) -> None:
-        code, stderr = run_misconfigured(NODE, "min_sweep_point:=20")
+        code, stderr = run_misconfigured(NODE, "graph_dist:=20.0")
         self.assertEqual(code, 2, stderr)
-        self.assertIn("did you mean min_sweep_points?", one_line_of(stderr))
+        self.assertIn("did you mean graph_dist_m?", one_line_of(stderr))
 
 
 if __name__ == "__main__":

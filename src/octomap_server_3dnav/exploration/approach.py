@@ -12,10 +12,15 @@ from scipy.spatial import cKDTree
 
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.frontiers import Frontier, facing_yaw
+from octomap_server_3dnav.exploration.tried_places import NEAR_M, PLACE_RADIUS_M
 from octomap_server_3dnav.navigation.planner import Path, trim_path
 from octomap_server_3dnav.terrain.classify import Terrain
 from rigid_geometry import angle_difference, yaw_of
 from rigid_geometry.transforms import Transform
+
+_LEAST_WAY_M = 0.3  # a shorter safe way towards a distant frontier is none
+_ENTRY_M = 0.25  # a robot so near to where a passage begins drives in; from farther it stops there
+_ENTRY_RAD = 0.35  # if it faces along it within this angle
 
 
 class Approach:
@@ -39,16 +44,16 @@ class Approach:
         unknown = cKDTree(terrain.centers(terrain.frontiers()))
         gaps = unknown.query(trimmed.points)[0]
         from_robot = np.linalg.norm(trimmed.points[:, :2] - T_map_base[:2, 3], axis=1)
-        beside = np.flatnonzero((gaps < self._config.unknown_clearance_m) & (from_robot > self._config.place_radius_m))
+        beside = np.flatnonzero((gaps < self._config.unknown_clearance_m) & (from_robot > PLACE_RADIUS_M))
         if beside.size:
             trimmed = trimmed.up_to(int(beside[0]))
         if not len(trimmed.points):
             return None
         trimmed = self._clear_of_kerbs(terrain, self._out_of_passage(path, trimmed, unknown))
         trimmed, is_in_line = self._up_to_passage(T_map_base, path, trimmed)
-        is_near = math.dist(frontier.xyz[:2], T_map_base[:2, 3]) <= self._config.near_m
+        is_near = math.dist(frontier.xyz[:2], T_map_base[:2, 3]) <= NEAR_M
         is_entry = path.leads_on_straight(trimmed) and not is_in_line
-        return trimmed if is_near or is_entry or trimmed.length_m >= self._config.least_way_m else None
+        return trimmed if is_near or is_entry or trimmed.length_m >= _LEAST_WAY_M else None
 
     def distance_m(self, frontier: Frontier, looks: int) -> float:
         """How far from a frontier a path to it ends, for the `looks` + 1st look."""
@@ -96,9 +101,9 @@ class Approach:
     def _is_at_entry(self, T_map_base: Transform, line: NDArray[np.float64]) -> bool:
         """Whether the robot stands where a line (2, 3) begins and looks along it, or was sent there already and could not turn more."""
         here = T_map_base[:2, 3]
-        is_aligned = abs(angle_difference(facing_yaw(line[0], line[1]), yaw_of(T_map_base))) <= self._config.entry_rad
-        was_sent = self._entry is not None and math.dist(self._entry, here) <= self._config.entry_m
-        return math.dist(line[0, :2], here) <= self._config.entry_m and (is_aligned or was_sent)
+        is_aligned = abs(angle_difference(facing_yaw(line[0], line[1]), yaw_of(T_map_base))) <= _ENTRY_RAD
+        was_sent = self._entry is not None and math.dist(self._entry, here) <= _ENTRY_M
+        return math.dist(line[0, :2], here) <= _ENTRY_M and (is_aligned or was_sent)
 
     def _out_of_passage(self, path: Path, trimmed: Path, unknown: cKDTree) -> Path:
         """A path that ends inside of a passage goes on to where the robot can turn, if that is known all around, or ends before it."""
@@ -116,7 +121,7 @@ class Approach:
         if not clear:
             return path
         shorter = path.up_to(clear[-1] + 1)
-        is_better = shorter.length_m >= max(self._config.least_way_m, path.length_m - self._config.most_back_m)
+        is_better = shorter.length_m >= max(_LEAST_WAY_M, path.length_m - self._config.most_back_m)
         return shorter if is_better else path
 
     def _yaw(self, terrain: Terrain, T_map_base: Transform, points: NDArray[np.float64], frontier_xyz: NDArray[np.float64]) -> float:

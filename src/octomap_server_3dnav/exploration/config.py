@@ -11,14 +11,11 @@ class ExplorationConfig:
     """The search for the next goal, and where on the way to it the robot stops."""
 
     local_radius_m: float = parameter(6.0, "m", "terrain that is searched for frontiers before the whole map is", low=1.0, high=100.0)
-    place_radius_m: float = parameter(0.6, "m", "frontiers within this distance of each other are the same place", low=0.05, high=5.0)
-    near_m: float = parameter(1.6, "m", "a sweep taken within this distance of a frontier was a look at it", low=0.1, high=10.0)
     max_looks: int = parameter(2, "-", "looks that did not change a frontier before it is set aside", low=1, high=20, at_runtime=True)
     max_failures: int = parameter(2, "-", "failed drives to a frontier before it is set aside", low=1, high=20, at_runtime=True)
     max_goals: int = parameter(
         6, "-", "goals at one frontier that brought the robot no nearer before it is set aside", low=1, high=100, at_runtime=True
     )
-    nearer_m: float = parameter(0.5, "m", "a frontier this much nearer over the ground than ever before is progress", low=0.05, high=10.0)
     edge_trim_m: float = parameter(
         1.2,
         "m",
@@ -30,18 +27,10 @@ class ExplorationConfig:
     unknown_clearance_m: float = parameter(
         0.40, "m", "distance of a path from floor that was not seen; half the robot's width and more", low=0.0, high=3.0
     )
-    least_way_m: float = parameter(0.3, "m", "a shorter safe way towards a distant frontier is none", low=0.0, high=5.0)
     most_back_m: float = parameter(1.0, "m", "a goal beside a kerb is moved back along its path by at most this", low=0.0, high=10.0)
     max_refused_sweeps: int = parameter(
         2, "-", "sweeps in a row that match nothing after which the robot goes back to known ground; 0: never", low=0, high=100
     )
-    max_unplaced_sweeps: int = parameter(
-        3, "-", "sweeps in a row that did not come into the map at all after which the robot ends", low=1, high=100
-    )
-    entry_m: float = parameter(
-        0.25, "m", "a robot so near to where a passage begins drives in; from farther it stops there", low=0.0, high=2.0
-    )
-    entry_rad: float = parameter(0.35, "rad", "and when it faces along it within this angle", low=0.0, high=3.2)
     lookouts: bool = parameter(
         True, "-", "at the end look, too, from where the robot can drive in straight but not turn: up a narrow ramp, into a dead end"
     )

@@ -22,6 +22,8 @@ from octomap_server_3dnav.navigation.planner import PlannerConfig
 from octomap_server_3dnav.terrain.classified_terrain import Terrain
 from rigid_geometry import as_transforms
 
+_MAX_UNPLACED_SWEEPS = 3  # sweeps in a row that did not come into the map at all after which the robot ends
+
 
 class State(Enum):
     """What the robot is about between two sweeps."""
@@ -155,7 +157,7 @@ class Explorer:
 
     def _why_not_on(self, observation: Observation) -> Decision | None:
         """A robot that does not know where it is looks again, and again; then that is its end."""
-        is_lost, again = observation.sweep is SweepOutcome.LOST, self._unplaced < self.config.max_unplaced_sweeps
+        is_lost, again = observation.sweep is SweepOutcome.LOST, self._unplaced < _MAX_UNPLACED_SWEEPS
         if again:
             return Decision(DecisionKind.LOOK, observation.trouble) if is_lost else None
         self._state = State.TRAPPED
@@ -206,7 +208,7 @@ class Explorer:
         if not observation.on_the_way or self._retreat.target(observation.vertex_poses) is not None:
             return None
         local = observation.terrain_within(self.config.local_radius_m)
-        if validity_in(local, plan, self.config, self.frontier_config.min_voxels) is not Validity.VALID:
+        if validity_in(local, plan, self.frontier_config.min_voxels) is not Validity.VALID:
             return None
         return replace(plan, kind=DecisionKind.KEEP, terrain=local, scope="local")
 

@@ -19,6 +19,8 @@ from rigid_geometry import yaw_of
 from rigid_geometry.transforms import Transform
 from stage_config import check_ranges, parameter
 
+_TARGET_RADIUS_M = 1.0  # extent of one target: larger clusters are split
+
 
 @dataclass(frozen=True)
 class FrontierConfig:
@@ -35,7 +37,6 @@ class FrontierConfig:
         1.5, "m2", "the last look of all is from where the robot cannot turn, if it may show this much ground", low=0.0, high=100.0
     )
     approach_m: float = parameter(1.0, "m", "farthest traversable ground from which such a cluster is looked at", low=0.0, high=5.0)
-    target_radius_m: float = parameter(1.0, "m", "extent of one target: larger clusters are split", low=0.1, high=10.0)
     angle_weight_m_per_rad: float = parameter(0.5, "m/rad", "cost of turning to a frontier", low=0.0, high=20.0, at_runtime=True)
     gain_weight_m_per_m2: float = parameter(
         0.1,
@@ -174,7 +175,7 @@ def _groups(
         usable = members[np.isfinite(cost[members])]
         if members.size < config.min_voxels or not usable.size:
             continue
-        parts = _split(xyz[usable], cost[usable], config.target_radius_m)
+        parts = _split(xyz[usable], cost[usable], _TARGET_RADIUS_M)
         groups += [usable[part] for part in parts]
         small += [is_inflated and members.size < config.min_inflated_voxels] * len(parts)
     return groups, small

@@ -207,7 +207,7 @@ class GoalSearch:
         if self._tried.why_aside(place):
             return None
         self._way_out.is_leaving = True
-        path = straight_path(line, self._planner_config)
+        path = straight_path(line)
         self._count_goal(place, path.length_m)
         decision = self.decision(DecisionKind.GOAL, "out of a place without room to turn", view)
         return decision.along(path, yaw_of(view.T_map_base), place.xyz)

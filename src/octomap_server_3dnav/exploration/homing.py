@@ -16,6 +16,7 @@ from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision, DecisionKind, TerrainWithin
 from octomap_server_3dnav.exploration.observation import Observation
 from octomap_server_3dnav.exploration.plan_validity import path_is_free
+from octomap_server_3dnav.exploration.tried_places import PLACE_RADIUS_M
 from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, nearest_traversable, plan_path
 from octomap_server_3dnav.terrain.classified_terrain import Terrain
 from rigid_geometry import angle_difference, yaw_of
@@ -55,7 +56,7 @@ class Homing:
     def way_m(self, vertex_poses: NDArray[np.float64], terrain: Terrain, driven_m: float) -> float:
         """Metres of the path home; where none is known, of the last one that was and those driven since."""
         xyz = self._ground_at_home(vertex_poses)
-        node = None if xyz is None else nearest_traversable(terrain, xyz, self._config.place_radius_m)
+        node = None if xyz is None else nearest_traversable(terrain, xyz, PLACE_RADIUS_M)
         path = None if node is None else plan_path(terrain, node, self._planner)
         self._way_m = self._way_m + driven_m if path is None else path.length_m
         return self._way_m
@@ -83,7 +84,7 @@ class Homing:
         local, plan = terrain_within(self._config.local_radius_m), self._plan
         if plan is None or plan.frontier is None or math.dist(plan.frontier, home[:3, 3]) > local.resolution:
             return None
-        return replace(plan, kind=DecisionKind.KEEP, terrain=local, scope="local") if path_is_free(local, plan, self._config) else None
+        return replace(plan, kind=DecisionKind.KEEP, terrain=local, scope="local") if path_is_free(local, plan) else None
 
     def _after(self, sent: tuple[Decision, bool, float] | None, observation: Observation) -> Decision | None:
         """The next drive, by (decision, whether its goal is home itself, metres of the way); None after too many that brought nothing."""

@@ -4,8 +4,8 @@ from enum import Enum
 
 import numpy as np
 
-from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decision import Decision
+from octomap_server_3dnav.exploration.tried_places import PLACE_RADIUS_M
 from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
 
 
@@ -17,7 +17,7 @@ class Validity(Enum):
     FRONTIER_GONE = "frontier gone"
 
 
-def validity_in(terrain: Terrain, plan: Decision, config: ExplorationConfig, min_voxels: int) -> Validity:
+def validity_in(terrain: Terrain, plan: Decision, min_voxels: int) -> Validity:
     """Whether the rest of a plan's path is still free in a terrain, taken after a sweep on the way, and its frontier still one.
 
     What lies outside the terrain counts as unchanged. The part that the robot stands on may be inflated, and where the path leads straight
@@ -25,24 +25,24 @@ def validity_in(terrain: Terrain, plan: Decision, config: ExplorationConfig, min
     """
     if plan.path is None or plan.frontier is None:
         raise ValueError(f"a decision of kind {plan.kind.value!r} has no path that could be valid")
-    if not path_is_free(terrain, plan, config):
+    if not path_is_free(terrain, plan):
         return Validity.PATH_BLOCKED
     target = np.asarray(plan.frontier)
     if terrain.radius_m is not None:
         away_m = np.linalg.norm(target[:2] - np.asarray(terrain.robot_xyz)[:2])
-        if away_m > terrain.radius_m - config.place_radius_m:
+        if away_m > terrain.radius_m - PLACE_RADIUS_M:
             return Validity.VALID
-    near = np.linalg.norm(terrain.centers(terrain.frontiers()) - target, axis=1) <= config.place_radius_m
+    near = np.linalg.norm(terrain.centers(terrain.frontiers()) - target, axis=1) <= PLACE_RADIUS_M
     return Validity.VALID if np.count_nonzero(near) >= min_voxels else Validity.FRONTIER_GONE
 
 
-def path_is_free(terrain: Terrain, plan: Decision, config: ExplorationConfig) -> bool:
+def path_is_free(terrain: Terrain, plan: Decision) -> bool:
     """Whether the rest of a plan's path is still free in a terrain, as in `validity_in`; of a plan without a path it is not."""
     if plan.path is None:
         return False
     from_robot = np.linalg.norm(plan.path[:, :2] - np.asarray(terrain.robot_xyz[:2]), axis=1)
     for i in range(int(np.argmin(from_robot)), len(plan.path)):
-        node = terrain.surface_near(plan.path[i]) if from_robot[i] > config.place_radius_m else None
+        node = terrain.surface_near(plan.path[i]) if from_robot[i] > PLACE_RADIUS_M else None
         if node is None or terrain.label[node] == TerrainClass.TRAVERSABLE:
             continue
         if plan.straight is None or not plan.straight[i] or not terrain.narrow[node]:

@@ -10,6 +10,9 @@ from dataclasses import dataclass, field
 from octomap_server_3dnav.exploration.config import ExplorationConfig
 
 Point = tuple[float, float, float]
+PLACE_RADIUS_M = 0.6  # frontiers within this distance of each other are the same place
+NEAR_M = 1.6  # a sweep taken within this distance of a frontier was a look at it
+_NEARER_M = 0.5  # a frontier this much nearer over the ground than ever before is progress
 
 
 @dataclass
@@ -25,7 +28,7 @@ class Place:
 
 
 class TriedPlaces:
-    """All places that were ever a goal, or could have been one but for a path; those within `place_radius_m` of each other are one."""
+    """All places that were ever a goal, or could have been one but for a path; those within `PLACE_RADIUS_M` of each other are one."""
 
     def __init__(self, config: ExplorationConfig) -> None:
         self._config = config
@@ -39,7 +42,7 @@ class TriedPlaces:
         """The place at a point; None where nothing was tried yet."""
         near = [(math.dist(p.xyz, xyz), i) for i, p in enumerate(self._places)]
         best = min(near, default=None)
-        return self._places[best[1]] if best and best[0] <= self._config.place_radius_m else None
+        return self._places[best[1]] if best and best[0] <= PLACE_RADIUS_M else None
 
     def at(self, xyz: Point) -> Place:
         """The place at a point, from now on a known one."""
@@ -76,11 +79,11 @@ class TriedPlaces:
     def count_looks(self, left: Sequence[Point], robot_xyz: Point) -> None:
         """Of what is `left` after a sweep, that which was a goal and lies near was looked at in vain."""
         for place in {id(p): p for xyz in left if (p := self.known(xyz))}.values():
-            if math.dist(place.xyz, robot_xyz) <= self._config.near_m and place.goals > place.looks:
+            if math.dist(place.xyz, robot_xyz) <= NEAR_M and place.goals > place.looks:
                 place.looks += 1
 
     def count_progress(self, place: Place, distance_m: float) -> None:
         """A far frontier may be chosen anew at every sweep on the way to it; only goals that do not bring it nearer are in vain."""
-        if distance_m <= place.nearest_m - self._config.nearer_m:
+        if distance_m <= place.nearest_m - _NEARER_M:
             place.nearest_m, place.idle_goals = distance_m, 0
         place.idle_goals += 1

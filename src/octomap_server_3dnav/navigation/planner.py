@@ -21,6 +21,10 @@ from stage_config import check_ranges, parameter
 
 _NEAR_NODES = 50_000  # that are searched for the cheapest path: 320 m2 of ground at 8 cm
 _NOT_KNOWN = np.empty(0)  # what is left to the goal
+_ESCAPE_COST = 5.0  # cost factor of inflated ground on the way out of it
+_FAR_M = 30.0  # to goals that lie farther off along an axis, or far round, a path need not be the cheapest
+_FAR_WEIGHT = 1.2  # such a path costs at most so many times as much, and is found sooner
+WAYPOINT_SPACING_M = 0.15  # distance between the points of a path
 
 
 @dataclass(frozen=True)
@@ -36,12 +40,6 @@ class PlannerConfig:
         high=1e3,
         at_runtime=True,
     )
-    escape_cost: float = parameter(5.0, "-", "cost factor of inflated ground on the way out of it", low=1.0, high=1000.0)
-    far_m: float = parameter(
-        30.0, "m", "to goals that lie farther off along an axis, or far round, a path need not be the cheapest", low=0.0, high=1e4
-    )
-    far_weight: float = parameter(1.2, "-", "but costs at most so many times as much, and is found sooner", low=1.0, high=5.0)
-    waypoint_spacing_m: float = parameter(0.15, "m", "distance between the points of a path", low=0.02, high=2.0)
     trim_m: float = parameter(0.9, "m", "distance from the frontier at which a path ends", low=0.0, high=5.0, at_runtime=True)
 
     def validate(self) -> list[str]:
@@ -151,16 +149,16 @@ def _nodes_between(terrain: Terrain, cost: NDArray[np.float32], source: int, goa
     apart = np.ptp(terrain.centers(np.array([source, goal])), axis=0).max() if left is None else left[goal] * terrain.resolution
     if not math.isfinite(apart):
         return None
-    near, weight = _NEAR_NODES if is_plain else most, config.far_weight if apart > config.far_m else 1.0
+    near, weight = _NEAR_NODES if is_plain else most, _FAR_WEIGHT if apart > _FAR_M else 1.0
     chain, is_far_round = cheapest_way(back, goal, source, weight, _NOT_KNOWN if left is None else left, near)
     if is_far_round:
-        chain, _ = cheapest_way(back, goal, source, config.far_weight, _distances.of(terrain, source, config), most)
+        chain, _ = cheapest_way(back, goal, source, _FAR_WEIGHT, _distances.of(terrain, source, config), most)
     return np.ascontiguousarray(chain[::-1]) if chain.size else None
 
 
-def _escape_cost(terrain: Terrain, config: PlannerConfig) -> NDArray[np.float32]:
+def _escape_cost(terrain: Terrain) -> NDArray[np.float32]:
     """Costs with a finite price on inflated ground, for the way out of it; obstacles and cliffs stay closed."""
-    return np.where(terrain.label == TerrainClass.INFLATION, np.float32(config.escape_cost), terrain.cost)
+    return np.where(terrain.label == TerrainClass.INFLATION, np.float32(_ESCAPE_COST), terrain.cost)
 
 
 def _source(terrain: Terrain) -> int | None:
@@ -218,7 +216,7 @@ def plan_path(terrain: Terrain, goal_node: int, config: PlannerConfig, start_nod
         return None
     way_out = None
     if not math.isfinite(terrain.cost[source]) and source != _source(terrain):
-        cost = _escape_cost(terrain, config)
+        cost = _escape_cost(terrain)
         way_out = _nodes_between(terrain, cost, source, terrain.departure, config)
         if way_out is None:
             return None
@@ -232,7 +230,7 @@ def plan_path(terrain: Terrain, goal_node: int, config: PlannerConfig, start_nod
             np.concatenate([straightened(terrain, _ways(terrain, cost, config.climb_weight, config), way_out), parts[0][0][1:]]),
             False,
         )
-    return _joined(parts, config.waypoint_spacing_m)
+    return _joined(parts, WAYPOINT_SPACING_M)
 
 
 def plan_into(terrain: Terrain, way: Passage, yaw: float, config: PlannerConfig) -> Path | None:
@@ -243,17 +241,17 @@ def plan_into(terrain: Terrain, way: Passage, yaw: float, config: PlannerConfig)
     start = terrain.start
     rest = rest_from(way, place_of(terrain), start) if start is not None else None
     if rest is not None and (terrain.is_inside or is_along(rest, yaw)):
-        return straight_path(rest.line, config)
-    path, along = plan_path(terrain, way.nodes[0], config), straight_path(way.line, config)
+        return straight_path(rest.line)
+    path, along = plan_path(terrain, way.nodes[0], config), straight_path(way.line)
     if path is None or along.straight is None:
         return None
     straight = np.zeros(len(path.points), dtype=bool) if path.straight is None else path.straight
     return Path(np.concatenate([path.points, along.points]), np.concatenate([straight, along.straight]))
 
 
-def straight_path(line: NDArray[np.float64], config: PlannerConfig) -> Path:
+def straight_path(line: NDArray[np.float64]) -> Path:
     """Straight along the legs of a line (K, 3), where the robot cannot turn."""
-    points = _resampled_legs(line, config.waypoint_spacing_m)
+    points = _resampled_legs(line, WAYPOINT_SPACING_M)
     return Path(points, np.arange(len(points)) < len(points) - 1)
 
 

@@ -7,6 +7,8 @@ from typing import NamedTuple
 from robot_body import RobotBody
 from stage_config import check_ranges, parameter
 
+_SIDE_COLUMNS = 2  # unknown columns beside what stands that count as a side of it, which beams passed by
+
 
 @dataclass(frozen=True)
 class TerrainConfig:
@@ -32,9 +34,6 @@ class TerrainConfig:
     )
     margin_m: float = parameter(0.025, "m", "kept from what is blocked, a drop or too steep, beside the robot's radius", low=0.0, high=0.5)
     fill_columns: int = parameter(3, "voxels", "widest unknown gap in a floor that counts as floor, if wheels roll over it", low=0, high=8)
-    side_columns: int = parameter(
-        2, "voxels", "unknown columns beside what stands that count as a side of it, which beams passed by", low=0, high=5
-    )
     look_m: float = parameter(0.8, "m", "how far beyond an edge a drop is looked for", low=0.08, high=3.0)
     cliff_evidence: str = parameter(
         "seen", "-", "a cliff is a drop that was seen; assumed: any edge that was looked across (thesis 7.3)", choices=("seen", "assumed")
@@ -105,7 +104,7 @@ class Limits(NamedTuple):
             confidence=config.confidence,
             fill=config.fill_columns,
             rolled_over=robot.rolled_over_m / resolution,
-            side=config.side_columns,
+            side=_SIDE_COLUMNS,
             look=max(1, round(config.look_m / resolution)),
             keep_off=float(math.floor(robot.turning_radius_m / resolution + 1e-9)) if is_square else keep_off,
             assumes_cliffs=config.cliff_evidence == "assumed",

@@ -98,7 +98,7 @@ class FinishedMap:
         vertex_poses of the answer are those of the map, then where the first sweep was made here, then where this one was.
         """
         sweep, T_odom = PointCloud.of_finite(points_base, origins_base), as_transform(T_odom_base)
-        check_sweep(stamp_s, [p.stamp_s for p in self.visits.all()], sweep, self._config)
+        check_sweep(stamp_s, [p.stamp_s for p in self.visits.all()], sweep)
         if placement is not None:
             result, T_map_base = placement.result, as_transform(placement.result.T_reference_reading)
         elif self.visits.last is not None:

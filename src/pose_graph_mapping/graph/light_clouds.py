@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pose_graph_mapping.config import MappingConfig
-from pose_graph_mapping.registration.cloud import Array, PointCloud, with_normals
+from pose_graph_mapping.registration.cloud import NORMAL_NEIGHBOURS, Array, PointCloud, with_normals
 from pose_graph_mapping.registration.seen_through import Gone, View
 
 Counts = NDArray[np.uint8]
@@ -56,7 +56,7 @@ class LightClouds:
 
     def look_through(self, vertex_id: int, T_vertex_others: dict[int, Array]) -> None:
         """Counts what a sweep looks through of the clouds of others: T_vertex_others[k] (4, 4) takes cloud k to its frame."""
-        view = View(self._clouds[vertex_id], self._config)
+        view = View(self._clouds[vertex_id])
         for k, T_vertex_k in T_vertex_others.items():
             through = view.through(self._whole(k).transformed(T_vertex_k))
             self._counts[k] = self._counts[k] + (through & self._stays(k))
@@ -69,7 +69,7 @@ class LightClouds:
     def _whole(self, vertex_id: int) -> PointCloud:
         cloud = self._clouds[vertex_id]
         if cloud.normals is None:  # by one thread: others classify meanwhile
-            cloud = self._clouds[vertex_id] = with_normals(cloud, self._config.vertex_normal_neighbours, threads=1)
+            cloud = self._clouds[vertex_id] = with_normals(cloud, NORMAL_NEIGHBOURS, threads=1)
         return cloud
 
     def _stays(self, vertex_id: int) -> NDArray[np.bool_]:

@@ -19,23 +19,12 @@ from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.registration.cloud import PointCloud, merged
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from rigid_geometry import inverse, rotation_angle
-from stage_config import check_ranges, parameter
 
 Array = NDArray[np.float64]
 
-
-@dataclass(frozen=True)
-class LocalisationConfig:
-    """How the map is searched for the place of a sweep."""
-
-    spacing_m: float = parameter(3.0, "m", "distance of the places that are tried; a match searches about as far around each", low=0.1)
-    area_dist_m: float = parameter(8.0, "m", "clouds of vertices this near to a place are matched with", low=0.1)
-    agree_m: float = parameter(0.3, "m", "placements farther apart contradict each other ..", low=0.01)
-    agree_rad: float = parameter(0.1, "rad", ".. and so do those that differ by more in attitude", low=0.001)
-
-    def validate(self) -> list[str]:
-        """Every violation, as sentences; empty when the values can be used."""
-        return check_ranges(self)
+_SPACING_M = 3.0  # distance of the places that are tried; a match searches about as far around each
+_AREA_DIST_M = 8.0  # clouds of vertices this near to a place are matched with
+_AGREE_M, _AGREE_RAD = 0.3, 0.1  # placements farther apart, or in attitude, contradict each other
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,30 +64,27 @@ def localise(
     clouds: Sequence[PointCloud],
     sweep: PointCloud,
     match: Match,
-    config: LocalisationConfig | None = None,
     gravity_base: ArrayLike | None = None,
 ) -> Placement:
     """Find a sweep (base_link) in the map that `graph` and the clouds of its vertices (body frames) make.
 
     The area around the last vertex comes first, and a match there that is accepted is the place: the robot was most likely not moved. Else
     every part of the map is tried, and the place counts only when all accepted matches agree on it. gravity_base (3,): up in base_link,
-    which levels the guesses. ValueError for an empty map, an empty sweep or a configuration that cannot be used.
+    which levels the guesses. ValueError for an empty map or an empty sweep.
     """
-    config = config or LocalisationConfig()
-    problems = config.validate()
-    if problems or not len(graph) or not len(sweep):
-        raise ValueError("; ".join(problems) or f"{len(sweep)} points of a sweep to be found in a map of {len(graph)} vertices")
+    if not len(graph) or not len(sweep):
+        raise ValueError(f"{len(sweep)} points of a sweep to be found in a map of {len(graph)} vertices")
     up = None if gravity_base is None else np.asarray(gravity_base, dtype=np.float64)
     found: list[RegistrationResult] = []
-    for vertex_id in places(graph.poses()[:, :3, 3], len(graph) - 1, config.spacing_m):
+    for vertex_id in places(graph.poses()[:, :3, 3], len(graph) - 1, _SPACING_M):
         T_guess = graph.pose(vertex_id) if up is None else levelled(graph.pose(vertex_id), up)
-        found.append(match(area_around(graph, clouds, vertex_id, config.area_dist_m), sweep, T_guess, None))
+        found.append(match(area_around(graph, clouds, vertex_id, _AREA_DIST_M), sweep, T_guess, None))
         if len(found) == 1 and found[0].verdict is Verdict.ACCEPTED:
             break
-    return _judged(graph, found, config)
+    return _judged(graph, found)
 
 
-def _judged(graph: PoseGraph, found: Sequence[RegistrationResult], config: LocalisationConfig) -> Placement:
+def _judged(graph: PoseGraph, found: Sequence[RegistrationResult]) -> Placement:
     """One placement of what was found at the places; two that differ are none."""
     accepted = [r for r in found if r.verdict is Verdict.ACCEPTED]
     best = max(accepted or found, key=lambda r: np.nan_to_num(r.overlap, nan=-1.0))
@@ -107,7 +93,7 @@ def _judged(graph: PoseGraph, found: Sequence[RegistrationResult], config: Local
         reason = f"found at none of {len(found)} places of the map; the nearest to it: {best.verdict.value}, {best.reason}"
         return Placement(False, best, beside, len(found), reason)
     doubtful = [T for r in found if r.verdict is Verdict.AMBIGUOUS for T in (r.T_reference_reading, *r.rivals)]
-    others = [T for T in (*(r.T_reference_reading for r in accepted), *doubtful) if not _agree(best.T_reference_reading, T, config)]
+    others = [T for T in (*(r.T_reference_reading for r in accepted), *doubtful) if not _agree(best.T_reference_reading, T)]
     if others:
         (x, y, _), (there_x, there_y, _) = best.T_reference_reading[:3, 3], others[0][:3, 3]
         reason = f"found at places that look alike: x {x:.1f}, y {y:.1f} m and x {there_x:.1f}, y {there_y:.1f} m"
@@ -115,6 +101,6 @@ def _judged(graph: PoseGraph, found: Sequence[RegistrationResult], config: Local
     return Placement(True, best, beside, len(found), f"found beside vertex {beside}: {best.reason}")
 
 
-def _agree(T_a: Array, T_b: Array, config: LocalisationConfig) -> bool:
+def _agree(T_a: Array, T_b: Array) -> bool:
     motion = inverse(T_a) @ T_b
-    return float(np.linalg.norm(motion[:3, 3])) <= config.agree_m and rotation_angle(motion) <= config.agree_rad
+    return float(np.linalg.norm(motion[:3, 3])) <= _AGREE_M and rotation_angle(motion) <= _AGREE_RAD

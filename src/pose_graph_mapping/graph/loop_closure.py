@@ -24,12 +24,15 @@ Array = NDArray[np.float64]
 Match = Callable[[PointCloud, PointCloud, Array, Array | None], RegistrationResult]
 
 _AREAS = 2.0  # times `graph_dist_m`: what the widest match of Algorithm 1 looks at
+_LOOP_SIGMAS = 3.0  # of drift, added to `loop_max_dist_m`, and that a match may correct
+_LOOP_GROUP_NEIGHBOURS = 2  # nearest neighbours that candidates are grouped by (Alg. 2, line 4)
+_LOOP_GROUP_DIST_M = 4.0  # neighbours farther apart never share a group
 
 
 def candidate_radii(graph: PoseGraph, last_vertex: int, config: MappingConfig) -> Array:
     """(V,) largest straight distance of a loop candidate: what drift may have added to the true one is allowed on top.
 
-    `loop_max_dist_m`, grown by `loop_sigmas` of the position of the last vertex relative to each that is worth asking, up to
+    `loop_max_dist_m`, grown by `_LOOP_SIGMAS` of the position of the last vertex relative to each that is worth asking, up to
     `loop_grown_dist_m`.
     """
     positions = graph.poses()[:, :3, 3]
@@ -38,7 +41,7 @@ def candidate_radii(graph: PoseGraph, last_vertex: int, config: MappingConfig) -
     far = (straight > config.loop_max_dist_m) & (straight <= config.loop_grown_dist_m)
     asked = [int(k) for k in np.flatnonzero(far & (graph.distances_from(last_vertex) >= config.loop_min_dist_m))]
     for k, covariance in zip(asked, graph.relative_covariances(asked, last_vertex), strict=True):
-        radii[k] = min(config.loop_max_dist_m + config.loop_sigmas * sigmas(covariance)[0], config.loop_grown_dist_m)
+        radii[k] = min(config.loop_max_dist_m + _LOOP_SIGMAS * sigmas(covariance)[0], config.loop_grown_dist_m)
     return radii
 
 
@@ -130,8 +133,8 @@ def beyond_correction(T_guess: Array, T_found: Array, covariance: Array, config:
     moved = inverse(T_guess) @ T_found
     metres, radians = float(np.linalg.norm(moved[:3, 3])), rotation_angle(moved)
     sigma_m, sigma_rad = sigmas(covariance)
-    most_m = max(config.max_correction_m, config.loop_sigmas * sigma_m)
-    most_rad = max(config.max_correction_rad, config.loop_sigmas * sigma_rad)
+    most_m = max(config.max_correction_m, _LOOP_SIGMAS * sigma_m)
+    most_rad = max(config.max_correction_rad, _LOOP_SIGMAS * sigma_rad)
     if metres > most_m or radians > most_rad:
         return f"moves the prediction by {metres:.2f} m, {radians:.2f} rad; allowed are {most_m:.2f} m, {most_rad:.2f} rad"
     return None
@@ -158,7 +161,7 @@ def detect_loop_closures(graph: PoseGraph, cloud: Callable[[int], PointCloud], m
     vertex_set = find_vertices_in_range(graph, last, config.loop_min_dist_m, radii)  # 3
     vertex_set = add_neighbours(graph, vertex_set, last, config.loop_min_dist_m, radii)  # 4
     found = []
-    for group in find_groups(graph, vertex_set, config.loop_group_neighbours, config.loop_group_dist_m):  # 5, 6
+    for group in find_groups(graph, vertex_set, _LOOP_GROUP_NEIGHBOURS, _LOOP_GROUP_DIST_M):  # 5, 6
         closest = find_closest_vertex(graph, group, last)  # 7
         if last - closest > config.loop_min_dist_match:  # 8
             found.append(_try_to_close(graph, cloud, match, config, closest, config.loop_match_success))  # 9 to 21

@@ -30,6 +30,7 @@ from rigid_geometry import JUMP_BACK_S, as_transform, inverse
 Array = NDArray[np.float64]
 
 __all__ = ["MappingUpdate", "PoseGraphMapper", "empty_graph", "levelled", "odometry_covariance"]
+_MIN_SWEEP_POINTS = 200  # sweeps with fewer finite points are an error
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ def evenly(ids: list[int], most: int) -> list[int]:
     return ids if len(ids) <= most else [ids[k] for k in np.linspace(0, len(ids) - 1, most).round().astype(int)]
 
 
-def check_sweep(stamp_s: float, known_s: Sequence[float], sweep: PointCloud, config: MappingConfig) -> None:
+def check_sweep(stamp_s: float, known_s: Sequence[float], sweep: PointCloud) -> None:
     """ValueError for a stamp that is none, one of those known already, or late, and for too few points."""
     if not np.isfinite(stamp_s):
         raise ValueError(f"the stamp of a sweep is a finite time, not {stamp_s}")
@@ -60,8 +61,8 @@ def check_sweep(stamp_s: float, known_s: Sequence[float], sweep: PointCloud, con
         raise ValueError(f"the sweep of {stamp_s:.3f} s is in the map already")
     if known_s and known_s[-1] - JUMP_BACK_S < stamp_s < known_s[-1]:
         raise ValueError(f"the sweep of {stamp_s:.3f} s is late: it came after that of {known_s[-1]:.3f} s")
-    if len(sweep) < config.min_sweep_points:
-        raise ValueError(f"a sweep of {len(sweep)} finite points ({sweep.dropped} dropped), {config.min_sweep_points} wanted")
+    if len(sweep) < _MIN_SWEEP_POINTS:
+        raise ValueError(f"a sweep of {len(sweep)} finite points ({sweep.dropped} dropped), {_MIN_SWEEP_POINTS} wanted")
 
 
 class PoseGraphMapper:
@@ -108,7 +109,7 @@ class PoseGraphMapper:
         sweep = PointCloud.of_finite(points_base, origins_base)
         T_odom_base = as_transform(T_odom_base)
         up = None if gravity_base is None or not self._config.use_gravity else unit_up(gravity_base)
-        check_sweep(stamp_s, self._stamps_s, sweep, self._config)
+        check_sweep(stamp_s, self._stamps_s, sweep)
         if gravity_sigma_rad is not None and not gravity_sigma_rad > 0.0:
             raise ValueError(f"gravity_sigma_rad must be positive, not {gravity_sigma_rad}")
         cloud = voxel_downsample(sweep, self._config.vertex_voxel_m)

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 NORMAL_THREADS = 2
 _MAX_CELL = 1 << 20
+NORMAL_NEIGHBOURS = 20  # neighbours of a normal; fewer are useless at centimetres of noise
 
 
 def _as_rows(name: str, values: ArrayLike) -> Array:

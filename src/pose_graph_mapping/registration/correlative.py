@@ -23,6 +23,16 @@ _THREADS = 2
 _LEVEL_COS = 0.75
 _ON_SURFACE, _BESIDE = 3, 1
 _LOOKED_AT = 3000
+SEARCH_YAW_RAD = math.pi  # half angle of the search
+SEARCH_LEAST_SHIFT_M = 1.0  # least half width of the search, after a direct match was refused
+SEARCH_LEAST_YAW_RAD = math.radians(45.0)  # the same for the heading
+SEARCH_CELL_M = 0.30  # edge of the cells of the search
+SEARCH_YAW_STEP_RAD = math.radians(5.0)  # step of its headings
+_SEARCH_POINTS = 600  # points of the reading that are placed
+SEARCH_PEAKS = 10  # placements that are looked at closer; twice as many where free space allows none
+_SEARCH_PEAKS_A_HEADING = 3  # most of them of one heading
+SEARCH_APART_M = 0.6  # placements nearer than this are one
+SEARCH_APART_RAD = math.radians(15.0)  # if they differ in heading by less than this, too
 
 
 @dataclass(frozen=True)
@@ -33,16 +43,16 @@ class Window:
     height_m: float
     yaw_rad: float
 
-    def is_wide(self, config: RegistrationConfig) -> bool:
+    def is_wide(self) -> bool:
         """Whether a registration that starts at the guess may end in a wrong place."""
-        return self.shift_m > config.search_least_shift_m or self.yaw_rad > config.search_least_yaw_rad
+        return self.shift_m > SEARCH_LEAST_SHIFT_M or self.yaw_rad > SEARCH_LEAST_YAW_RAD
 
-    def holds(self, T_guess: Array, T: Array, config: RegistrationConfig) -> bool:
+    def holds(self, T_guess: Array, T: Array) -> bool:
         """Whether `T` is a placement of the window around the guess, or the same place as one on its edge."""
         x, y, z = np.abs(T[:3, 3] - T_guess[:3, 3])
         yaw = abs(angle_difference(yaw_of(T), yaw_of(T_guess)))
-        level_m, height_m = self.shift_m + config.search_apart_m, self.height_m + config.search_apart_m
-        return bool(max(x, y) <= level_m and z <= height_m and yaw <= self.yaw_rad + config.search_apart_rad)
+        level_m, height_m = self.shift_m + SEARCH_APART_M, self.height_m + SEARCH_APART_M
+        return bool(max(x, y) <= level_m and z <= height_m and yaw <= self.yaw_rad + SEARCH_APART_RAD)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,16 +65,16 @@ class _Grid:
 
 
 def window_of(guess_covariance: Array | None, T_guess: Array, config: RegistrationConfig) -> Window:
-    """Three sigmas of the guess, at least `search_least_*` and at most `search_*`; all of the latter when nothing is known."""
+    """Three sigmas of the guess, at least `SEARCH_LEAST_*` and at most the widest window; that one when nothing is known."""
     if guess_covariance is None:
-        return Window(config.search_shift_m, config.search_height_m, config.search_yaw_rad)
+        return Window(config.search_shift_m, config.search_height_m, SEARCH_YAW_RAD)
     R = T_guess[:3, :3]
     yaw = R[2] @ guess_covariance[:3, :3] @ R[2]
     shift = R @ guess_covariance[3:, 3:] @ R.T
     return Window(
-        float(np.clip(3.0 * math.sqrt(np.linalg.eigvalsh(shift[:2, :2])[-1]), config.search_least_shift_m, config.search_shift_m)),
-        float(np.clip(3.0 * math.sqrt(shift[2, 2]), config.search_least_shift_m, config.search_height_m)),
-        float(np.clip(3.0 * math.sqrt(yaw), config.search_least_yaw_rad, config.search_yaw_rad)),
+        float(np.clip(3.0 * math.sqrt(np.linalg.eigvalsh(shift[:2, :2])[-1]), SEARCH_LEAST_SHIFT_M, config.search_shift_m)),
+        float(np.clip(3.0 * math.sqrt(shift[2, 2]), SEARCH_LEAST_SHIFT_M, config.search_height_m)),
+        float(np.clip(3.0 * math.sqrt(yaw), SEARCH_LEAST_YAW_RAD, SEARCH_YAW_RAD)),
     )
 
 
@@ -76,9 +86,9 @@ def coarse_placements(
     Then (L, 4, 4) more of them, for where those lead nowhere. Both clouds need normals; the same input gives the same placements. The guess
     alone where there is nothing to lay on anything.
     """
-    cell = config.search_cell_m
+    cell = SEARCH_CELL_M
     steps = np.array([math.ceil(window.shift_m / cell - 1e-9), math.ceil(window.height_m / cell - 1e-9)])
-    yaws = _yaws(window.yaw_rad, config.search_yaw_step_rad)
+    yaws = _yaws(window.yaw_rad, SEARCH_YAW_STEP_RAD)
     points, level = _balanced(reading, T_guess[:3, :3], config)
     if not len(points):
         return T_guess[None], np.zeros((0, 4, 4))
@@ -92,7 +102,7 @@ def coarse_placements(
             lambda part: _correlate(grid.cells, points, level, offset, 1.0 / cell, part, *steps), np.array_split(yaws, _THREADS)
         )
         scores = np.concatenate(list(parts))
-    return _peaks(scores, yaws, T_guess, steps, config)
+    return _peaks(scores, yaws, T_guess, steps)
 
 
 def _yaws(half_width: float, step: float) -> Array:
@@ -111,8 +121,8 @@ def _balanced(reading: PointCloud, R_map_body: Array, config: RegistrationConfig
     kept = []
     for kind in (0, 1):
         which = np.flatnonzero(inside & (level == kind))
-        first = which[first_in_voxels(points[which], config.search_cell_m)]
-        kept.append(first[:: max(1, math.ceil(2 * len(first) / config.search_points))])
+        first = which[first_in_voxels(points[which], SEARCH_CELL_M)]
+        kept.append(first[:: max(1, math.ceil(2 * len(first) / _SEARCH_POINTS))])
     chosen = np.concatenate(kept)
     return np.ascontiguousarray(points[chosen]), level[chosen]
 
@@ -171,9 +181,7 @@ def _correlate(
     return sums
 
 
-def _peaks(
-    scores: NDArray[np.uint16], yaws: Array, T_guess: Array, steps: NDArray[np.int64], config: RegistrationConfig
-) -> tuple[Array, Array]:
+def _peaks(scores: NDArray[np.uint16], yaws: Array, T_guess: Array, steps: NDArray[np.int64]) -> tuple[Array, Array]:
     """The highest sums, best first, each well apart from those before in shift or in yaw, and at most so many of one heading.
 
     Then those that are left when twice as many are wanted, and of one heading.
@@ -182,8 +190,8 @@ def _peaks(
     as_high = np.cumsum(np.bincount(flat)[::-1])[::-1]  # how many sums are at least 0, 1, ..
     best = np.flatnonzero(flat >= np.flatnonzero(as_high >= min(_LOOKED_AT, flat.size))[-1])
     k, y, z, x = np.unravel_index(best[np.argsort(-flat[best].astype(np.int64), kind="stable")[:_LOOKED_AT]], scores.shape)
-    shifts = np.stack([x - steps[0], y - steps[0], z - steps[1]], axis=1) * config.search_cell_m
-    apart, most = (config.search_apart_m, config.search_apart_rad), (config.search_peaks_a_heading, config.search_peaks)
+    shifts = np.stack([x - steps[0], y - steps[0], z - steps[1]], axis=1) * SEARCH_CELL_M
+    apart, most = (SEARCH_APART_M, SEARCH_APART_RAD), (_SEARCH_PEAKS_A_HEADING, SEARCH_PEAKS)
     first = _well_apart(shifts, yaws[k], *apart, *most)
     more = np.setdiff1d(_well_apart(shifts, yaws[k], *apart, 2 * most[0], 2 * most[1]), first)
     placed = [np.array([_moved(T_guess, shifts[i], float(yaws[k[i]])) for i in chosen]).reshape(-1, 4, 4) for chosen in (first, more)]

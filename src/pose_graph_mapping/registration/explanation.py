@@ -23,6 +23,7 @@ _SURFACE_POINTS = 2000  # enough to tell surfaces
 _NOISE_SHARE = 0.95  # of a cloud's own points that lie nearer to their neighbours' planes than its noise
 _NOISE_POINTS = 2000  # enough to tell it
 _DAMPING = 1e-9  # of a motion that no point feels
+OVERLAP_DISTANCE_M = 0.2  # a reading point with a reference point this near overlaps
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ def own_noise(surface: Surface, config: RegistrationConfig) -> Noise:
     beside = index[:, 1].astype(np.int64)
     off = np.abs(np.einsum("ij,ij->i", surface.normals[beside], points - surface.points[beside]))
     alike = np.einsum("ij,ij->i", surface.normals[beside], normals) > SAME_PLANE_COS
-    off = off[alike & (squared[:, 1] <= config.overlap_distance_m**2)]
+    off = off[alike & (squared[:, 1] <= OVERLAP_DISTANCE_M**2)]
     return Noise(float(np.quantile(off, _NOISE_SHARE)), float(np.mean(off > config.misfit_m))) if off.size else Noise(0.0, 0.0)
 
 

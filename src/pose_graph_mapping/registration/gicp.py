@@ -14,15 +14,31 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pose_graph_mapping.config import RegistrationConfig
-from pose_graph_mapping.registration.cloud import PointCloud, farthest, moved_points, reference_cloud, vertex_cloud, within
+from pose_graph_mapping.registration.cloud import (
+    NORMAL_NEIGHBOURS,
+    PointCloud,
+    farthest,
+    moved_points,
+    reference_cloud,
+    vertex_cloud,
+    within,
+)
 from pose_graph_mapping.registration.correlative import Window, window_of
-from pose_graph_mapping.registration.explanation import agreeing_surfaces, least_explained, own_noise
+from pose_graph_mapping.registration.explanation import OVERLAP_DISTANCE_M, agreeing_surfaces, least_explained, own_noise
 from pose_graph_mapping.registration.gicp_alignment import Alignment, Stage, align
 from pose_graph_mapping.registration.gicp_surface import Surface, nearest, surface_of, voxel_cloud
-from pose_graph_mapping.registration.match_quality import FreeSpace, degeneracy, keep_guess, known_directions, match_covariance
-from pose_graph_mapping.registration.matching import RegistrationResult, asked, refused
+from pose_graph_mapping.registration.match_quality import (
+    DEGENERATE_GUESS_SIGMA_M,
+    FreeSpace,
+    degeneracy,
+    keep_guess,
+    known_directions,
+    match_covariance,
+)
+from pose_graph_mapping.registration.matching import MAX_ITERATIONS, MIN_POINTS, RegistrationResult, asked, refused
 from pose_graph_mapping.registration.placement_search import (
     ROUGH_POINTS,
+    SEARCH_REFINED,
     Pair,
     Rough,
     decided,
@@ -39,6 +55,10 @@ Array = NDArray[np.float64]
 
 _EARLY_PRECISION, _PRECISION = 1e-3, 1e-4  # metres and radians: a shorter step ends a stage
 _LEAST_EARLY = 10  # points; fewer may leave the normal equations without a solution
+_EARLY_POINTS = 4000  # points of the reading that are matched until all of them are, for the last iterations
+_HALF_WEIGHT_M = 0.05  # distance across a surface at which a matched point counts half in the last iterations
+_FACING_AWAY_COS = -0.1  # reference points whose normal makes a cosine below this with the sensor are left out
+_COVARIANCE_SCALE = 0.5  # factor of the inverse Hessian
 
 
 def sensor_of(cloud: PointCloud) -> Array | None:
@@ -85,7 +105,7 @@ class GicpRegistration:
         """See `Registration.match`; voxel means are made here, so clouds of any density may come."""
         config, T_guess = self._config, asked(reference, reading, T_reference_reading_guess)
         guess_covariance = None if guess_covariance is None else as_covariance(guess_covariance)
-        reading = vertex_cloud(reading, config.voxel_m, config.normal_neighbours)
+        reading = vertex_cloud(reading, config.voxel_m, NORMAL_NEIGHBOURS)
         window = window_of(guess_covariance, T_guess, config)
         result = self._matched(reference, reading, T_guess, guess_covariance, window)
         if guess_covariance is None and self._overlaps_little(result):
@@ -105,14 +125,14 @@ class GicpRegistration:
         """Directly, or by a search of the window."""
         config = self._config
         reference = in_reach(reference, reading, T_guess, window.shift_m + config.coarse_distance_m)
-        reference = reference_cloud(reference, config.voxel_m, config.normal_neighbours)
-        if min(len(reference), len(reading)) < config.min_points:
-            return refused(T_guess, f"{len(reference)} reference and {len(reading)} reading voxels in reach, {config.min_points} wanted")
+        reference = reference_cloud(reference, config.voxel_m, NORMAL_NEIGHBOURS)
+        if min(len(reference), len(reading)) < MIN_POINTS:
+            return refused(T_guess, f"{len(reference)} reference and {len(reading)} reading voxels in reach, {MIN_POINTS} wanted")
         free_space = FreeSpace(reference, reading, T_guess[:3, 3], config)
         covers_truth = guess_covariance is not None or window.shift_m >= config.search_wide_m
         noise = own_noise(surface_of(reading), config)
         pair = Pair(reference, reading, noise, free_space, T_guess, guess_covariance, window, covers_truth)
-        direct = [] if window.is_wide(config) else [self._refined(pair, T_guess, config.coarse_distance_m)]
+        direct = [] if window.is_wide() else [self._refined(pair, T_guess, config.coarse_distance_m)]
         return direct[0] if direct and direct[0].usable else self._searched(pair, window, direct)
 
     def _searched(self, pair: Pair, window: Window, before: list[RegistrationResult]) -> RegistrationResult:
@@ -128,7 +148,7 @@ class GicpRegistration:
                 continue
             result = self._refined(pair, start.T, None)
             tried.append(result)
-            if result.usable and not any(is_found(other, result.T_reference_reading, config) for other in found):
+            if result.usable and not any(is_found(other, result.T_reference_reading) for other in found):
                 found.append(result)
         if found:
             return decided(found, pair.T_guess, pair.guess_covariance)
@@ -152,9 +172,9 @@ class GicpRegistration:
         if pair.guess_covariance is None:
             around = dataclasses.replace(pair, T_guess=T)
             starts = rough_placements(around, Window(config.search_shift_m, config.search_height_m, math.pi), config)
-        rivals = [rough.T for rough in starts if not same_place(T, np.zeros((0, 6)), rough.T, config)][: config.search_refined]
+        rivals = [rough.T for rough in starts if not same_place(T, np.zeros((0, 6)), rough.T)][:SEARCH_REFINED]
         placed = [self._refined(around, start, None).T_reference_reading for start in rivals]
-        return max((self._explained(pair, at).reading for at in placed if not same_place(T, np.zeros((0, 6)), at, config)), default=0.0)
+        return max((self._explained(pair, at).reading for at in placed if not same_place(T, np.zeros((0, 6)), at)), default=0.0)
 
     def _explained(self, pair: Pair, T: Array) -> Explained:
         """What the reading, placed by `T`, explains by its points on the reference that do not lie in space seen free."""
@@ -169,9 +189,9 @@ class GicpRegistration:
         """From `T_start`, with a coarse stage where it is given its distance; in directions that nothing holds the guess stands."""
         config = self._config
         target = self._target(pair, T_start)
-        if len(target.points) < config.min_points:
-            return refused(pair.T_guess, f"{len(target.points)} reference voxels face the sensor, {config.min_points} wanted")
-        few, most, T, before = pair.reading.thinned(config.early_points), config.max_iterations, T_start, 0
+        if len(target.points) < MIN_POINTS:
+            return refused(pair.T_guess, f"{len(target.points)} reference voxels face the sensor, {MIN_POINTS} wanted")
+        few, most, T, before = pair.reading.thinned(_EARLY_POINTS), MAX_ITERATIONS, T_start, 0
         if coarse_distance_m is not None:
             coarse = align(target, few, T, Stage(coarse_distance_m, most, _EARLY_PRECISION))
             T, before = coarse.T, coarse.iterations
@@ -180,30 +200,30 @@ class GicpRegistration:
             return refused(pair.T_guess, f"{early.inliers} of {len(few.points)} points within {config.fine_distance_m} m of each other")
         if pair.free_space.contradiction(early.T, ROUGH_POINTS) > config.max_changed:
             return self._judged(dataclasses.replace(pair, reading=few), target, early, before + early.iterations)
-        last = Stage(config.fine_distance_m, max(1, most - early.iterations), _PRECISION, config.half_weight_m)
+        last = Stage(config.fine_distance_m, max(1, most - early.iterations), _PRECISION, _HALF_WEIGHT_M)
         fine = align(target, pair.reading, early.T, last)
-        if fine.inliers < config.min_points // 2:
+        if fine.inliers < MIN_POINTS // 2:
             return refused(pair.T_guess, f"{fine.inliers} points within {config.fine_distance_m} m of each other")
         return self._judged(pair, target, fine, before + early.iterations + fine.iterations)
 
     def _target(self, pair: Pair, T_start: Array) -> Surface:
         """What of the reference faces the reading's sensor, placed by `T_start`."""
         config, sensor = self._config, sensor_of(pair.reading)
-        visible = facing(pair.reference, None if sensor is None else moved_points(T_start, sensor[None])[0], config.facing_away_cos)
-        return surface_of(voxel_cloud(visible, config.voxel_m, config.normal_neighbours))
+        visible = facing(pair.reference, None if sensor is None else moved_points(T_start, sensor[None])[0], _FACING_AWAY_COS)
+        return surface_of(voxel_cloud(visible, config.voxel_m, NORMAL_NEIGHBOURS))
 
     def _judged(self, pair: Pair, target: Surface, found: Alignment, iterations: int) -> RegistrationResult:
         config, points = self._config, pair.reading.points
         hessian = found.hessian
         weak = degeneracy(hessian, found.weight, points, config.degenerate_eigenvalue)
-        known = known_directions(weak, pair.guess_covariance, config.degenerate_guess_sigma_m)
+        known = known_directions(weak, pair.guess_covariance, DEGENERATE_GUESS_SIGMA_M)
         T = keep_guess(pair.T_guess, found.T, known)
-        if pair.guess_covariance is not None and not pair.window.holds(pair.T_guess, T, config):
+        if pair.guess_covariance is not None and not pair.window.holds(pair.T_guess, T):
             metres, degrees = np.linalg.norm(T[:3, 3] - pair.T_guess[:3, 3]), math.degrees(rotation_angle(inverse(pair.T_guess) @ T))
             return refused(pair.T_guess, f"placed {metres:.1f} m and {degrees:.0f} deg from the guess, where it says that the truth is not")
         fit, at, normals = self._fit(pair, target, T)
         bent = self._bend(pair, T, at, normals)
-        covariance = match_covariance(config.covariance_scale * np.linalg.inv(hessian) + bent, weak, config)
+        covariance = match_covariance(_COVARIANCE_SCALE * np.linalg.inv(hessian) + bent, weak, config)
         contradiction = pair.free_space.contradiction(T)
         ratio = found.inliers / len(points)
         verdict, reason = judge(ratio, fit, contradiction, weak, config, pair.covers_truth)
@@ -216,12 +236,12 @@ class GicpRegistration:
         at, normals = target.points[index], target.normals[index]
         is_sided = target.is_sided and pair.reading.origins is not None
         noise = pair.noise.or_worse(own_noise(target, self._config))
-        return fit_of(placed, at, normals, squared, is_sided, noise, self._config), at, normals
+        return fit_of(placed, at, normals, squared, is_sided, noise), at, normals
 
     def _bend(self, pair: Pair, T: Array, at: Array, normals: Array) -> Array:
         """(6, 6) covariance that what is left between a reading and the points (N, 3) nearest to it makes."""
         reading, sensor = pair.reading, sensor_of(pair.reading)
-        near = np.linalg.norm(moved_points(T, reading.points) - at, axis=1) <= self._config.overlap_distance_m
+        near = np.linalg.norm(moved_points(T, reading.points) - at, axis=1) <= OVERLAP_DISTANCE_M
         if sensor is None or not near.any():
             return np.zeros((6, 6))
         pattern = residual_pattern(reading.points[near], sensor, T, at[near], normals[near])

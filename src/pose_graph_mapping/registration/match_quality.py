@@ -20,6 +20,11 @@ from rigid_geometry import inverse
 Array = NDArray[np.float64]
 
 _ROWS, _COLUMNS = 180, 360
+DEGENERATE_SIGMA_M = 2.0  # sigma given to an unconstrained direction, at the distance of a typical point
+DEGENERATE_GUESS_SIGMA_M = 0.6  # a guess known no better than this along an unconstrained direction does not stand there
+_FREE_SPACE_MARGIN_M = 0.15  # a point contradicts when it is nearer than seen by more than this
+_FREE_SPACE_MARGIN_RATIO = 0.02  # and this share of the range
+_FREE_SPACE_LEAST_COS = 0.4  # surfaces that a beam meets at a smaller cosine are not compared: the filter of veiled points takes them out
 
 
 @njit(cache=True, inline="always")
@@ -131,8 +136,7 @@ class FreeSpace:
 
     def _compared(self, images: Sequence[tuple[Array, Array]], others: PointCloud) -> Iterator[tuple[NDArray[np.bool_], NDArray[np.bool_]]]:
         """Of every standpoint which points are compared with what was seen from it, and which lie in front of that."""
-        config = self._config
-        margins = config.free_space_margin_m, config.free_space_margin_ratio, config.free_space_least_cos
+        margins = _FREE_SPACE_MARGIN_M, _FREE_SPACE_MARGIN_RATIO, _FREE_SPACE_LEAST_COS
         assert others.normals is not None
         for eye, image in images:
             yield _compare(others.points, others.normals, eye, image, *margins)
@@ -208,10 +212,10 @@ def keep_guess(T_guess: Array, T_matched: Array, weak: Degeneracy) -> Array:
 
 
 def match_covariance(information_inverse: Array, weak: Degeneracy, config: RegistrationConfig) -> Array:
-    """`information_inverse` (6, 6) with the floor added, and `degenerate_sigma_m` in the directions that the points do not hold."""
+    """`information_inverse` (6, 6) with the floor added, and `DEGENERATE_SIGMA_M` in the directions that the points do not hold."""
     floor = np.diag([config.floor_rotation_rad**2] * 3 + [config.floor_translation_m**2] * 3)
     open_directions = weak.directions / weak.scale
-    inflation = config.degenerate_sigma_m**2 * open_directions.T @ open_directions
+    inflation = DEGENERATE_SIGMA_M**2 * open_directions.T @ open_directions
     covariance = information_inverse + floor + inflation
     return np.asarray(0.5 * (covariance + covariance.T))
 

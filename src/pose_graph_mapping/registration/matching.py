@@ -16,6 +16,8 @@ from pose_graph_mapping.registration.cloud import PointCloud
 from rigid_geometry import as_transform
 
 Array = NDArray[np.float64]
+MAX_ITERATIONS = 20  # most iterations of a stage; along a corridor more of them only slide
+MIN_POINTS = 200  # fewest points of a cloud after voxelling that are matched
 
 
 class Verdict(enum.Enum):

@@ -12,29 +12,32 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pose_graph_mapping.config import MappingConfig
 from pose_graph_mapping.registration.cloud import Array, PointCloud, viewpoints
 from pose_graph_mapping.registration.match_quality import lies_in_front, range_image
+
+_GONE_MARGIN_M = 0.2  # a beam has to see so much farther than the point, and nothing this near to it
+_GONE_STANDPOINT_M = 0.2  # beams that start so near to each other have one standpoint then
+_GONE_LEAST_COS = 0.4  # points whose surface they would meet at a smaller cosine are not asked for
 
 
 class View:
     """What one sweep tells of the points of others, in its own frame."""
 
-    def __init__(self, sweep: PointCloud, config: MappingConfig) -> None:
+    def __init__(self, sweep: PointCloud) -> None:
         """A sweep whose beams' origins are not known sees through nothing."""
-        self._config, self._images = config, list[tuple[Array, Array]]()
+        self._images = list[tuple[Array, Array]]()
         self._points = cKDTree(sweep.points)
         if sweep.origins is not None and len(sweep):
-            eyes, index = viewpoints(sweep.origins, config.gone_standpoint_m)
+            eyes, index = viewpoints(sweep.origins, _GONE_STANDPOINT_M)
             self._images = [(eye, range_image(sweep.points[index == k], eye)) for k, eye in enumerate(eyes)]
 
     def through(self, others: PointCloud) -> NDArray[np.bool_]:
         """(N,) whether its beams pass a point, end well beyond it, and none of them beside it."""
-        found, config = np.zeros(len(others), dtype=np.bool_), self._config
+        found = np.zeros(len(others), dtype=np.bool_)
         for eye, image in self._images:
-            found |= lies_in_front(others, eye, image, config.gone_margin_m, config.gone_least_cos)
+            found |= lies_in_front(others, eye, image, _GONE_MARGIN_M, _GONE_LEAST_COS)
         at = np.flatnonzero(found)
-        beside = np.isfinite(self._points.query(others.points[at], distance_upper_bound=config.gone_margin_m)[0])
+        beside = np.isfinite(self._points.query(others.points[at], distance_upper_bound=_GONE_MARGIN_M)[0])
         found[at[beside]] = False
         return found
 

@@ -15,7 +15,14 @@ import small_gicp
 from numpy.typing import NDArray
 
 from pose_graph_mapping.config import RegistrationConfig
-from pose_graph_mapping.registration.cloud import PointCloud, moved_points, reference_cloud, voxel_downsample, with_normals
+from pose_graph_mapping.registration.cloud import (
+    NORMAL_NEIGHBOURS,
+    PointCloud,
+    moved_points,
+    reference_cloud,
+    voxel_downsample,
+    with_normals,
+)
 from pose_graph_mapping.registration.explanation import own_noise
 from pose_graph_mapping.registration.gicp import in_reach
 from pose_graph_mapping.registration.gicp_surface import Surface, nearest, surface_of
@@ -27,7 +34,7 @@ from pose_graph_mapping.registration.match_quality import (
     keep_guess,
     match_covariance,
 )
-from pose_graph_mapping.registration.matching import RegistrationResult, asked, refused
+from pose_graph_mapping.registration.matching import MAX_ITERATIONS, MIN_POINTS, RegistrationResult, asked, refused
 from pose_graph_mapping.registration.verdict import fit_of, judge
 from rigid_geometry import rotation_angle
 
@@ -35,6 +42,12 @@ Array = NDArray[np.float64]
 
 _LEAST_SIGMA_M, _BEAM_ANGLE_RAD, _BEAM_SIGMA_M = 0.018, 0.0006, 0.0015
 """Noise of a UTM-30LX: the footprint of the beam grows with the range, under a constant electronic floor."""
+_TRIM_RATIO = 0.7  # share of nearest matches that are used
+_MAX_DISTANCE_M = 1.0  # matches farther apart are outliers
+_MAX_NORMAL_ANGLE_RAD = math.radians(50)  # matches whose normals differ by more are outliers
+_MIN_TRANSLATION_M = 0.0005  # smaller mean steps end the iteration
+_MIN_ROTATION_RAD = 0.0001  # if they turn less than this, too
+_SMOOTH_LENGTH = 3  # number of steps in that mean
 
 
 def sensor_noise(ranges_m: Array) -> Array:
@@ -69,16 +82,15 @@ class _Pair:
 class _Differential:
     """libpointmatcher's DifferentialTransformationChecker: the mean of the last steps is small enough."""
 
-    def __init__(self, config: RegistrationConfig) -> None:
-        self._config = config
-        self._steps: deque[tuple[float, float]] = deque(maxlen=config.chain_smooth_length)
+    def __init__(self) -> None:
+        self._steps: deque[tuple[float, float]] = deque(maxlen=_SMOOTH_LENGTH)
 
     def satisfied(self, T_step: Array) -> bool:
         self._steps.append((float(np.linalg.norm(T_step[:3, 3])), rotation_angle(T_step)))
-        if len(self._steps) < self._config.chain_smooth_length:
+        if len(self._steps) < _SMOOTH_LENGTH:
             return False
         metres, radians = np.mean(self._steps, axis=0)
-        return bool(metres < self._config.chain_min_translation_m and radians < self._config.chain_min_rotation_rad)
+        return bool(metres < _MIN_TRANSLATION_M and radians < _MIN_ROTATION_RAD)
 
 
 class ThesisChainRegistration:
@@ -96,12 +108,12 @@ class ThesisChainRegistration:
     ) -> RegistrationResult:
         """See `Registration.match`; filters both clouds alike, as the thesis does."""
         config, T_guess = self._config, asked(reference, reading, T_reference_reading_guess)
-        seen = in_reach(reference, reading, T_guess, config.chain_max_distance_m)
-        seen = reference_cloud(seen, config.voxel_m, config.normal_neighbours)
+        seen = in_reach(reference, reading, T_guess, _MAX_DISTANCE_M)
+        seen = reference_cloud(seen, config.voxel_m, NORMAL_NEIGHBOURS)
         filtered = _Pair(self._filtered(seen), self._filtered(reading), seen, guess_covariance is not None)
         sizes = len(filtered.reference), len(filtered.reading)
-        if min(sizes) < config.min_points:
-            return refused(T_guess, f"{sizes[0]} reference and {sizes[1]} reading points after filtering, {config.min_points} wanted")
+        if min(sizes) < MIN_POINTS:
+            return refused(T_guess, f"{sizes[0]} reference and {sizes[1]} reading points after filtering, {MIN_POINTS} wanted")
         return self._iterated(filtered, T_guess)
 
     def _filtered(self, cloud: PointCloud) -> PointCloud:
@@ -111,14 +123,14 @@ class ThesisChainRegistration:
             ranges = np.linalg.norm(cloud.points - cloud.origins, axis=1)
             cloud = cloud.selected((ranges >= config.chain_min_range_m) & (ranges <= config.chain_max_range_m))
         cloud = voxel_downsample(cloud, config.voxel_m)
-        return with_normals(PointCloud(cloud.points, cloud.origins), config.normal_neighbours)
+        return with_normals(PointCloud(cloud.points, cloud.origins), NORMAL_NEIGHBOURS)
 
     def _iterated(self, clouds: _Pair, T_guess: Array) -> RegistrationResult:
-        config, reference, reading = self._config, clouds.reference, clouds.reading
+        reference, reading = clouds.reference, clouds.reading
         tree = small_gicp.KdTree(reference.points, num_threads=1)
-        checker, T, iterations = _Differential(config), T_guess, 0
+        checker, T, iterations = _Differential(), T_guess, 0
         matches = self._inliers(reference, reading, tree, T)
-        while iterations < config.max_iterations and len(matches.residuals) >= config.min_points // 2:
+        while iterations < MAX_ITERATIONS and len(matches.residuals) >= MIN_POINTS // 2:
             iterations += 1
             jacobian, weight = matches.jacobian(), matches.sigmas**-2
             hessian = (jacobian * weight[:, None]).T @ jacobian
@@ -128,13 +140,13 @@ class ThesisChainRegistration:
             matches = self._inliers(reference, reading, tree, T)
             if checker.satisfied(step):
                 break
-        if len(matches.residuals) < config.min_points // 2:
+        if len(matches.residuals) < MIN_POINTS // 2:
             return refused(T_guess, f"{len(matches.residuals)} matches after the outlier filters")
         return self._judged(clouds, tree, matches, (T_guess, T), iterations)
 
     def _inliers(self, reference: PointCloud, reading: PointCloud, tree: small_gicp.KdTree, T: Array) -> _Matches:
         """Nearest neighbours that pass the outlier filters at `T`."""
-        config, moved = self._config, moved_points(T, reading.points)
+        moved = moved_points(T, reading.points)
         assert reference.normals is not None and reading.normals is not None
         found, squared = tree.batch_knn_search(moved, 1, num_threads=1)
         index, squared = np.asarray(found)[:, 0].astype(np.int64), np.asarray(squared)[:, 0]
@@ -142,8 +154,8 @@ class ThesisChainRegistration:
         cosine = np.einsum("ij,ij->i", normals, reading.normals @ T[:3, :3].T)
         if reference.origins is None or reading.origins is None:
             cosine = np.abs(cosine)
-        trimmed = np.quantile(squared, config.chain_trim_ratio)
-        kept = (squared <= min(trimmed, config.chain_max_distance_m**2)) & (cosine >= math.cos(config.chain_max_normal_angle_rad))
+        trimmed = np.quantile(squared, _TRIM_RATIO)
+        kept = (squared <= min(trimmed, _MAX_DISTANCE_M**2)) & (cosine >= math.cos(_MAX_NORMAL_ANGLE_RAD))
         residuals = np.einsum("ij,ij->i", normals, moved - reference.points[index])[kept]
         ranges = np.linalg.norm(reading.points if reading.origins is None else reading.points - reading.origins, axis=1)
         return _Matches(reading.points[kept], normals[kept] @ T[:3, :3], residuals, sensor_noise(ranges[kept]))
@@ -161,7 +173,7 @@ class ThesisChainRegistration:
         is_sided = reference.origins is not None and reading.origins is not None
         seen = Surface(reference.points, reference.normals, tree, is_sided)
         noise = own_noise(surface_of(reading), config).or_worse(own_noise(seen, config))
-        fit = fit_of(reading.transformed(T), reference.points[index], reference.normals[index], squared, is_sided, noise, config)
+        fit = fit_of(reading.transformed(T), reference.points[index], reference.normals[index], squared, is_sided, noise)
         contradiction = free_space_contradiction(clouds.reference_sweeps, reading, T, config)
         ratio = len(jacobian) / len(reading)
         verdict, reason = judge(ratio, fit, contradiction, weak, config, clouds.is_guess_known)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.cloud import Array, PointCloud
-from pose_graph_mapping.registration.explanation import SAME_PLANE_COS, Noise
+from pose_graph_mapping.registration.explanation import OVERLAP_DISTANCE_M, SAME_PLANE_COS, Noise
 from pose_graph_mapping.registration.match_quality import Degeneracy
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 
@@ -53,7 +53,7 @@ def tolerance(noise: Noise, config: RegistrationConfig) -> float:
     return max(config.misfit_m, config.misfit_noise * noise.within_m)
 
 
-def fit_of(placed: PointCloud, at: Array, normals: Array, squared: Array, is_sided: bool, noise: Noise, config: RegistrationConfig) -> Fit:
+def fit_of(placed: PointCloud, at: Array, normals: Array, squared: Array, is_sided: bool, noise: Noise) -> Fit:
     """Of a reading placed in the reference, `at` (N, 3) the reference point nearest to each of its points, with `normals` (N, 3).
 
     `squared` (N,) distances between them. `is_sided`: the normals of both point to the side that was seen. `noise`: see `Fit`.
@@ -61,7 +61,7 @@ def fit_of(placed: PointCloud, at: Array, normals: Array, squared: Array, is_sid
     assert placed.normals is not None
     cosine = np.einsum("ij,ij->i", normals, placed.normals)
     cosine = cosine if is_sided else np.abs(cosine)
-    near = (squared <= config.overlap_distance_m**2) & (cosine >= 0.0)
+    near = (squared <= OVERLAP_DISTANCE_M**2) & (cosine >= 0.0)
     off_m = np.abs(np.einsum("ij,ij->i", normals, placed.points - at))
     return Fit(near, near & (cosine > SAME_PLANE_COS), off_m, noise)
 

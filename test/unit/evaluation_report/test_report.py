@@ -9,7 +9,7 @@ import pytest
 from campaign_on_disk import SUMMARY, write_campaign, write_run
 from PIL import Image
 
-from evaluation_report import ReportConfig, load_campaign, write_report
+from evaluation_report import load_campaign, write_report
 from evaluation_report.charts import activity_chart, coverage_chart, embedded, standalone
 from evaluation_report.gallery import worst_first
 from evaluation_report.pictures import small_picture
@@ -213,7 +213,7 @@ def test_picture_of_what_was_missed_is_preferred_and_small(tmp_path):
 
 def test_run_without_picture_is_shown_all_the_same(folder, tmp_path):
     assert small_picture(tmp_path, 760, 60_000) is None
-    page = write_report(folder, ReportConfig(picture_width_px=400))[0].read_text()
+    page = write_report(folder)[0].read_text()
     assert page.count("no picture") == 11 and page.count("data:image/webp") == 1
 
 

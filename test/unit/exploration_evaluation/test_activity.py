@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from exploration_evaluation import EvaluationConfig
 from exploration_evaluation.activity import activity_times, time_spent
 from rigid_geometry import transform_from_rpy
 
@@ -70,7 +69,7 @@ def moved(*parts):
 
 def spent(states, truth):
     stamps, names = zip(*states, strict=True)
-    return time_spent(stamps, names, truth, 0.335, EvaluationConfig())
+    return time_spent(stamps, names, truth, 0.335)
 
 
 def test_time_is_spent_driving_turning_on_the_spot_sweeping_and_waiting():
@@ -106,6 +105,6 @@ def test_robot_that_trembles_stands_and_one_that_creeps_drives():
 
 def test_time_spent_needs_a_record():
     with pytest.raises(ValueError, match="two true poses"):
-        time_spent((), (), moved((1, 0, 0)), 0.335, EvaluationConfig())
+        time_spent((), (), moved((1, 0, 0)), 0.335)
     with pytest.raises(ValueError, match="two true poses"):
-        time_spent((1.0,), ("driving",), moved(), 0.335, EvaluationConfig())
+        time_spent((1.0,), ("driving",), moved(), 0.335)

@@ -8,12 +8,12 @@ import pytest
 from hand_made_worlds import box, join, plate, room, wall
 
 from exploration_evaluation import reachable_ground
-from exploration_evaluation.clairvoyant import SENSOR_VIEWS, clairvoyant
+from exploration_evaluation.clairvoyant import SENSOR_VIEWS, SETTLE_S, VIEW_STEP_M, clairvoyant
 from exploration_evaluation.covering_tour import covering_tour
 from exploration_evaluation.visiting_order import best_order, order_cost
 
 VIEW = SENSOR_VIEWS["tilting"]
-STOP_S = VIEW.sweep_s + VIEW.settle_s
+STOP_S = VIEW.sweep_s + SETTLE_S
 SPEED_MPS = 0.5
 MIDDLE = (2.5, 2.5, 0.1)
 
@@ -47,7 +47,7 @@ def test_two_rooms_take_the_way_into_the_second_one(corridor_m):
     seen = found(two_rooms(corridor_m), MIDDLE)
     assert seen.sweeps == 2
     for way_m in (seen.stopping_way_m, seen.driving_way_m):
-        assert 2.5 + corridor_m <= way_m <= 2.5 + corridor_m + VIEW.view_step_m
+        assert 2.5 + corridor_m <= way_m <= 2.5 + corridor_m + VIEW_STEP_M
     assert seen.stopping_s == pytest.approx(2 * STOP_S + seen.stopping_way_m / SPEED_MPS)
     assert seen.driving_s == pytest.approx(seen.driving_way_m / SPEED_MPS)
 

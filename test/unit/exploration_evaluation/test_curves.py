@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 from hand_made import START, VOXEL_M, WORLD, hand_made_map
 
-from exploration_evaluation import EvaluationConfig, covered_cells, motion, reachable_ground
+from exploration_evaluation import covered_cells, motion, reachable_ground
 from exploration_evaluation.curves import CurvePoint, coverage_curve, driven_distances, placed_sweeps, swept_ground
 from rigid_geometry import inverse, transform_from_rpy, transform_points
-
-CONFIG = EvaluationConfig(map_resolution_m=VOXEL_M)
 
 
 @pytest.fixture(scope="module")
@@ -25,11 +23,11 @@ def test_room_swept_half_by_half_is_covered_half_by_half(cells):
     halves = [flat_floor(0, 3), np.empty((0, 3)), flat_floor(3, 6), flat_floor(0, 6)]
     # The tolerance of 0.12 m covers one more row of cells beyond x = 3: 28 cells of the centre's width and 3 at each side.
     first = 0.5 + 34 / len(cells)
-    np.testing.assert_allclose(swept_ground(cells, halves, np.eye(4), CONFIG).shares, [first, first, 1.0, 1.0])
+    np.testing.assert_allclose(swept_ground(cells, halves, np.eye(4), VOXEL_M).shares, [first, first, 1.0, 1.0])
 
 
 def test_hand_made_map_swept_in_one_has_its_score_found_on_paper(cells):
-    shares = swept_ground(cells, [hand_made_map().voxels + 0.001], np.eye(4), CONFIG).shares
+    shares = swept_ground(cells, [hand_made_map().voxels + 0.001], np.eye(4), VOXEL_M).shares
     assert shares == pytest.approx([1 - 128 / 1832])
 
 
@@ -42,7 +40,7 @@ def test_curve_is_the_coverage_of_a_map_of_all_points_until_then(cells, seed):
     for k in range(5):
         voxels = np.unique(np.floor(np.vstack(sweeps[: k + 1]) / VOXEL_M), axis=0)
         expected.append(covered_cells(cells, transform_points(T_world_map, (voxels + 0.5) * VOXEL_M)).mean())
-    np.testing.assert_allclose(swept_ground(cells, sweeps, T_world_map, CONFIG).shares, expected)
+    np.testing.assert_allclose(swept_ground(cells, sweeps, T_world_map, VOXEL_M).shares, expected)
 
 
 def test_sweeps_are_placed_by_their_poses_and_cropped_around_the_robot():
@@ -67,9 +65,9 @@ def test_curve_tells_time_since_the_first_true_pose_and_the_way_driven():
 def test_what_makes_no_curve_is_refused(cells):
     pose = np.eye(4)[None]
     with pytest.raises(ValueError, match="at least one cell"):
-        swept_ground(np.empty((0, 3)), [], np.eye(4), CONFIG)
+        swept_ground(np.empty((0, 3)), [], np.eye(4), VOXEL_M)
     with pytest.raises(ValueError, match="no true pose is known before 0.5"):
         driven_distances([1.0], pose, [0.5, 2.0])
     with pytest.raises(ValueError, match="a stamp and a coverage"):
         coverage_curve([0.5], [1.0, 2.0], [1.0], pose)
-    assert len(swept_ground(cells, [], np.eye(4), CONFIG).shares) == 0
+    assert len(swept_ground(cells, [], np.eye(4), VOXEL_M).shares) == 0

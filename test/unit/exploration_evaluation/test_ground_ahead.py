@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from exploration_evaluation.config import EvaluationConfig
-from exploration_evaluation.ground_ahead import GroundAhead, ground_ahead
+from exploration_evaluation.ground_ahead import START_BLIND_M, GroundAhead, ground_ahead
 
-CONFIG = EvaluationConfig()
 CELLS = np.column_stack([np.arange(0.0, 12.0, 0.05), np.zeros(240), np.zeros(240)])
 
 
@@ -20,7 +18,7 @@ def drive(*legs: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def ahead(shown_s: np.ndarray, truth: tuple[np.ndarray, np.ndarray]) -> GroundAhead | None:
-    return ground_ahead(CELLS, shown_s, truth, CONFIG)
+    return ground_ahead(CELLS, shown_s, truth)
 
 
 def test_ground_that_is_shown_two_metres_before_the_robot_is_known_two_metres_ahead() -> None:
@@ -49,7 +47,7 @@ def test_slow_robot_is_asked_for_nothing_and_one_that_stands_first_knows_its_way
 def test_ground_that_was_never_shown_and_that_around_its_start_do_not_count() -> None:
     shown_s = np.zeros(len(CELLS))
     shown_s[(CELLS[:, 0] > 5.0) & (CELLS[:, 0] < 5.3)] = np.inf
-    shown_s[CELLS[:, 0] < CONFIG.start_blind_m] = 15.0
+    shown_s[CELLS[:, 0] < START_BLIND_M] = 15.0
     assert ahead(shown_s, drive((0.5, 20.0))) is None
 
 

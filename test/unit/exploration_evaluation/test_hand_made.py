@@ -3,9 +3,9 @@
 import math
 
 import pytest
-from hand_made import START, VOXEL_M, WORLD, hand_made_map
+from hand_made import START, WORLD, hand_made_map
 
-from exploration_evaluation import EvaluationConfig, ReachableGround, coverage, map_error, reachable_ground
+from exploration_evaluation import ReachableGround, coverage, map_error, reachable_ground
 
 # The centre keeps 0.6 m from the walls: 48 x 28 cells. The body's circle of 0.335 m reaches 3 cells farther, and 8 at each corner.
 CELLS = 48 * 28 + 2 * 3 * (48 + 28) + 4 * 8
@@ -28,8 +28,7 @@ def test_hand_made_map_has_the_voxels_counted_on_paper():
 
 
 def test_hole_and_raised_plate_are_what_the_coverage_lacks(ground):
-    config = EvaluationConfig(map_resolution_m=VOXEL_M)
-    share = coverage(ground.covered_points, hand_made_map().voxels, config.coverage_horizontal_m, config.coverage_vertical_m)
+    share = coverage(ground.covered_points, hand_made_map().voxels)
     assert share == pytest.approx(1 - 2 * UNCOVERED / CELLS, abs=1e-12)
 
 

@@ -5,13 +5,12 @@ import pytest
 import trimesh
 
 from exploration_evaluation import read_contacts
-from exploration_evaluation.config import EvaluationConfig
 from exploration_evaluation.mover_scores import ghosts_m2, read_mover_places
 
 FLOOR = trimesh.creation.box((10.0, 10.0, 0.2))
 FLOOR.apply_translation((0.0, 0.0, -0.1))
 MESH = (FLOOR.vertices, FLOOR.faces)
-CELL = EvaluationConfig().map_resolution_m
+CELL = 0.08
 
 
 def column(x, y):
@@ -22,13 +21,13 @@ def column(x, y):
 def test_person_in_the_map_is_a_ghost_of_the_ground_under_it_and_the_floor_is_none():
     floor = np.array([[x, y, -CELL / 2] for x in np.arange(-2, 2, CELL) for y in np.arange(-2, 2, CELL)])
     voxels = np.concatenate([floor, column(1.0, 1.0), column(1.0 + CELL, 1.0)])
-    assert ghosts_m2(voxels, MESH, np.array([[1.0, 1.0]]), EvaluationConfig()) == pytest.approx(2 * CELL**2)
+    assert ghosts_m2(voxels, MESH, np.array([[1.0, 1.0]]), CELL) == pytest.approx(2 * CELL**2)
 
 
 def test_what_lies_far_from_every_mover_or_on_a_surface_is_no_ghost():
-    assert ghosts_m2(column(1.0, 1.0), MESH, np.array([[3.0, 1.0]]), EvaluationConfig()) == 0.0
-    assert ghosts_m2(np.array([[1.0, 1.0, 0.1]]), MESH, np.array([[1.0, 1.0]]), EvaluationConfig()) == 0.0
-    assert ghosts_m2(np.empty((0, 3)), MESH, np.array([[1.0, 1.0]]), EvaluationConfig()) == 0.0
+    assert ghosts_m2(column(1.0, 1.0), MESH, np.array([[3.0, 1.0]]), CELL) == 0.0
+    assert ghosts_m2(np.array([[1.0, 1.0, 0.1]]), MESH, np.array([[1.0, 1.0]]), CELL) == 0.0
+    assert ghosts_m2(np.empty((0, 3)), MESH, np.array([[1.0, 1.0]]), CELL) == 0.0
 
 
 def test_places_of_movers_are_read_without_half_a_last_line(tmp_path):

@@ -5,12 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exploration_evaluation.config import EvaluationConfig
 from exploration_evaluation.start_distance import StartDistance
 from exploration_evaluation.verdict import Fault, Outcome, faults, largest_piece_m2, succeeded, succeeded_alone
 from rigid_geometry import transform_from_rpy
 
-CONFIG = EvaluationConfig()
 GOOD = Outcome(
     "explored: all", fell=False, collisions=0, map_saved=True, coverage=0.999, missed_piece_m2=0.1, start=StartDistance(9.0, 5.0, 1.0)
 )
@@ -18,7 +16,7 @@ HOME = "ended: 520 of 600 s are spent, and the way home of 9.0 m needs the rest;
 
 
 def test_good_run_succeeds() -> None:
-    assert (succeeded(GOOD, CONFIG), faults(GOOD, CONFIG)) == (True, ())
+    assert (succeeded(GOOD), faults(GOOD)) == (True, ())
 
 
 @pytest.mark.parametrize(
@@ -52,7 +50,7 @@ def test_good_run_succeeds() -> None:
 )
 def test_each_fault_alone_is_no_success(changed: dict[str, object], fault: Fault) -> None:
     outcome = replace(GOOD, **changed)  # type: ignore[arg-type]
-    assert (succeeded(outcome, CONFIG), faults(outcome, CONFIG)) == (False, (fault,))
+    assert (succeeded(outcome), faults(outcome)) == (False, (fault,))
 
 
 @pytest.mark.parametrize(
@@ -65,7 +63,7 @@ def test_each_fault_alone_is_no_success(changed: dict[str, object], fault: Fault
     ],
 )
 def test_what_is_just_enough_is_a_success(changed: dict[str, object]) -> None:
-    assert succeeded(replace(GOOD, **changed), CONFIG) is True  # type: ignore[arg-type]
+    assert succeeded(replace(GOOD, **changed)) is True  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -78,25 +76,25 @@ def test_what_is_just_enough_is_a_success(changed: dict[str, object]) -> None:
 )
 def test_run_that_was_to_end_before_all_is_explored_succeeds_with_less(changed: dict[str, object]) -> None:
     little = replace(GOOD, stop_reason="ended: told to stop", coverage=0.4, missed_piece_m2=60.0)
-    assert succeeded(replace(little, **changed), CONFIG) is True  # type: ignore[arg-type]
+    assert succeeded(replace(little, **changed)) is True  # type: ignore[arg-type]
 
 
 def test_robot_that_only_drove_to_goals_succeeds_without_a_map() -> None:
     driven = replace(GOOD, stop_reason="interrupted", map_saved=False, coverage=None, missed_piece_m2=None, explores=False)
-    assert succeeded(driven, CONFIG) is True
-    assert succeeded(replace(driven, collisions=None), CONFIG) is None
-    assert succeeded(replace(driven, stop_reason="time limit: 1800 s simulated"), CONFIG) is True
+    assert succeeded(driven) is True
+    assert succeeded(replace(driven, collisions=None)) is None
+    assert succeeded(replace(driven, stop_reason="time limit: 1800 s simulated")) is True
 
 
 @pytest.mark.parametrize("reason", ["node died: pybullet_sim_node", "roslaunch was killed", "the first sweep was not found in the map"])
 def test_robot_that_only_drove_to_goals_fails_when_nobody_ended_it(reason: str) -> None:
     driven = replace(GOOD, stop_reason=reason, map_saved=False, coverage=None, missed_piece_m2=None, explores=False)
-    assert (succeeded(driven, CONFIG), faults(driven, CONFIG)) == (False, (Fault.BROKEN_OFF,))
+    assert (succeeded(driven), faults(driven)) == (False, (Fault.BROKEN_OFF,))
 
 
 @pytest.mark.parametrize("unknown", ["stop_reason", "fell", "collisions", "coverage", "missed_piece_m2", "start"])
 def test_what_is_not_known_leaves_the_verdict_open(unknown: str) -> None:
-    assert succeeded(replace(GOOD, **{unknown: None}), CONFIG) is None
+    assert succeeded(replace(GOOD, **{unknown: None})) is None
 
 
 def test_robot_alone_knows_whether_it_ever_left_its_start() -> None:

@@ -7,7 +7,6 @@ import pytest
 from numba.core.registry import CPUDispatcher
 from terrain_worlds import BELOW, OCCUPIED, RESOLUTION, decide, grid_of_heights, pose, runs_of
 
-from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import DecisionKind
 from octomap_server_3dnav.exploration.first_decision import compile_kernels
@@ -58,7 +57,7 @@ def test_no_decision_compiles_what_was_not_compiled_beforehand(runs, here):
     before = signatures()
     decision = decide(Explorer(), runs, here)
     assert decision.kind is DecisionKind.GOAL
-    validity_in(decision.terrain, decision, ExplorationConfig(), 6)
+    validity_in(decision.terrain, decision, 6)
     grid = project(decision.terrain, decision.terrain.robot_xyz[:2], 12.0)
     with_standing(grid, decision.terrain, RobotBody())
     assert signatures() == before

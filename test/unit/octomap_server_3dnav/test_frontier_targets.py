@@ -65,7 +65,7 @@ def test_distance_over_the_ground_counts_the_way_round_a_wall():
 
 def test_long_frontier_is_split_into_targets_of_limited_extent():
     states = grid_of_heights(lambda x, y: 0.04 + 0 * x * y, 80, 80)
-    found = targets(states, pose(3.2, 3.2), target_radius_m=1.0)
+    found = targets(states, pose(3.2, 3.2))
     terrain = terrain_of(states, pose(3.2, 3.2))
     assert len(found) > 10
     assert sorted(v for f in found for v in f.voxels) == terrain.nodes_of(TerrainClass.FRONTIER).tolist()

@@ -15,7 +15,7 @@ from octomap_server_3dnav.exploration.decision import DecisionKind
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
 from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
 from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain, rest_from, with_passages
-from octomap_server_3dnav.navigation.planner import PlannerConfig, distances_over_ground, plan_path
+from octomap_server_3dnav.navigation.planner import WAYPOINT_SPACING_M, PlannerConfig, distances_over_ground, plan_path
 from octomap_server_3dnav.navigation.straight_lines import PassageConfig
 from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
 from octomap_server_3dnav.terrain.classify import classify
@@ -136,7 +136,7 @@ def test_path_is_straight_through_the_door_with_a_run_up_on_both_sides() -> None
     assert np.ptp(bearings) < 1e-6 and abs(bearings[0]) < 0.1
     wall = WALL_X * RESOLUTION
     assert line[0, 0] < wall - 0.6 - 0.4 and line[-1, 0] > wall + 0.16 + 0.6 + 0.4
-    assert np.linalg.norm(np.diff(path.points, axis=0), axis=1).max() <= CONFIG.waypoint_spacing_m + 0.01
+    assert np.linalg.norm(np.diff(path.points, axis=0), axis=1).max() <= WAYPOINT_SPACING_M + 0.01
     assert distances_over_ground(terrain, CONFIG)[terrain.surface_near((7.2, 4.4, 0.04))] > path.length_m + 4.0
 
 
@@ -215,7 +215,7 @@ def test_robot_stops_in_line_before_the_door_and_drives_in_from_there() -> None:
     assert x < WALL_X * RESOLUTION - 1.0 and abs(yaw) < 0.1
     near = decide(Explorer(), runs, pose(x, y, yaw=yaw))
     assert near.kind is DecisionKind.GOAL and near.straight.any() and near.goal[0] > WALL_X * RESOLUTION + 1.0
-    valid_in = partial(validity_in, config=ExplorationConfig(), min_voxels=FrontierConfig().min_voxels)
+    valid_in = partial(validity_in, min_voxels=FrontierConfig().min_voxels)
     assert valid_in(near.terrain, near) is Validity.VALID
     assert valid_in(near.terrain, replace(near, straight=None)) is Validity.PATH_BLOCKED
     blocked = with_door(11)

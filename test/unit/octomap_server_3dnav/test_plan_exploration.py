@@ -196,7 +196,7 @@ def test_plan_stays_valid_until_the_path_is_blocked_or_the_frontier_is_gone():
 
     def after(world):
         terrain = navigable_terrain(runs_of(world), pose(2.3, 2.2), TerrainSettings(), 6.0)
-        return validity_in(terrain, decision, ExplorationConfig(), FrontierConfig().min_voxels)
+        return validity_in(terrain, decision, FrontierConfig().min_voxels)
 
     assert after(states) is Validity.VALID
     assert after(room()) is Validity.FRONTIER_GONE
@@ -208,7 +208,7 @@ def test_plan_stays_valid_until_the_path_is_blocked_or_the_frontier_is_gone():
 def test_decision_without_a_path_has_no_validity():
     explored = decide(Explorer(), runs_of(room()), pose(2.0, 2.0))
     with pytest.raises(ValueError, match="explored"):
-        validity_in(explored.terrain, explored, ExplorationConfig(), 6)
+        validity_in(explored.terrain, explored, 6)
 
 
 def test_wrong_configuration_is_refused():

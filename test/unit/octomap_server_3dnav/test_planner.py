@@ -10,7 +10,15 @@ from scipy.sparse.csgraph import dijkstra
 from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, grid_of_heights, pose, robot_with, terrain_of
 
 from octomap_server_3dnav.navigation.path_search import Ways, cheapest_way, distances, edge_cost
-from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, distances_over_ground, nearest_traversable, plan_path, trim_path
+from octomap_server_3dnav.navigation.planner import (
+    WAYPOINT_SPACING_M,
+    Path,
+    PlannerConfig,
+    distances_over_ground,
+    nearest_traversable,
+    plan_path,
+    trim_path,
+)
 from octomap_server_3dnav.terrain.classify import TerrainClass
 
 CONFIG = PlannerConfig()
@@ -30,7 +38,7 @@ def test_path_over_open_floor_is_a_straight_line():
     path = path_to(terrain_of(flat(), pose(0.6, 0.6)), 6.5, 3.7, 0.04)
     straight = math.dist(path.points[0], path.points[-1])
     assert path.length_m == pytest.approx(straight, rel=0.01)
-    assert (np.linalg.norm(np.diff(path.points, axis=0), axis=1) <= CONFIG.waypoint_spacing_m + 1e-9).all()
+    assert (np.linalg.norm(np.diff(path.points, axis=0), axis=1) <= WAYPOINT_SPACING_M + 1e-9).all()
 
 
 def test_path_over_the_ramp_reaches_the_plateau_with_smooth_heights():

@@ -22,7 +22,7 @@ def fit(heights: NDArray[np.float64], normal: NDArray[np.float64] = UP, is_sided
     """Of points in a row at these heights over a reference at height 0 that was seen from above."""
     at = np.stack([0.1 * np.arange(len(heights)), np.zeros(len(heights)), np.zeros(len(heights))], axis=1)
     placed = PointCloud(at + heights[:, None] * UP, None, np.tile(normal, (len(heights), 1)))
-    return fit_of(placed, at, np.tile(UP, (len(heights), 1)), heights**2, is_sided, Noise(noise_m, 0.0), CONFIG)
+    return fit_of(placed, at, np.tile(UP, (len(heights), 1)), heights**2, is_sided, Noise(noise_m, 0.0))
 
 
 def shares(overlap: float, misfit: float, own_misfit: float = 0.0) -> Fit:

@@ -7,7 +7,19 @@ from synthetic_sweeps import corridor, furnished_room, pose, sweep, world_of
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration import placement_search
 from pose_graph_mapping.registration.cloud import PointCloud, merged, vertex_cloud, with_normals
-from pose_graph_mapping.registration.correlative import Window, coarse_placements, window_of
+from pose_graph_mapping.registration.correlative import (
+    SEARCH_APART_M,
+    SEARCH_APART_RAD,
+    SEARCH_CELL_M,
+    SEARCH_LEAST_SHIFT_M,
+    SEARCH_LEAST_YAW_RAD,
+    SEARCH_PEAKS,
+    SEARCH_YAW_RAD,
+    SEARCH_YAW_STEP_RAD,
+    Window,
+    coarse_placements,
+    window_of,
+)
 from pose_graph_mapping.registration.match_quality import Degeneracy, FreeSpace, keep_guess, known_directions, offset_between
 from pose_graph_mapping.registration.matching import Verdict
 from pose_graph_mapping.registration.methods import create_registration
@@ -53,11 +65,11 @@ def assert_right(result, T_true, metres=0.02, degrees=0.2):
 
 def test_window_is_three_sigmas_between_its_limits():
     T = transform_from_rpy((1.0, 2.0, 0.0), (0.0, 0.0, 0.7))
-    assert window_of(None, T, CONFIG) == Window(CONFIG.search_shift_m, CONFIG.search_height_m, CONFIG.search_yaw_rad)
+    assert window_of(None, T, CONFIG) == Window(CONFIG.search_shift_m, CONFIG.search_height_m, SEARCH_YAW_RAD)
     window = window_of(covariance(0.5, 0.7), T, CONFIG)
-    assert window.shift_m == pytest.approx(2.1) and window.yaw_rad == pytest.approx(1.5) and window.is_wide(CONFIG)
+    assert window.shift_m == pytest.approx(2.1) and window.yaw_rad == pytest.approx(1.5) and window.is_wide()
     narrow = window_of(covariance(1e-3, 1e-3), T, CONFIG)
-    assert (narrow.shift_m, narrow.yaw_rad) == (CONFIG.search_least_shift_m, CONFIG.search_least_yaw_rad) and not narrow.is_wide(CONFIG)
+    assert (narrow.shift_m, narrow.yaw_rad) == (SEARCH_LEAST_SHIFT_M, SEARCH_LEAST_YAW_RAD) and not narrow.is_wide()
 
 
 @pytest.mark.parametrize(
@@ -67,7 +79,7 @@ def test_window_is_three_sigmas_between_its_limits():
 def test_window_holds_what_lies_within_it_of_the_guess(shift, yaw, is_held):
     T_guess = transform_from_rpy((4.0, -2.0, 1.0), (0.1, -0.1, 3.0))
     T = transform_from_rpy(shift) @ T_guess @ transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
-    assert window_of(covariance(1e-3, 1e-3), T_guess, CONFIG).holds(T_guess, T, CONFIG) is is_held
+    assert window_of(covariance(1e-3, 1e-3), T_guess, CONFIG).holds(T_guess, T) is is_held
 
 
 def test_placement_is_refused_where_the_guess_says_that_the_truth_is_not(room):
@@ -91,14 +103,14 @@ def test_best_coarse_placement_is_near_the_truth(room):
     T_guess = transform_from_rpy((1.4, -0.9, 0.2)) @ T_true @ transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 2.4))
     placements, _ = coarse_placements(area, with_normals(vertex_cloud(reading, 0.1, 20), 20), T_guess, Window(3.0, 0.5, np.pi), CONFIG)
     off = offset_between(T_true, placements[0])
-    assert np.linalg.norm(off[3:]) < 2.0 * CONFIG.search_cell_m and np.linalg.norm(off[:3]) < 2.0 * CONFIG.search_yaw_step_rad
+    assert np.linalg.norm(off[3:]) < 2.0 * SEARCH_CELL_M and np.linalg.norm(off[:3]) < 2.0 * SEARCH_YAW_STEP_RAD
 
 
 def test_placements_lie_well_apart_and_within_the_window(room):
     area, reading, T_guess = room
     window = Window(1.2, 0.6, 0.8)
     placements, more = coarse_placements(area, vertex_cloud(reading, 0.1, 20), T_guess, window, CONFIG)
-    assert 1 < len(placements) <= CONFIG.search_peaks and 0 < len(more) <= 2 * CONFIG.search_peaks
+    assert 1 < len(placements) <= SEARCH_PEAKS and 0 < len(more) <= 2 * SEARCH_PEAKS
     assert not any(np.array_equal(T, other) for T in placements for other in more)
     shifts = placements[:, :3, 3] - T_guess[:3, 3]
     assert np.abs(shifts[:, :2]).max() <= window.shift_m + 1e-9 and np.abs(shifts[:, 2]).max() <= window.height_m + 1e-9
@@ -106,7 +118,7 @@ def test_placements_lie_well_apart_and_within_the_window(room):
     for k, T in enumerate(placements):
         for other in placements[:k]:
             off = offset_between(other, T)
-            assert np.linalg.norm(off[:3]) > CONFIG.search_apart_rad or np.linalg.norm(off[3:]) > CONFIG.search_apart_m
+            assert np.linalg.norm(off[:3]) > SEARCH_APART_RAD or np.linalg.norm(off[3:]) > SEARCH_APART_M
 
 
 @pytest.mark.parametrize(("yaw", "shift"), [(0.7, (1.2, -0.8, 0.2)), (-2.0, (-1.5, 1.5, 0.3)), (np.pi, (2.5, 1.2, -0.4))])
@@ -222,9 +234,9 @@ def test_placement_that_hardly_overlaps_hides_none_of_the_same_place():
     """Where hardly anything overlaps, hardly anything contradicts, and nothing holds."""
     open_x, T = np.eye(6)[[3]], transform_from_rpy((2.0, 0.0, 0.0))
     beside = placement_search.Rough(np.eye(4), 0.02, 0.001, open_x)
-    assert placement_search.same_place(beside.T, open_x, T, CONFIG)
-    assert not placement_search._is_no_better(T, 0.9, beside, None, CONFIG)
-    assert placement_search._is_no_better(np.eye(4), 0.9, beside, None, CONFIG)
+    assert placement_search.same_place(beside.T, open_x, T)
+    assert not placement_search._is_no_better(T, 0.9, beside, None)
+    assert placement_search._is_no_better(np.eye(4), 0.9, beside, None)
 
 
 def test_guess_itself_is_a_start_where_the_search_finds_nothing(room):

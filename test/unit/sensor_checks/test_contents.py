@@ -91,7 +91,7 @@ def test_points(found, asked, level):
 def imu(gyro=0.0, accel=9.81, standing=True, noise=0.003):
     rng = np.random.default_rng(0)
     rates, forces = rng.normal(0.0, noise, (500, 3)) + [0.0, 0.0, gyro], rng.normal(0.0, noise, (500, 3)) + [0.0, 0.0, accel]
-    return by_question(imu_rows("/imu", rates, forces, "imu_link", standing, (ImuLimits(), LIMITS)))
+    return by_question(imu_rows("/imu", rates, forces, "imu_link", standing, ImuLimits()))
 
 
 def test_imu():
@@ -132,12 +132,12 @@ def test_tilt(tilts, level, said):
     ],
 )
 def test_wheels(velocity, level):
-    (row,) = wheel_rows("/wheel_odom", np.array([velocity]), RobotBody(), LIMITS)
+    (row,) = wheel_rows("/wheel_odom", np.array([velocity]), RobotBody())
     assert row.level is level
 
 
 def test_robot_whose_wheels_are_silent_is_not_known_to_stand():
-    assert not stands(np.zeros((0, 2)), LIMITS) and stands(np.zeros((3, 2)), LIMITS)
+    assert not stands(np.zeros((0, 2))) and stands(np.zeros((3, 2)))
 
 
 def test_frames():
