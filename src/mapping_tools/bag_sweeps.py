@@ -16,12 +16,12 @@ from mapping_tools.messages import CLOUD_TYPE, ODOMETRY_TYPE, OdometryMessage, f
 from mapping_tools.recording import Recording
 from mapping_tools.sweep_sources import Mount, SourceSweep, UnknownWays, Unreadable
 from point_cloud2 import read_points
-from rigid_geometry import PoseHistory
+from rigid_geometry import OdometryHistory
 
 Array = NDArray[np.float64]
 
 TRACKED = "/odom_tracked"
-_KEPT_GRAVITIES = 400
+_Gravity = tuple[Array, float] | None
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class BagTopics:
         return replace(self, odometry=TRACKED, up=self.odometry) if is_tracked else self
 
 
-def gravity_of(T_odom_base: Array, covariance: Array) -> tuple[Array, float] | None:
+def gravity_of(T_odom_base: Array, covariance: Array) -> _Gravity:
     """Up in base_link and its sigma in radians, as the odometry's roll and pitch know it; None where its covariance (36,) knows nothing."""
     variance = max(covariance[21], covariance[28])
     return (T_odom_base[2, :3].copy(), math.sqrt(variance)) if 0.0 < variance < math.inf else None
@@ -53,8 +53,7 @@ class BagSweeps:
         """ValueError when a topic is not there or holds something else."""
         self._bag, self._topics, self._T_base_cloud = recording, topics, T_base_cloud
         self._sensor = np.zeros(3) if sensor is None else sensor
-        self._odometry, self._child_frame, self._ways = PoseHistory(), "", UnknownWays()
-        self._gravities: deque[tuple[float, tuple[Array, float] | None]] = deque(maxlen=_KEPT_GRAVITIES)
+        self._odometry, self._child_frame, self._ways = OdometryHistory[_Gravity](), "", UnknownWays()
         self._clouds = 0
         recording.check(topics.cloud, CLOUD_TYPE)
         if topics.odometry is not None:
@@ -81,33 +80,26 @@ class BagSweeps:
                     yield Unreadable(name, None, str(error))
             else:
                 self._take_odometry(record)
-            while waiting and (self._topics.odometry is None or self._reaches(stamp_s_of(waiting[0][1]))):
+            while waiting and (self._topics.odometry is None or self._odometry.reaches(stamp_s_of(waiting[0][1]))):
                 yield self._joined(*waiting.popleft())
         if not self._clouds:
             raise ValueError(f"topic {self._topics.cloud} is in it without a message")
         for name, message in waiting:
             yield Unreadable(name, stamp_s_of(message), "odometry does not reach its stamp")
 
-    def _reaches(self, stamp_s: float) -> bool:
-        knows_up = self._topics.up is None or (bool(self._gravities) and self._gravities[-1][0] >= stamp_s - 1e-6)
-        return knows_up and self._odometry.reaches(stamp_s)
-
     def _take_odometry(self, record: BagMessage) -> None:
         """A message that is damaged and a pose that is none are left out, as the node does it."""
         try:
             message = cast(OdometryMessage, record.message())
             T_odom_base = odometry_pose(message)
-            taken = record.topic != self._topics.odometry or self._odometry.add(stamp_s_of(message), T_odom_base)
+            is_newer = record.topic == self._topics.odometry and self._odometry.add_pose(stamp_s_of(message), T_odom_base)
         except ValueError:
             return
         self._child_frame = message.child_frame_id.lstrip("/")
-        if taken and record.topic == self._topics.odometry:
+        if is_newer:
             self._ways.add(stamp_s_of(message), np.asarray(message.pose.covariance))
-        if not taken or record.topic != (self._topics.up or self._topics.odometry):
-            return
-        if self._gravities and stamp_s_of(message) < self._gravities[-1][0]:
-            self._gravities.clear()
-        self._gravities.append((stamp_s_of(message), gravity_of(T_odom_base, message.pose.covariance)))
+        if record.topic == (self._topics.up or self._topics.odometry):
+            self._odometry.add_up(stamp_s_of(message), gravity_of(T_odom_base, message.pose.covariance))
 
     def _joined(self, name: str, message: Any) -> SourceSweep | Unreadable:
         stamp_s = stamp_s_of(message)
@@ -117,11 +109,11 @@ class BagSweeps:
             points, origins = mount.placed(table.points, table.origins)
             if self._topics.odometry is None:
                 return SourceSweep(name, stamp_s, points, origins)
-            T_odom_base = np.asarray(self._odometry.at(stamp_s))
+            T_odom_base, gravity = self._odometry.at(stamp_s)
         except ValueError as error:
             return Unreadable(name, stamp_s, str(error))
-        up, sigma = next((g for s, g in self._gravities if s >= stamp_s - 1e-6), None) or (None, None)
-        return SourceSweep(name, stamp_s, points, origins, T_odom_base, up, sigma, lost=self._ways.until(stamp_s))
+        up, sigma = gravity or (None, None)
+        return SourceSweep(name, stamp_s, points, origins, np.asarray(T_odom_base), up, sigma, lost=self._ways.until(stamp_s))
 
     def _mount_of(self, frame: str) -> Mount:
         if self._T_base_cloud is not None:

@@ -1,0 +1,60 @@
+"""Which odometry the finished clouds of a bag get, each by its own stamp, whatever other clouds and the clock do."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from recordings import cloud_message, odometry_message, write_bag
+
+from mapping_tools.bag_sweeps import BagSweeps, BagTopics
+from mapping_tools.recording import Recording
+from mapping_tools.sweep_sources import SourceSweep, Unreadable
+from rigid_geometry import transform_from_rpy
+
+POINTS = np.ones((3, 3), np.float32)
+FORWARD_MPS = 0.5
+SIGMA_RAD_S = 0.01  # sigma of up grows with the stamp, which tells of which pose it is
+
+Message = tuple[str, Any]
+
+
+def cloud(stamp_s: float, frame: str = "base_link") -> Message:
+    return "/sweep_cloud", cloud_message(stamp_s, POINTS, frame=frame)
+
+
+def poses(*stamps_s: float, topic: str = "/odom") -> list[Message]:
+    return [(topic, odometry_message(t, transform_from_rpy((FORWARD_MPS * t, 0.0, 0.0)), SIGMA_RAD_S * t)) for t in stamps_s]
+
+
+def found_in(path: Path, timed: list[tuple[float, Message]], topics: BagTopics | None = None) -> list[SourceSweep | Unreadable]:
+    """The sweeps of a bag of messages with the times of their recording."""
+    bag = write_bag(path / "run.bag", [message for _, message in timed], times_s=[time_s for time_s, _ in timed])
+    return list(BagSweeps(Recording([bag]), topics or BagTopics(), None, None).sweeps())
+
+
+def at_stamps(*messages: Message) -> list[tuple[float, Message]]:
+    """Recorded at their stamps, in this order."""
+    return [(m[1].header.stamp.sec + 1e-9 * m[1].header.stamp.nanosec, m) for m in messages]
+
+
+def test_cloud_in_the_midst_of_a_silence_of_the_odometry_is_not_placed(tmp_path: Path) -> None:
+    known, unknown = found_in(tmp_path, at_stamps(*poses(1.0), cloud(1.1), *poses(1.2), cloud(2.0), *poses(3.0)))
+    assert isinstance(known, SourceSweep) and known.T_odom_base is not None
+    assert known.T_odom_base[0, 3] == pytest.approx(1.1 * FORWARD_MPS)
+    assert isinstance(unknown, Unreadable) and "for 1.8 s" in unknown.reason
+
+
+def test_up_that_was_told_later_is_not_that_of_the_cloud(tmp_path: Path) -> None:
+    topics = BagTopics(odometry="/odom_tracked", up="/odom")
+    tracked = [poses(0.1 * k, topic="/odom_tracked")[0] for k in range(10, 30)]
+    (found,) = found_in(tmp_path, at_stamps(*poses(1.0), *tracked[:6], cloud(1.5), *tracked[6:], *poses(2.9)), topics)
+    assert isinstance(found, Unreadable) and "what was up at 1.500 s is not known: the odometry told it 1.4 s later" in found.reason
+
+
+def test_up_is_known_as_long_as_poses_are(tmp_path: Path) -> None:
+    """Of an odometry at 200 Hz, as of any other."""
+    fast = [poses(1.0 + 0.005 * k)[0] for k in range(1000)]
+    timed = [*at_stamps(*fast), (6.1, cloud(2.001)), (6.2, poses(6.1)[0])]
+    (found,) = found_in(tmp_path, timed)
+    assert isinstance(found, SourceSweep) and found.gravity_sigma_rad == pytest.approx(2.005 * SIGMA_RAD_S)
