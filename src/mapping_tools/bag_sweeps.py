@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, cast
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapping_tools.bag_records import BagMessage
-from mapping_tools.messages import CLOUD_TYPE, ODOMETRY_TYPE, OdometryMessage, frame_of, odometry_pose, stamp_s_of
+from mapping_tools.messages import CLOUD_TYPE, ODOMETRY_TYPE, OdometryMessage, Stamped, frame_of, odometry_pose, stamp_s_of
 from mapping_tools.recording import Recording
 from mapping_tools.sweep_sources import Mount, SourceSweep, UnknownWays, Unreadable
 from point_cloud2 import read_points
@@ -21,6 +20,8 @@ from rigid_geometry import OdometryHistory
 Array = NDArray[np.float64]
 
 TRACKED = "/odom_tracked"
+MOST_WAITING = 50  # clouds: a lidar at 10 Hz, whose odometry is recorded five seconds late
+_NOT_REACHED = "odometry does not reach its stamp"
 _Gravity = tuple[Array, float] | None
 
 
@@ -44,6 +45,18 @@ def gravity_of(T_odom_base: Array, covariance: Array) -> _Gravity:
     return (T_odom_base[2, :3].copy(), math.sqrt(variance)) if 0.0 < variance < math.inf else None
 
 
+@dataclass(frozen=True, eq=False)
+class _Waiting:
+    """A cloud until odometry reaches its stamp."""
+
+    name: str
+    stamp_s: float
+    message: Any
+
+    def given_up(self, reason: str) -> Unreadable:
+        return Unreadable(self.name, self.stamp_s, reason)
+
+
 class BagSweeps:
     """See `SweepSource`. A cloud waits for odometry that reaches its stamp; clouds in another frame than its child's need T_base_cloud."""
 
@@ -54,6 +67,7 @@ class BagSweeps:
         self._bag, self._topics, self._T_base_cloud = recording, topics, T_base_cloud
         self._sensor = np.zeros(3) if sensor is None else sensor
         self._odometry, self._child_frame, self._ways = OdometryHistory[_Gravity](), "", UnknownWays()
+        self._odometry_s, self._waiting = -math.inf, list[_Waiting]()
         self._clouds = 0
         recording.check(topics.cloud, CLOUD_TYPE)
         if topics.odometry is not None:
@@ -68,26 +82,43 @@ class BagSweeps:
         return self._bag.progress
 
     def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
-        """In the order of the bag; ValueError when it holds no cloud."""
-        waiting: deque[tuple[str, Any]] = deque()
+        """As odometry reaches their stamps, and those that it reaches at once in the order of these; ValueError when there is no cloud."""
         for record in self._bag.messages({self._topics.cloud, self._topics.odometry or "", self._topics.up or ""}):
             if record.topic == self._topics.cloud:
-                self._clouds += 1
-                name = f"{self._topics.cloud} {self._clouds - 1}"
-                try:
-                    waiting.append((name, record.message()))
-                except ValueError as error:
-                    yield Unreadable(name, None, str(error))
+                yield from self._take_cloud(record)
             else:
-                self._take_odometry(record)
-            while waiting and (self._topics.odometry is None or self._odometry.reaches(stamp_s_of(waiting[0][1]))):
-                yield self._joined(*waiting.popleft())
+                yield from self._take_odometry(record)
+            yield from self._reached()
         if not self._clouds:
             raise ValueError(f"topic {self._topics.cloud} is in it without a message")
-        for name, message in waiting:
-            yield Unreadable(name, stamp_s_of(message), "odometry does not reach its stamp")
+        yield from (cloud.given_up(_NOT_REACHED) for cloud in self._waiting)
 
-    def _take_odometry(self, record: BagMessage) -> None:
+    def _take_cloud(self, record: BagMessage) -> Iterator[Unreadable]:
+        """Of too many that wait the oldest is given up."""
+        self._clouds += 1
+        name = f"{self._topics.cloud} {self._clouds - 1}"
+        try:
+            message = record.message()
+        except ValueError as error:
+            yield Unreadable(name, None, str(error))
+            return
+        self._waiting.append(_Waiting(name, stamp_s_of(cast(Stamped, message)), message))
+        if len(self._waiting) > MOST_WAITING:
+            yield self._waiting.pop(0).given_up(_NOT_REACHED)
+
+    def _reached(self) -> Iterator[SourceSweep | Unreadable]:
+        """Each is decided by its own stamp, which may be a bad one, so that none holds up others."""
+        due = [cloud for cloud in self._waiting if self._topics.odometry is None or self._odometry.reaches(cloud.stamp_s)]
+        self._waiting = [cloud for cloud in self._waiting if cloud not in due]
+        yield from (self._joined(cloud) for cloud in sorted(due, key=lambda cloud: cloud.stamp_s))
+
+    def _lose_waiting(self, stamp_s: float) -> Iterator[Unreadable]:
+        """Clouds from before the clock was set back to a stamp: where they were made nobody knows any more."""
+        late = [cloud for cloud in self._waiting if cloud.stamp_s > stamp_s]
+        self._waiting = [cloud for cloud in self._waiting if cloud not in late]
+        yield from (cloud.given_up("the clock was set back before odometry reached its stamp") for cloud in late)
+
+    def _take_odometry(self, record: BagMessage) -> Iterator[Unreadable]:
         """A message that is damaged and a pose that is none are left out, as the node does it."""
         try:
             message = cast(OdometryMessage, record.message())
@@ -97,12 +128,15 @@ class BagSweeps:
             return
         self._child_frame = message.child_frame_id.lstrip("/")
         if is_newer:
+            if stamp_s_of(message) < self._odometry_s:
+                yield from self._lose_waiting(stamp_s_of(message))
+            self._odometry_s = stamp_s_of(message)
             self._ways.add(stamp_s_of(message), np.asarray(message.pose.covariance))
         if record.topic == (self._topics.up or self._topics.odometry):
             self._odometry.add_up(stamp_s_of(message), gravity_of(T_odom_base, message.pose.covariance))
 
-    def _joined(self, name: str, message: Any) -> SourceSweep | Unreadable:
-        stamp_s = stamp_s_of(message)
+    def _joined(self, cloud: _Waiting) -> SourceSweep | Unreadable:
+        name, stamp_s, message = cloud.name, cloud.stamp_s, cloud.message
         mount = self._mount_of(frame_of(message))
         try:
             table = read_points(message)

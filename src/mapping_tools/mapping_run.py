@@ -53,13 +53,14 @@ class _Known:
     def __init__(self, stamps_s: Sequence[float]) -> None:
         self._stamps_s, self._is_behind = np.array(stamps_s, dtype=np.float64), False
 
-    def has(self, stamp_s: float) -> bool:
-        """Of each sweep, in the order of the recording: its clock may have been set back."""
+    def has(self, stamp_s: float, *, is_readable: bool) -> bool:
+        """Of each sweep, in the order of the recording: its clock may have been set back. One that is unreadable may have a bad stamp."""
         if not len(self._stamps_s):
             return False
         is_in, last_s = bool(np.abs(self._stamps_s - stamp_s).min() <= _SAME_S), self._stamps_s[-1]
         is_known = is_in or (not self._is_behind and stamp_s <= last_s)
-        self._is_behind = self._is_behind or not is_known or abs(stamp_s - last_s) <= _SAME_S
+        if is_readable:
+            self._is_behind = self._is_behind or not is_known or abs(stamp_s - last_s) <= _SAME_S
         return is_known
 
 
@@ -93,10 +94,9 @@ class MappingRun:
             if self._stopping:
                 return False
             self.account.read += 1
-            lost = lost or self._goes_back(sweep.stamp_s)
             if isinstance(sweep, SourceSweep):
-                sweep, lost = self._near(sweep), lost or sweep.lost
-            if sweep.stamp_s is not None and known.has(sweep.stamp_s):
+                sweep, lost = self._near(sweep), self._goes_back(sweep.stamp_s) or lost or sweep.lost
+            if sweep.stamp_s is not None and known.has(sweep.stamp_s, is_readable=isinstance(sweep, SourceSweep)):
                 self.account.known += 1
                 lost = moved and goes_on
             elif isinstance(sweep, Unreadable):
@@ -107,11 +107,10 @@ class MappingRun:
                 self._last, lost = sweep, False
         return True
 
-    def _goes_back(self, stamp_s: float | None) -> bool:
+    def _goes_back(self, stamp_s: float) -> bool:
         """Whether a sweep is older than the one read before it."""
-        before_s = self.account.read_until_s
-        self.account.read_until_s = before_s if stamp_s is None else stamp_s
-        return stamp_s is not None and before_s is not None and stamp_s < before_s
+        before_s, self.account.read_until_s = self.account.read_until_s, stamp_s
+        return before_s is not None and stamp_s < before_s
 
     def _near(self, sweep: SourceSweep) -> SourceSweep:
         """The sweep with its odometry relative to the origin."""

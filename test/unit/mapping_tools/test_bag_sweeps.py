@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from recordings import cloud_message, odometry_message, write_bag
 
-from mapping_tools.bag_sweeps import BagSweeps, BagTopics
+from mapping_tools.bag_sweeps import MOST_WAITING, BagSweeps, BagTopics
 from mapping_tools.recording import Recording
 from mapping_tools.sweep_sources import SourceSweep, Unreadable
 from rigid_geometry import transform_from_rpy
@@ -58,3 +58,28 @@ def test_up_is_known_as_long_as_poses_are(tmp_path: Path) -> None:
     timed = [*at_stamps(*fast), (6.1, cloud(2.001)), (6.2, poses(6.1)[0])]
     (found,) = found_in(tmp_path, timed)
     assert isinstance(found, SourceSweep) and found.gravity_sigma_rad == pytest.approx(2.005 * SIGMA_RAD_S)
+
+
+def test_cloud_of_a_bad_stamp_holds_up_no_other(tmp_path: Path) -> None:
+    ahead = (1.05, cloud(3601.0))
+    others = [m for k in range(5) for m in at_stamps(cloud(1.1 + 0.2 * k), *poses(1.2 + 0.2 * k))]
+    source, names = [*at_stamps(*poses(1.0)), ahead, *others], [f"/sweep_cloud {k}" for k in range(6)]
+    found = found_in(tmp_path, source)
+    assert [sweep.name for sweep in found] == [*names[1:], names[0]]
+    assert all(isinstance(sweep, SourceSweep) for sweep in found[:-1])
+    assert isinstance(found[-1], Unreadable) and "odometry does not reach its stamp" in found[-1].reason
+
+
+def test_clouds_from_before_the_clock_was_set_back_are_named_at_once(tmp_path: Path) -> None:
+    before, after = at_stamps(*poses(50.0), cloud(50.05)), [*poses(20.0), cloud(20.1), *poses(20.2)]
+    late, found = found_in(tmp_path, before + [(50.1 + 0.1 * k, message) for k, message in enumerate(after)])
+    assert isinstance(late, Unreadable) and late.name == "/sweep_cloud 0" and "the clock was set back" in late.reason
+    assert isinstance(found, SourceSweep) and found.stamp_s == pytest.approx(20.1)
+
+
+def test_clouds_that_wait_do_not_pile_up(tmp_path: Path) -> None:
+    """Of too many the oldest is given up, before the end of the bag."""
+    ahead = [(1.0 + 0.01 * k, cloud(3600.0 + k)) for k in range(MOST_WAITING + 1)]
+    found = found_in(tmp_path, [*at_stamps(*poses(0.9)), *ahead, *at_stamps(cloud(5.0), *poses(5.0))])
+    assert [sweep.name for sweep in found[:3]] == ["/sweep_cloud 0", "/sweep_cloud 1", f"/sweep_cloud {MOST_WAITING + 1}"]
+    assert isinstance(found[0], Unreadable) and isinstance(found[2], SourceSweep)

@@ -13,7 +13,7 @@ import recordings
 from recordings import TRUTH, cloud_message, drive, odometry, odometry_message, pose, write_bag, write_folder
 from rosbags.rosbag1 import Writer
 
-from mapping_tools import map_bag
+from mapping_tools import map_bag, mapping_run
 from mapping_tools.bag_records import BagRecords
 from mapping_tools.bag_sweeps import BagSweeps, BagTopics, gravity_of
 from mapping_tools.recording import Recording
@@ -418,6 +418,21 @@ def test_sweep_after_the_clock_was_set_back_is_looked_for_in_the_map_and_mapped(
     code, summary = mapped(set_back_bag, tmp_path, *FAST)
     assert (code, summary["vertices"], summary["not_placed"]) == (0, 5, []) and error_of(tmp_path) < 0.05
     assert [s.stamp_s for s in SessionStore(tmp_path).sweeps] == [5.0, 15.0, 25.0, 18.0, 28.0]
+
+
+def test_cloud_of_a_bad_stamp_is_no_clock_that_was_set_back(tmp_path, clouds, monkeypatch):
+    """Else the next sweep would be looked for in the whole map."""
+    messages = drive(clouds[:2], odometry()[:2])
+    times_s = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for _, m in messages]
+    path = write_bag(
+        tmp_path / "x.bag",
+        [*messages[:3], ("/sweep_cloud", cloud_message(0.0, *clouds[2])), *messages[3:]],
+        times_s=[*times_s[:3], 6.0, *times_s[3:]],
+    )
+    asked = []
+    monkeypatch.setattr(mapping_run, "localise", lambda *_values, **_named: asked.append(1))
+    code, summary = mapped(path, tmp_path / "out", *FAST)
+    assert (code, summary["vertices"], asked) == (1, 2, [])
 
 
 @pytest.mark.parametrize("kept", [2, 3, 4, 5])
