@@ -45,6 +45,10 @@ def gravity_of(T_odom_base: Array, covariance: Array) -> _Gravity:
     return (T_odom_base[2, :3].copy(), math.sqrt(variance)) if 0.0 < variance < math.inf else None
 
 
+class _WrongFrameError(ValueError):
+    """Of a first cloud it says that a mount is missing, of a later one that this is another sensor's."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Waiting:
     """A cloud until odometry reaches its stamp."""
@@ -68,7 +72,7 @@ class BagSweeps:
         self._sensor = np.zeros(3) if sensor is None else sensor
         self._odometry, self._child_frame, self._ways = OdometryHistory[_Gravity](), "", UnknownWays()
         self._odometry_s, self._waiting = -math.inf, list[_Waiting]()
-        self._clouds = 0
+        self._clouds, self._joined_one = 0, False
         recording.check(topics.cloud, CLOUD_TYPE)
         if topics.odometry is not None:
             recording.check(topics.odometry, ODOMETRY_TYPE, "; --no-odometry maps without")
@@ -82,7 +86,10 @@ class BagSweeps:
         return self._bag.progress
 
     def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
-        """As odometry reaches their stamps, and those that it reaches at once in the order of these; ValueError when there is no cloud."""
+        """As odometry reaches their stamps, and in the order of these where it reaches several at once.
+
+        ValueError when there is no cloud, or the first needs a mount.
+        """
         for record in self._bag.messages({self._topics.cloud, self._topics.odometry or "", self._topics.up or ""}):
             if record.topic == self._topics.cloud:
                 yield from self._take_cloud(record)
@@ -137,21 +144,25 @@ class BagSweeps:
 
     def _joined(self, cloud: _Waiting) -> SourceSweep | Unreadable:
         name, stamp_s, message = cloud.name, cloud.stamp_s, cloud.message
-        mount = self._mount_of(frame_of(message))
         try:
+            mount = self._mount_of(frame_of(message))
             table = read_points(message)
             points, origins = mount.placed(table.points, table.origins)
-            if self._topics.odometry is None:
-                return SourceSweep(name, stamp_s, points, origins)
-            T_odom_base, gravity = self._odometry.at(stamp_s)
+            T_odom_base, gravity = (None, None) if self._topics.odometry is None else self._odometry.at(stamp_s)
+        except _WrongFrameError as error:
+            if not self._joined_one:
+                raise
+            return Unreadable(name, stamp_s, str(error))
         except ValueError as error:
             return Unreadable(name, stamp_s, str(error))
+        self._joined_one = True
         up, sigma = gravity or (None, None)
-        return SourceSweep(name, stamp_s, points, origins, np.asarray(T_odom_base), up, sigma, lost=self._ways.until(stamp_s))
+        lost = self._ways.until(stamp_s)
+        return SourceSweep(name, stamp_s, points, origins, T_odom_base, up, sigma, lost=lost)
 
     def _mount_of(self, frame: str) -> Mount:
         if self._T_base_cloud is not None:
             return Mount(self._T_base_cloud, self._sensor)
         if self._topics.odometry is not None and frame != self._child_frame:
-            raise ValueError(f"clouds are in frame {frame!r}, odometry is of {self._child_frame!r}: --mount has to say how they lie")
+            raise _WrongFrameError(f"clouds are in frame {frame!r}, odometry is of {self._child_frame!r}: --mount has to say how they lie")
         return Mount(np.eye(4), self._sensor)

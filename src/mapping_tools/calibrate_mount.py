@@ -12,6 +12,7 @@ from mapping_tools.raw_sweeps import RawSweeps
 from mapping_tools.recorded_sources import ROBOT_FILE, add_raw_arguments, raw_topics, robot_of
 from mapping_tools.recording import Recording, bags_of
 from mapping_tools.sensor_chain import SensorConfig
+from mapping_tools.sweep_sources import Unreadable
 from mount_calibration import MountCalibrationConfig, Place, estimate_mount, estimate_table, joined_places, write_calibration
 from robot_body import DESCRIPTION, RobotBody, urdf_file
 from whole_files import check_not_read
@@ -36,7 +37,9 @@ def places_of(sweeps: RawSweeps) -> list[Place]:
     """Where the robot stood during a whole sweep; the others are told of. ValueError when nothing becomes a sweep."""
     found: list[Place] = []
     for number, measured in enumerate(sweeps.measured(), start=1):
-        if measured.sweep.place is None:
+        if isinstance(measured, Unreadable):
+            _say(f"sweep {number}: {measured.reason}: left out")
+        elif measured.sweep.place is None:
             _say(f"sweep {number}: the robot moved, or a lidar spins there: left out")
         else:
             found.append(measured.sweep.place)

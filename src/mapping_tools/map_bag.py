@@ -194,12 +194,17 @@ def _origin(a: argparse.Namespace) -> MapOrigin:
 
 
 def _mapped(run: MappingRun, source: SweepSource, a: argparse.Namespace) -> str | None:
-    """Maps the recording; why it was stopped before its end, or None. Ctrl-C and SIGTERM end it after the sweep that it is at."""
+    """Maps the recording; why it ended before its end, or None. Ctrl-C and SIGTERM end it after the sweep that it is at.
+
+    ArgumentProblem where there is no sweep in it, or it cannot be read up to the first one.
+    """
     before = {number: signal.signal(number, lambda *_: run.stop()) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         whole = run.map(source, moved=a.moved)
     except (ValueError, OSError) as error:
-        raise ArgumentProblem(f"{a.recording}: {error}") from error
+        if not run.account.read:
+            raise ArgumentProblem(f"{a.recording}: {error}") from error
+        return f"it ended after {100 * source.progress:.0f} %: {error}"
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -104,22 +104,23 @@ class RawSweeps:
     def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
         """In the order in which the mount turned; ValueError when nothing of it becomes a sweep."""
         for number, found in enumerate(self.measured()):
-            yield _source_sweep(f"sweep {number}", found)
+            name = f"sweep {number}"
+            yield replace(found, name=name) if isinstance(found, Unreadable) else _source_sweep(name, found)
 
-    def measured(self) -> Iterator[MeasuredSweep]:
+    def measured(self) -> Iterator[MeasuredSweep | Unreadable]:
         """The same as the assembler gives them."""
         takes, number = self._takes(), 0
         for record in self._bag.messages(takes.keys()):
             self._read[record.topic] += 1
             try:
                 takes[record.topic](record.message())
+                found = list(self._chain.poll())
             except ValueError as error:
                 self._refused[record.topic] += 1
                 self._why[record.topic] = str(error)
                 continue
-            for found in self._chain.poll():
-                yield found
-                number += 1
+            yield from found
+            number += len(found)
         if not number:
             read = ", ".join(f"{self._read[topic]} of {topic}" for topic in takes)
             raise ValueError(

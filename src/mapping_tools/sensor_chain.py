@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mapping_tools.sweep_sources import UnknownWays
+from mapping_tools.sweep_sources import UnknownWays, Unreadable
 from odometry_fusion import FusedOdometry, OdometryConfig
 from rigid_geometry import OdometryHistory
 from robot_body import RobotBody
@@ -120,14 +120,18 @@ class SensorChain:
         if self._spinning:
             self._turns.add_odometry(pose.stamp_s, pose.T_odom_base)
 
-    def poll(self) -> Iterator[MeasuredSweep]:
-        """The sweeps that are complete by now."""
+    def poll(self) -> Iterator[MeasuredSweep | Unreadable]:
+        """The sweeps that are complete by now; `Unreadable`, without a name, where odometry was silent or is forgotten."""
         for estimate in self._fused.poll():
             self.add_pose(Pose(estimate.stamp_s, estimate.T_odom_base, estimate.pose_covariance))
         for stamp_s, reading in self._filtered():
             self._assembler.add_scan(stamp_s, reading)
         while (sweep := self._assembler.poll()) is not None:
-            T_odom_base, after = self._history.at(sweep.stamp_s)
+            try:
+                T_odom_base, after = self._history.at(sweep.stamp_s)
+            except ValueError as error:
+                yield Unreadable("", sweep.stamp_s, str(error))
+                continue
             yield MeasuredSweep(sweep, np.asarray(T_odom_base), after, self._ways.until(sweep.stamp_s))
 
     def _filtered(self) -> Iterator[tuple[float, Scan | Revolution]]:

@@ -29,6 +29,7 @@ def poses(*stamps_s: float, topic: str = "/odom") -> list[Message]:
 
 def found_in(path: Path, timed: list[tuple[float, Message]], topics: BagTopics | None = None) -> list[SourceSweep | Unreadable]:
     """The sweeps of a bag of messages with the times of their recording."""
+    (path / "run.bag").unlink(missing_ok=True)
     bag = write_bag(path / "run.bag", [message for _, message in timed], times_s=[time_s for time_s, _ in timed])
     return list(BagSweeps(Recording([bag]), topics or BagTopics(), None, None).sweeps())
 
@@ -83,3 +84,12 @@ def test_clouds_that_wait_do_not_pile_up(tmp_path: Path) -> None:
     found = found_in(tmp_path, [*at_stamps(*poses(0.9)), *ahead, *at_stamps(cloud(5.0), *poses(5.0))])
     assert [sweep.name for sweep in found[:3]] == ["/sweep_cloud 0", "/sweep_cloud 1", f"/sweep_cloud {MOST_WAITING + 1}"]
     assert isinstance(found[0], Unreadable) and isinstance(found[2], SourceSweep)
+
+
+def test_one_cloud_of_another_frame_is_named_and_a_bag_of_them_is_refused(tmp_path: Path) -> None:
+    messages = [m for k in range(3) for m in (*poses(1.0 + k), cloud(1.05 + k, "base_link" if k != 1 else "camera"), *poses(1.1 + k))]
+    first, strange, last = found_in(tmp_path, at_stamps(*messages))
+    assert isinstance(first, SourceSweep) and isinstance(last, SourceSweep)
+    assert isinstance(strange, Unreadable) and "clouds are in frame 'camera'" in strange.reason
+    with pytest.raises(ValueError, match="--mount has to say"):
+        found_in(tmp_path, at_stamps(*poses(1.0), cloud(1.05, "camera"), *poses(1.1), cloud(1.15), *poses(1.2)))

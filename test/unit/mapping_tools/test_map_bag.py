@@ -1,5 +1,6 @@
 """A recording becomes a session folder: bags whole, cut and wrong, folders with and without poses, and runs that go on."""
 
+import itertools
 import json
 import os
 import signal
@@ -253,6 +254,18 @@ def test_file_in_a_folder_that_is_damaged_is_named_and_the_others_mapped(tmp_pat
     path.write_bytes(path.read_bytes()[:2000])
     code, summary = mapped(folder, tmp_path / "out", *FAST)
     assert (code, summary["vertices"], [entry["sweep"] for entry in summary["not_placed"]]) == (1, 2, ["scan_01.pcd"])
+
+
+def test_what_is_mapped_is_saved_where_the_source_ends_with_an_error(tmp_path, bag, monkeypatch):
+    def broken(self, *_):
+        yield from itertools.islice(sweeps(self), 2)
+        raise OSError(5, "Input/output error")
+
+    sweeps = BagSweeps.sweeps
+    monkeypatch.setattr(BagSweeps, "sweeps", broken)
+    code, summary = mapped(bag, tmp_path / "out", *FAST)
+    assert (code, summary["vertices"], summary["complete"]) == (1, 2, False) and "Input/output error" in summary["problems"][0]
+    assert (tmp_path / "out" / "cloud.pcd").exists()
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 import json
 import shutil
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ from rosbags.rosbag2 import StoragePlugin
 
 from mapping_tools import calibrate_mount, map_bag
 from mapping_tools.recording import Recording
-from mapping_tools.sensor_chain import Pose, SensorChain, SensorConfig
+from mapping_tools.sensor_chain import MeasuredSweep, Pose, SensorChain, SensorConfig
+from mapping_tools.sweep_sources import Unreadable
 from mount_calibration import RECORDED_FILE, TiltCalibration, read_calibration, write_calibration
 from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import transform_from_rpy
@@ -319,21 +321,34 @@ def test_recording_without_what_calibrates_is_refused(tmp_path: Path, drive: raw
     assert not (tmp_path / "found.yaml").exists()
 
 
-def test_spinning_lidar_s_sweep_comes_out_with_odometry_at_its_stamp() -> None:
+def spun(reads: Callable[[float], bool], until_s: float) -> list[MeasuredSweep | Unreadable]:
+    """What comes of a spinning lidar on a mount that sweeps from 2.5 to 3.8 s, where it reads only at some times."""
+
     def tilt(t: float) -> float:
         return float(np.interp(t, [2.0, 2.5, 3.8, 4.0], [0.0, 0.8, -0.61, 0.0]))
 
     config = SensorConfig(lidar=LIDAR, assembly=SweepAssemblyConfig(stray_neighbours=0))
     chain = SensorChain(config, RobotBody(), TILT, lambda _: np.eye(3), spinning=True)
-    found = []
-    for k in range(120):
+    found = list[MeasuredSweep | Unreadable]()
+    for k in range(round((until_s - 1.5) / 0.03)):
         t = round(1.5 + 0.03 * k, 6)
         chain.add_joint(t, tilt(t))
         chain.add_pose(Pose(t, transform_from_rpy((0.01 * t, 0.0, 0.0)), np.eye(6)))
-        if k % 4 == 0:
+        if k % 4 == 0 and reads(t):
             t = 1.5 + 0.1 * (k // 4)
             chain.add_reading(t, revolution(t, lambda t: transform_from_rpy((0.01 * t, 0.0, 0.0)), tilt))
         found += list(chain.poll())
-    (one,) = found
+    return found
+
+
+def test_spinning_lidar_s_sweep_comes_out_with_odometry_at_its_stamp() -> None:
+    (one,) = spun(lambda _: True, 5.1)
+    assert isinstance(one, MeasuredSweep)
     assert one.sweep.stamp_s == pytest.approx(4.0, abs=0.04) and len(one.sweep.points) > 3000
     assert one.T_odom_base[0, 3] == pytest.approx(0.01 * one.sweep.stamp_s)
+
+
+def test_sweep_that_ends_when_its_odometry_is_forgotten_is_unreadable() -> None:
+    """A lidar that is silent for longer than poses are known."""
+    (one,) = spun(lambda t: not 4.3 < t < 40.0, 60.0)
+    assert isinstance(one, Unreadable) and one.stamp_s == pytest.approx(4.0, abs=0.04) and "lie outside the poses" in one.reason
