@@ -10,7 +10,7 @@ from pathlib import Path
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.raw_sweeps import RawSweeps
 from mapping_tools.recorded_sources import ROBOT_FILE, add_raw_arguments, raw_topics, robot_of
-from mapping_tools.recording import Recording, bags_of
+from mapping_tools.recording import Recording, bags_of, unread_of
 from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.sweep_sources import Unreadable
 from mount_calibration import MountCalibrationConfig, Place, estimate_mount, estimate_table, joined_places, write_calibration
@@ -66,7 +66,7 @@ def calibrate(a: argparse.Namespace) -> int:
     robot = robot_of(a.recording, a.robot, "")
     check_not_read("--out", a.out, _read_files(a.recording, bags, a.robot, robot.body))
     try:
-        sweeps = RawSweeps(Recording(bags), raw_topics(a, a.odom_topic), robot, SensorConfig())
+        sweeps = RawSweeps(Recording(bags, unread_of(a.recording)), raw_topics(a, a.odom_topic), robot, SensorConfig())
         places = places_of(sweeps)
     except (ValueError, OSError) as error:
         raise ArgumentProblem(f"{a.recording}: {error}") from error

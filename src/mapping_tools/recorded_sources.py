@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mapping_tools.bag_sweeps import BagSweeps, BagTopics
 from mapping_tools.folder_sweeps import FolderSweeps
 from mapping_tools.raw_sweeps import DescribedRobot, RawSweeps, RawTopics
-from mapping_tools.recording import Recording, bags_of
+from mapping_tools.recording import Recording, bags_of, unread_of
 from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.sweep_sources import SweepSource
 from mount_calibration import RECORDED_FILE, named_calibration
@@ -44,17 +44,24 @@ class Wanted:
 
 def source_of(wanted: Wanted, config: SensorConfig) -> SweepSource:
     """The sweeps of a recording. ValueError when it is none that can be mapped, OSError when it cannot be opened."""
-    bags = bags_of(wanted.recording)
-    if not bags:
+    recording = recording_in(wanted.recording)
+    if recording is None:
         _refuse(wanted, "clouds of a folder", "--cloud-topic", "--raw", "--robot", "--mount-calibration", "--no-odometry")
         return FolderSweeps(wanted.recording, np.eye(4) if wanted.T_base_cloud is None else wanted.T_base_cloud, wanted.sensor)
-    recording = Recording(bags)
     if wanted.from_raw or (wanted.cloud is None and _is_raw(recording, wanted.raw)):
         _refuse(wanted, "messages of the drivers", "--mount", "--sensor")
         return RawSweeps(recording, wanted.raw, robot_of(wanted.recording, wanted.robot, wanted.calibration), config)
     _refuse(wanted, "finished clouds", "--robot", "--mount-calibration")
     topics = BagTopics(wanted.cloud or BagTopics.cloud, wanted.odometry).tracked(recording.topics)
     return BagSweeps(recording, topics, wanted.T_base_cloud, wanted.sensor)
+
+
+def recording_in(path: Path) -> Recording | None:
+    """The bag or bags that a path names; None for a folder without any. ValueError and OSError as of `Recording`."""
+    bags, unread = bags_of(path), unread_of(path)
+    if unread and not bags:
+        raise ValueError(f"its bags are compressed or unknown: {', '.join(file.name for file in unread)}")
+    return Recording(bags, unread) if bags else None
 
 
 def _refuse(wanted: Wanted, mapped: str, *options: str) -> None:
