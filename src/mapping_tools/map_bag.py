@@ -30,7 +30,7 @@ from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_resume import resume
-from pose_graph_mapping.session.session_store import SessionStore
+from pose_graph_mapping.session.session_store import SAVED, SessionStore
 from rigid_geometry import origin_text, transform_from_rpy
 from stage_config import to_mapping
 from whole_files import check_folder, is_same, write_whole
@@ -141,6 +141,8 @@ def open_session(a: argparse.Namespace, config: ToolConfig, match: Match) -> tup
     if existing != a.resume:
         wrong = "holds a session; --resume goes on with it" if existing else "holds no session to go on with"
         raise ArgumentProblem(f"{a.out}: {wrong}")
+    if not a.resume and (found := [name for name in (*SAVED, SUMMARY, ORIGIN) if (a.out / name).exists()]):
+        raise ArgumentProblem(f"--out {a.out}: the session would replace its {found[0]}; name another folder")
     try:
         store = SessionStore(a.out)
         if not a.resume:

@@ -211,6 +211,13 @@ def test_session_that_is_there_is_not_overwritten(tmp_path, bag, clouds, capsys)
     assert "stored without its odometry" in refusal(capsys, bag, "--out", tmp_path, "--resume")
 
 
+@pytest.mark.parametrize("name", ["trajectory.txt", "cloud.pcd", "cloud.ply", "graph.g2o", "map_summary.json", "map_origin.json"])
+def test_file_of_somebody_s_own_is_not_replaced(tmp_path, bag, capsys, name):
+    (tmp_path / name).write_text("mine")
+    assert f"would replace its {name}; name another folder" in refusal(capsys, bag, "--out", tmp_path)
+    assert (tmp_path / name).read_text() == "mine"
+
+
 def test_clouds_in_another_frame_need_a_mount(tmp_path, clouds, capsys):
     T_base_laser = transform_from_rpy((0.2, 0.0, 0.8), (0, 0, np.pi / 2))
     moved = [(transform_points(inverse(T_base_laser), p).astype(np.float32), None) for p, _ in clouds[:3]]
