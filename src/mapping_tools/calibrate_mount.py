@@ -66,7 +66,7 @@ def calibrate(a: argparse.Namespace) -> int:
     robot = robot_of(a.recording, a.robot, "")
     check_not_read("--out", a.out, _read_files(a.recording, bags, a.robot, robot.body))
     try:
-        sweeps = RawSweeps(Recording(bags, unread_of(a.recording)), raw_topics(a, a.odom_topic), robot, SensorConfig())
+        sweeps = RawSweeps(Recording(bags, unread_of(a.recording)), raw_topics(a), robot, SensorConfig())
         places = places_of(sweeps)
     except (ValueError, OSError) as error:
         raise ArgumentProblem(f"{a.recording}: {error}") from error

@@ -65,7 +65,6 @@ def parser() -> argparse.ArgumentParser:
         help=f"of calibrate_mount; auto: the one it writes by default; '' for none; default {RECORDED_FILE} beside robot.yaml, where it is",
     )
     add_raw_arguments(p)
-    p.set_defaults(odom_topic=None)  # to see whether it was given
     p.add_argument("--no-odometry", action="store_true", help="a bag without odometry: look for each sweep around the last one")
     p.add_argument(
         "--mount",
@@ -95,13 +94,24 @@ def recorded(a: argparse.Namespace, config: SensorConfig) -> SweepSource:
     if not a.recording.exists():
         raise ArgumentProblem(f"{a.recording}: no such bag or folder")
     _check_out(a)
-    odometry = None if a.no_odometry else a.odom_topic or BagTopics.odometry
-    raw = raw_topics(a, odometry)
+    raw = raw_topics(a)
     T_base_cloud = None if a.mount is None else np.asarray(transform_from_rpy(a.mount[:3], tuple(a.mount[3:])))
     sensor = None if a.sensor is None else np.array(a.sensor)
     try:
         return source_of(
-            Wanted(a.recording, a.cloud_topic, odometry, raw, a.raw, a.robot, a.mount_calibration, T_base_cloud, sensor), config
+            Wanted(
+                recording=a.recording,
+                cloud=a.cloud_topic,
+                odometry=a.odom_topic,
+                without_odometry=a.no_odometry,
+                raw=raw,
+                from_raw=a.raw,
+                robot=a.robot,
+                calibration=a.mount_calibration,
+                T_base_cloud=T_base_cloud,
+                sensor=sensor,
+            ),
+            config,
         )
     except (ValueError, OSError) as error:
         raise ArgumentProblem(f"{a.recording}: {'; '.join(str(error).splitlines())}") from error

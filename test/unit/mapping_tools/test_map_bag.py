@@ -80,6 +80,18 @@ def test_sweeps_that_were_tracked_are_placed_by_the_tracked_odometry_and_have_up
         np.testing.assert_allclose(found["not tracked"][k].T_odom_base, plain[k], atol=1e-9)
 
 
+def test_odometry_that_is_named_comes_before_the_tracked_one(tmp_path, clouds):
+    tracked = [transform_from_rpy((9.0, 0.0, 0.0)) @ T for T in odometry()[:2]]
+    messages = drive(clouds[:2], odometry()[:2]) + [
+        m for m in drive(clouds[:2], tracked, odom_topic="/odom_tracked") if m[0] == "/odom_tracked"
+    ]
+    path = write_bag(tmp_path / "x.bag", messages)
+    mapped(path, tmp_path / "plain", "--odom-topic", "/odom", *FAST)
+    mapped(path, tmp_path / "tracked", *FAST)
+    first = [SessionStore(tmp_path / name).sweeps[0].measured.T_odom_base for name in ("plain", "tracked")]
+    np.testing.assert_allclose(first, [odometry()[0], tracked[0]], atol=1e-6)
+
+
 def test_bag_becomes_a_session_that_others_open(bag, tmp_path):
     code, summary = mapped(bag, tmp_path)
     assert code == 0 and summary["complete"] and (summary["read"], summary["vertices"], summary["not_placed"]) == (5, 5, [])
@@ -181,6 +193,7 @@ def test_wrong_recordings_and_arguments_are_refused_with_the_reason(tmp_path, cl
         ((bag, *out, "--moved"), "--moved: has no effect without --resume"),
         ((bag, *out, "--no-odometry", "--odom-topic", "/odom"), "--odom-topic: has no effect"),
         ((bag, *out, "--no-odometry", "--min-travel", 1), "--min-travel: has no effect"),
+        ((bag, *out, "--imu-topic", "/imu"), "--imu-topic: has no effect on finished clouds"),
         ((bag, *out, "--robot", "husky"), "--robot: has no effect on finished clouds"),
         ((bag, *out, "--mount-calibration", "auto"), "--mount-calibration: has no effect"),
         ((bag, *out, "--resume"), "holds no session"),
@@ -276,7 +289,16 @@ def test_what_is_mapped_is_saved_where_the_source_ends_with_an_error(tmp_path, b
 
 
 @pytest.mark.parametrize(
-    "words", [("--raw",), ("--cloud-topic", "/c"), ("--robot", "husky"), ("--mount-calibration", "auto"), ("--no-odometry",)]
+    "words",
+    [
+        ("--raw",),
+        ("--cloud-topic", "/c"),
+        ("--robot", "husky"),
+        ("--mount-calibration", "auto"),
+        ("--no-odometry",),
+        ("--odom-topic", "/o"),
+        ("--scan-topic", "/s"),
+    ],
 )
 def test_option_that_says_nothing_of_a_folder_is_refused(tmp_path, clouds, capsys, words):
     folder = write_folder(tmp_path / "scans", clouds[:1])

@@ -111,6 +111,39 @@ def test_odometry_of_the_robot_s_own_stands_in_for_imu_and_wheels(tmp_path: Path
     np.testing.assert_allclose(trajectory(tmp_path / "out"), trajectory(one_map), atol=0.01)
 
 
+def test_odometry_that_is_named_comes_before_imu_and_wheels(tmp_path: Path, drive: raw.Messages) -> None:
+    """The poses of the robot's own are 40 m off."""
+
+    def carried(message: Any) -> Any:
+        at = message.pose.pose.position
+        pose = replace(message.pose.pose, position=replace(at, x=at.x + 40.0))
+        return replace(message, pose=replace(message.pose, pose=pose))
+
+    there = [(topic, kind, carried(message)) for topic, kind, message in raw.poses()]
+    path = raw.write_ros1(robot_beside(tmp_path) / "run.bag", drive + there)
+    mapped(path, tmp_path / "wheels")
+    mapped(path, tmp_path / "named", "--raw", "--odom-topic", "/odom")
+    stored = [SessionStore(tmp_path / name).sweeps[0].measured for name in ("wheels", "named")]
+    assert [round(m.T_odom_base[0, 3] / 40.0) for m in stored if m is not None] == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("--no-odometry",), "--no-odometry: has no effect on messages of the drivers"),
+        (("--raw", "--cloud-topic", "/c"), "--cloud-topic: has no effect on messages of the drivers"),
+        (("--odom-topic", "/odom", "--imu-topic", "/imu"), "--imu-topic: has no effect with --odom-topic"),
+        (("--scan-topic", "/s", "--points-topic", "/p"), "--scan-topic: has no effect with --points-topic"),
+        (("--points-topic", "/p"), "no sensor_msgs/msg/PointCloud2 on topic /p"),
+        (("--imu-topic", "/i"), "no sensor_msgs/msg/Imu on topic /i"),
+    ],
+)
+def test_option_that_says_nothing_of_drivers_is_refused(
+    tmp_path: Path, off_bag: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], reason: str
+) -> None:
+    assert reason in refusal(capsys, off_bag, "--out", tmp_path / "out", *words)
+
+
 def test_finished_clouds_come_first_unless_raw_is_asked_for(
     tmp_path: Path, drive: raw.Messages, capsys: pytest.CaptureFixture[str]
 ) -> None:
