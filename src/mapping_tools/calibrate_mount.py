@@ -13,6 +13,7 @@ from mapping_tools.recorded_sources import ROBOT_FILE, add_raw_arguments, raw_to
 from mapping_tools.recording import Recording, bags_of, unread_of
 from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.sweep_sources import Unreadable
+from mapping_tools.tool_errors import code_of
 from mount_calibration import MountCalibrationConfig, Place, estimate_mount, estimate_table, joined_places, write_calibration
 from robot_body import DESCRIPTION, RobotBody, urdf_file
 from whole_files import check_not_read
@@ -99,11 +100,7 @@ def _say(text: str) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code for arguments, sys.argv's by default."""
     words = list(sys.argv[1:] if argv is None else argv)
-    try:
-        return calibrate(parser().parse_args(["--help"] if {"-h", "--help"} & set(words) else words))
-    except (ValueError, OSError, MemoryError) as error:  # ArgumentProblem is a ValueError
-        _say(f"./calibrate_mount: {' '.join((str(error) or type(error).__name__).split())}")
-        return 2
+    return code_of("calibrate_mount", lambda: calibrate(parser().parse_args(["--help"] if {"-h", "--help"} & set(words) else words)))
 
 
 if __name__ == "__main__":

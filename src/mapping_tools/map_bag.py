@@ -25,6 +25,7 @@ from mapping_tools.pose_files import FORMS
 from mapping_tools.recorded_sources import Wanted, add_raw_arguments, raw_topics, source_of
 from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.sweep_sources import SweepSource
+from mapping_tools.tool_errors import code_of
 from mount_calibration import RECORDED_FILE
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
@@ -257,18 +258,14 @@ def _say(text: str) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code for arguments, sys.argv's by default."""
+    return code_of("map_bag", lambda: _mapped_or_told(parser().parse_args(argv)))
+
+
+def _mapped_or_told(a: argparse.Namespace) -> int:
     try:
-        a = parser().parse_args(argv)
-        try:
-            return map_recording(a)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"{a.out} holds a session; --resume goes on with it" if _holds_session(a.out) else "") from None
-    except ArgumentProblem as error:
-        problem = str(error)
-    except (ValueError, OSError, MemoryError) as error:
-        problem = str(error) or type(error).__name__
-    _say(f"./map_bag: {' '.join(problem.split())}")
-    return 2
+        return map_recording(a)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{a.out} holds a session; --resume goes on with it" if _holds_session(a.out) else "") from None
 
 
 if __name__ == "__main__":
