@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mapping_tools.bag_records import BagMessage
 from mapping_tools.messages import CLOUD_TYPE, ODOMETRY_TYPE, OdometryMessage, Stamped, frame_of, odometry_pose, stamp_s_of
 from mapping_tools.recording import Recording
-from mapping_tools.sweep_sources import Mount, SourceSweep, UnknownWays, Unreadable
+from mapping_tools.sweep_sources import Mount, SourceSweep, UnknownWays, Unreadable, never
 from point_cloud2 import read_points
 from rigid_geometry import OdometryHistory
 
@@ -85,12 +85,13 @@ class BagSweeps:
     def progress(self) -> float:
         return self._bag.progress
 
-    def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
+    def sweeps(self, is_stopping: Callable[[], bool] = never) -> Iterator[SourceSweep | Unreadable]:
         """As odometry reaches their stamps, and in the order of these where it reaches several at once.
 
         ValueError when there is no cloud, or the first needs a mount.
         """
-        for record in self._bag.messages({self._topics.cloud, self._topics.odometry or "", self._topics.up or ""}):
+        topics = {self._topics.cloud, self._topics.odometry or "", self._topics.up or ""}
+        for record in self._bag.messages(topics, is_stopping):
             if record.topic == self._topics.cloud:
                 yield from self._take_cloud(record)
             else:

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from types import FrameType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -207,11 +208,21 @@ def _origin(a: argparse.Namespace) -> MapOrigin:
 
 
 def _mapped(run: MappingRun, source: SweepSource, a: argparse.Namespace) -> str | None:
-    """Maps the recording; why it ended before its end, or None. Ctrl-C and SIGTERM end it after the sweep that it is at.
+    """Maps the recording; why it ended before its end, or None. Ctrl-C and SIGTERM end it after what it is at, a second one at once.
 
     ArgumentProblem where there is no sweep in it, or it cannot be read up to the first one.
     """
-    before = {number: signal.signal(number, lambda *_: run.stop()) for number in (signal.SIGINT, signal.SIGTERM)}
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        if not run.is_stopping:
+            run.stop()
+        elif callable(again := before[signal.Signals(number)]):
+            again(number, frame)
+
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, stop)
     try:
         whole = run.map(source, moved=a.moved)
     except (ValueError, OSError) as error:

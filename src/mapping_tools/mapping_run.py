@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapping_tools.map_origin import MapOrigin
-from mapping_tools.sweep_sources import SourceSweep, SweepSource, Unreadable
+from mapping_tools.sweep_sources import SourceSweep, StoppedError, SweepSource, Unreadable
 from pose_graph_mapping.graph.localisation import localise
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import MappingUpdate, PoseGraphMapper
@@ -79,8 +79,13 @@ class MappingRun:
         self.account = Account()
 
     def stop(self) -> None:
-        """Ends `map` after the sweep that it is at, for a signal handler."""
+        """Ends `map` after the sweep or message that it is at, for a signal handler."""
         self._stopping = True
+
+    @property
+    def is_stopping(self) -> bool:
+        """Whether it was told to."""
+        return self._stopping
 
     def map(self, source: SweepSource, *, moved: bool = False) -> bool:
         """Map every sweep that the session does not have; False when it was stopped.
@@ -88,11 +93,18 @@ class MappingRun:
         moved: the first of them is looked for in the map, whatever odometry says. So is one before which the clock was set back, for
         odometry begins anew there, and one before which nobody knows the way.
         """
+        try:
+            self._map(source, moved)
+        except StoppedError:
+            return False
+        return True
+
+    def _map(self, source: SweepSource, moved: bool) -> None:
         known, goes_on = _Known(self._mapper.stamps_s), bool(self._mapper.stamps_s)
         lost = moved and goes_on
-        for sweep in source.sweeps():
+        for sweep in source.sweeps(lambda: self._stopping):
             if self._stopping:
-                return False
+                raise StoppedError
             self.account.read += 1
             if isinstance(sweep, SourceSweep):
                 sweep, lost = self._near(sweep), self._goes_back(sweep.stamp_s) or lost or sweep.lost
@@ -105,7 +117,6 @@ class MappingRun:
                 self.account.passed_by += 1
             elif self._placed(sweep, source.progress, lost):
                 self._last, lost = sweep, False
-        return True
 
     def _goes_back(self, stamp_s: float) -> bool:
         """Whether a sweep is older than the one read before it."""

@@ -31,7 +31,7 @@ from mapping_tools.messages import (
 )
 from mapping_tools.recording import Recording
 from mapping_tools.sensor_chain import MeasuredSweep, Pose, SensorChain, SensorConfig
-from mapping_tools.sweep_sources import SourceSweep, Unreadable
+from mapping_tools.sweep_sources import SourceSweep, Unreadable, never
 from mount_calibration import TiltCalibration
 from point_cloud2 import read_beams
 from robot_body import FixedFrames, RobotBody, is_fixed, mount_from_urdf
@@ -105,16 +105,16 @@ class RawSweeps:
         advice = {"sweep_too_long": f" (of a mount that nods: --set {NODS}, or the finished clouds of the bag)"}
         return refused + [f"{count} x {reason}{advice.get(reason, '')}" for reason, count in self._chain.dropped.items()]
 
-    def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
+    def sweeps(self, is_stopping: Callable[[], bool] = never) -> Iterator[SourceSweep | Unreadable]:
         """In the order in which the mount turned; ValueError when nothing of it becomes a sweep."""
-        for number, found in enumerate(self.measured()):
+        for number, found in enumerate(self.measured(is_stopping)):
             name = f"sweep {number}"
             yield replace(found, name=name) if isinstance(found, Unreadable) else _source_sweep(name, found)
 
-    def measured(self) -> Iterator[MeasuredSweep | Unreadable]:
+    def measured(self, is_stopping: Callable[[], bool] = never) -> Iterator[MeasuredSweep | Unreadable]:
         """The same as the assembler gives them."""
         takes, number = self._takes(), 0
-        for record in self._bag.messages(takes.keys()):
+        for record in self._bag.messages(takes.keys(), is_stopping):
             self._read[record.topic] += 1
             try:
                 takes[record.topic](record.message())

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import heapq
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 from mapping_tools.bag_records import BagMessage, BagRecords
 from mapping_tools.indexed_records import SUFFIXES, IndexedRecords, ros1_records, ros2_records
+from mapping_tools.sweep_sources import StoppedError, never
 
 METADATA = "metadata.yaml"
 _READ = (".bag", ".bag.active", *SUFFIXES)  # active: the part that was being written when its recorder ended
@@ -64,12 +65,15 @@ class Recording:
         """Share that has been read, 0 to 1."""
         return sum(bag.position / bag.size for _, bag in self._bags) / len(self._bags)
 
-    def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
-        """The messages of some topics, of all bags in the order in which they were recorded."""
+    def messages(self, topics: Collection[str], is_stopping: Callable[[], bool] = never) -> Iterator[BagMessage]:
+        """The messages of some topics, of all bags in the order in which they were recorded; StoppedError when `is_stopping`."""
         with ExitStack() as stack:
             for _, bag in self._bags:
                 stack.enter_context(bag)
-            yield from heapq.merge(*(bag.messages(topics) for _, bag in self._bags), key=lambda message: message.time_ns)
+            for message in heapq.merge(*(bag.messages(topics) for _, bag in self._bags), key=lambda message: message.time_ns):
+                if is_stopping():
+                    raise StoppedError
+                yield message
 
     def check(self, topic: str, msgtype: str, advice: str = "") -> None:
         """ValueError when there is no such topic, or it holds something else."""

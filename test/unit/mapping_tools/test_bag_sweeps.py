@@ -1,5 +1,6 @@
 """Which odometry the finished clouds of a bag get, each by its own stamp, whatever other clouds and the clock do."""
 
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ from recordings import cloud_message, odometry_message, write_bag
 
 from mapping_tools.bag_sweeps import MOST_WAITING, BagSweeps, BagTopics
 from mapping_tools.recording import Recording
-from mapping_tools.sweep_sources import SourceSweep, Unreadable
+from mapping_tools.sweep_sources import SourceSweep, StoppedError, Unreadable
 from rigid_geometry import transform_from_rpy
 
 POINTS = np.ones((3, 3), np.float32)
@@ -76,6 +77,15 @@ def test_clouds_from_before_the_clock_was_set_back_are_named_at_once(tmp_path: P
     late, found = found_in(tmp_path, before + [(50.1 + 0.1 * k, message) for k, message in enumerate(after)])
     assert isinstance(late, Unreadable) and late.name == "/sweep_cloud 0" and "the clock was set back" in late.reason
     assert isinstance(found, SourceSweep) and found.stamp_s == pytest.approx(20.1)
+
+
+def test_bag_is_left_between_two_messages(tmp_path: Path) -> None:
+    """Not only at the next cloud, which may be minutes away."""
+    bag = write_bag(tmp_path / "run.bag", [cloud(1.0), *poses(*(1.0 + 0.1 * k for k in range(50)))])
+    asked = count()
+    with pytest.raises(StoppedError):
+        list(BagSweeps(Recording([bag]), BagTopics(), None, None).sweeps(lambda: next(asked) == 20))
+    assert next(asked) == 21
 
 
 def test_clouds_that_wait_do_not_pile_up(tmp_path: Path) -> None:

@@ -366,7 +366,14 @@ def test_run_that_is_interrupted_saves_what_it_has(tmp_path, bag, monkeypatch, n
     monkeypatch.setattr(map_bag, "_say", lambda text: os.kill(os.getpid(), number) if "vertex 1" in text else None)
     assert map_bag.main([str(bag), "--out", str(tmp_path), *FAST]) == 1
     summary = json.loads((tmp_path / map_bag.SUMMARY).read_text())
-    assert summary["problems"] == ["stopped after 53 % of it"] and summary["vertices"] == 2 and (tmp_path / "cloud.pcd").exists()
+    assert summary["problems"] == ["stopped after 40 % of it"] and summary["vertices"] == 2 and (tmp_path / "cloud.pcd").exists()
+
+
+def test_second_interrupt_does_not_wait_for_the_sweep(tmp_path, bag, monkeypatch):
+    monkeypatch.setattr(map_bag, "_say", lambda text: [os.kill(os.getpid(), signal.SIGINT) for _ in range(2 * ("vertex 1" in text))])
+    with pytest.raises(KeyboardInterrupt, match="holds a session; --resume goes on with it"):
+        map_bag.main([str(bag), "--out", str(tmp_path), *FAST])
+    assert not (tmp_path / map_bag.SUMMARY).exists()
 
 
 @pytest.mark.parametrize("at, said", [("recorded", ""), ("_saved", "holds a session; --resume goes on with it")])
