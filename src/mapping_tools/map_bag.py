@@ -40,6 +40,7 @@ from whole_files import check_folder, is_same, write_whole
 Array = NDArray[np.float64]
 
 SUMMARY = "map_summary.json"
+MADE_OF_SWEEPS = ("map.ot", "map.bt", "terrain.npz")
 _POSE_FORMS = "; or ".join(FORMS.values())
 _DESCRIPTION = f"""Maps a bag, or a folder of sweeps ({" ".join(SUFFIXES)}) in the order of their names, 9 before 10. A bag is a file of
 ROS 1, a file or folder of ROS 2 (.db3, .mcap), or a folder of bags, which are read as one in the order of time. It holds PointCloud2 sweeps
@@ -177,6 +178,7 @@ def map_recording(a: argparse.Namespace) -> int:
     for note in notes:
         _say(note)
     run = MappingRun(mapper, match, store, origin, (lambda _: None) if a.quiet else _say, min_travel_m=a.min_travel)
+    run.before_first = lambda: _remove_stale(a.out)
     stopped = _mapped(run, source, a)
     for note in source.notes:
         _say(note)
@@ -198,6 +200,14 @@ def map_recording(a: argparse.Namespace) -> int:
         "config": {name: to_mapping(getattr(config, name)) for name in ("registration", "mapping")},
     }
     return _ended(a, summary)
+
+
+def _remove_stale(folder: Path) -> None:
+    """Of an explored run what its earlier sweeps were made into, which others would believe."""
+    if found := [name for name in MADE_OF_SWEEPS if (folder / name).is_file()]:
+        for name in found:
+            (folder / name).unlink()
+        _say(f"{', '.join(found)}: are of the earlier sweeps, and were removed; ./export_map makes them anew")
 
 
 def _origin(a: argparse.Namespace) -> MapOrigin:

@@ -65,7 +65,10 @@ class _Known:
 
 
 class MappingRun:
-    """Owns the account of one recording; the mapper and its session belong to the caller."""
+    """Owns the account of one recording; the mapper and its session belong to the caller.
+
+    before_first: called before the first sweep is added to the session.
+    """
 
     def __init__(
         self, mapper: PoseGraphMapper, match: Match, store: SessionStore, origin: MapOrigin, say: Say, *, min_travel_m: float = 0.0
@@ -76,6 +79,7 @@ class MappingRun:
         self._min_travel_m = min_travel_m
         self._last: SourceSweep | None = None
         self._stopping = False
+        self.before_first: Callable[[], object] = lambda: None
         self.account = Account()
 
     def stop(self) -> None:
@@ -142,6 +146,8 @@ class MappingRun:
             return False
         self.account.loop_closures += update.loop_closures
         word = self._word(sweep, update)
+        if self._last is None:
+            self.before_first()
         try:
             self._store.add_sweep(
                 update.vertex_id,

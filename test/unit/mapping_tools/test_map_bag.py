@@ -402,6 +402,20 @@ def test_other_recording_of_the_same_place_goes_on_where_it_is_found(tmp_path, b
     assert (code, summary["vertices"]) == (0, 7) and error_of(out, [*TRUTH, *truth]) < 0.05
 
 
+def test_octree_of_an_explored_run_goes_when_sweeps_are_added_and_stays_when_none_is(tmp_path, bag, clouds, capsys):
+    """Else ./export_map would believe it."""
+    half = write_bag(tmp_path / "half.bag", drive(clouds[:3], odometry()[:3]))
+    out = tmp_path / "out"
+    mapped(half, out, *FAST)
+    for name in ("map.ot", "terrain.npz", "run.json"):
+        (out / name).write_text("of three sweeps")
+    mapped(half, out, "--resume", *FAST)
+    assert (out / "map.ot").exists()
+    _, summary = mapped(bag, out, "--resume", *FAST)
+    assert summary["vertices"] == 5 and not (out / "map.ot").exists() and not (out / "terrain.npz").exists() and (out / "run.json").exists()
+    assert "map.ot, terrain.npz: are of the earlier sweeps, and were removed" in capsys.readouterr().err
+
+
 def test_full_disk_is_said_and_ends_with_code_1(tmp_path, bag, monkeypatch, capsys):
     def full(self, *values):
         raise NotOnDiskError(28, "sweep 0 is not on disk: No space left on device", "there")
