@@ -50,8 +50,8 @@ Poses with stamps go with files whose names are these stamps, others by their or
 the last one. Every sweep should be taken while the sensor stands, or be de-skewed. Where odometry is far from 0 0 0, as in UTM, the map
 gets an origin of its own ({ORIGIN}). Points at 0 0 0, or where their beam starts, are beams without an echo."""
 _EPILOG = f"""DIR then holds sweeps/, graph.g2o, trajectory.txt (TUM), cloud.ply, cloud.pcd and {SUMMARY}. A run that was killed goes on
-with --resume. Example: ./map_bag run.bag --out session. Exit code: 0 mapped, 1 some sweeps could not be placed, the recording
-breaks off, or it was stopped, 2 wrong file or argument, 130 interrupted before or after mapping."""
+with --resume. Example: ./map_bag run.bag --out session. Exit code: 0 mapped, 1 some sweeps could not be placed, a part of the recording
+could not be read, or it was stopped, 2 wrong file or argument, 130 interrupted twice, or before or after mapping."""
 
 
 def parser() -> argparse.ArgumentParser:
