@@ -17,6 +17,7 @@ from pathlib import Path
 from evaluation_campaign.chaos import faults, hand_at_work, told
 from evaluation_campaign.plan import BY_PROFILE, OUTCOME_FILE, Limits, RunSpec
 from exploration_evaluation import add_clairvoyant, read_json, write_json
+from explore_command.ending import is_broken_off
 from roslaunch_process import descendants, end_with_parent, free_port, send
 
 _GRACE_S = 90.0  # for nodes to save and the judge to score after an interrupt
@@ -188,7 +189,7 @@ def _ending(request: RunRequest, folder: Path, exit_code: int, in_time: bool) ->
         return {"status": "crashed", "error": text.replace(f"{request.out}/", "").replace(f"{request.project}/", "")}
     if reason.startswith("time limit"):
         return {"status": "sim limit", "error": reason}
-    if reason.startswith(("node died", "interrupted")):
+    if is_broken_off(reason):
         return {"status": "crashed", "error": reason}
     return {"status": "finished", "error": None}
 

@@ -260,6 +260,12 @@ def parse(argv: list[str] | None = None) -> ExploreArguments:
     )
 
 
+def input_files(a: ExploreArguments) -> list[Path]:
+    """What a run reads that somebody named: world, models, movers, zones, robot and profile, where they are files or folders."""
+    named = [*(Path(text) for text in (a.world, a.movers, a.profile) if text), *a.models, a.zones, a.robot]
+    return [path for path in named if path is not None and path.exists()]
+
+
 def _robot_file(name_or_file: str) -> Path:
     from robot_body import robot_file  # loads numpy: not for who only asks for help
 

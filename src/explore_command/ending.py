@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 _DEATH = re.compile(r"\[(\w+?)(?:-\d+)?\](?: has died!\n| )process has died")
+_BROKEN_OFF = re.compile(r"^interrupted|^node died|(died|was killed)$")
 _KILLED = 128  # and the signal: the exit code of a launch that was killed
 
 
@@ -17,6 +18,11 @@ def cause_of_death(launch_code: int, log: str) -> str | None:
         return "roslaunch was killed"
     found = _DEATH.search(log)
     return f"{found[1].replace('master', 'rosmaster')} died" if found else None
+
+
+def is_broken_off(stop_reason: str) -> bool:
+    """Whether a run ended because it was interrupted or something of it died, as the monitor or `cause_of_death` tells."""
+    return bool(_BROKEN_OFF.search(stop_reason))
 
 
 def ended(out: Path, launch_code: int, interrupted: bool, log: str) -> int:

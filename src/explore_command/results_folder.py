@@ -3,14 +3,16 @@
 import fcntl
 import os
 import shutil
+from collections.abc import Iterable
 from itertools import count
 from pathlib import Path
 
-from explore_command.sessions import CONTACTS, ZONES
-from whole_files import refusal, remove_unfinished, written_whole
+from explore_command.sessions import BEFORE, CONTACTS, RUN, ZONES
+from whole_files import lies_in, refusal, remove_unfinished, written_whole
 
 _RUN_FILES: tuple[str, ...] = (
-    "run.json",
+    RUN,
+    BEFORE,
     "summary.json",
     "counters.json",
     "trajectory.txt",
@@ -44,7 +46,7 @@ _RUN_FILES += (
     "roslaunch.log",
 )
 _RUN_FOLDERS = ("sweeps", "log")
-_OF_SESSION = ("sweeps", ZONES, CONTACTS)  # with which a run goes on
+_OF_SESSION = ("sweeps", ZONES, CONTACTS, RUN, BEFORE, "robot.yaml", "robot.urdf")  # with which a run goes on
 _LEAST_BYTES = 10_000_000  # a sweep of the largest sensor, and what a run writes at its start
 
 
@@ -76,28 +78,34 @@ def claimed_out(out: Path, may_be_another: bool) -> tuple[Path, int]:
     raise AssertionError
 
 
-def prepare_out(out: Path, force: bool, keep_session: bool = False) -> None:
+def prepare_out(out: Path, force: bool, keep_session: bool = False, inputs: Iterable[Path] = ()) -> None:
     """Makes an empty results folder; ArgumentProblem when it cannot be written, or holds something and `force` is not set.
 
-    With `force` only the files of an earlier run are removed, and whatever else lies there stays.
-    With `keep_session` its sweeps, zones and contacts stay, too.
+    With `force` only the files of an earlier run are removed, and whatever else lies there stays. ArgumentProblem, and nothing is removed,
+    where one of these is among `inputs`. With `keep_session` its sweeps, zones, contacts and robot stay, too, and what run.json says: as
+    `BEFORE`, so that nobody takes it for the one that the new run writes.
     """
+    removed = (set(_RUN_FILES) | set(_RUN_FOLDERS)) - set(_OF_SESSION if keep_session else ())
     try:
         out.mkdir(parents=True, exist_ok=True)
-        if any(out.iterdir()):
-            if not force:
-                raise ArgumentProblem(f"--out {out}: not empty; --force overwrites the run in it")
-            _remove_run(out, _OF_SESSION if keep_session else ())
+        if any(out.iterdir()) and not force:
+            raise ArgumentProblem(f"--out {out}: not empty; --force overwrites the run in it")
+        for path in inputs:
+            if any(lies_in(path, out / name) for name in removed):
+                raise ArgumentProblem(f"{path}: the run in {out} would overwrite it; copy it, or name another folder with --out")
         remove_unfinished(out)
         with written_whole(out / ".writable") as probe:
             probe.write_bytes(bytes(_LEAST_BYTES))
         (out / ".writable").unlink()
+        _remove_run(out, removed)
+        if (out / RUN).exists():
+            (out / RUN).replace(out / BEFORE)
     except OSError as error:
         raise ArgumentProblem(f"--out {refusal(error, out)}") from error
 
 
-def _remove_run(out: Path, kept: tuple[str, ...]) -> None:
-    for name in set(_RUN_FILES) - set(kept):
+def _remove_run(out: Path, names: set[str]) -> None:
+    for name in names - set(_RUN_FOLDERS):
         (out / name).unlink(missing_ok=True)
-    for name in set(_RUN_FOLDERS) - set(kept):
+    for name in names & set(_RUN_FOLDERS):
         shutil.rmtree(out / name, ignore_errors=True)

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+RUN, BEFORE = "run.json", "run_before.json"
+"""What a run was started with; and what the one was that it goes on with, until it has written its own."""
 ZONES, CONTACTS = "zones.yaml", "contacts.csv"
 _PAUSE_S = 10.0
 
@@ -33,10 +35,11 @@ NO_RUN = EarlierRun()
 
 
 def earlier_run(folder: Path) -> EarlierRun:
-    """What run.json in the folder says, and robot.yaml and zones.yaml beside it."""
+    """What run.json in the folder says, or of a run that went on but wrote none, the one before; robot.yaml and zones.yaml, too."""
     robot, zones = (path if path.is_file() else None for path in (folder / "robot.yaml", folder / ZONES))
     try:
-        run = json.loads((folder / "run.json").read_text())
+        told = folder / RUN if (folder / RUN).exists() else folder / BEFORE
+        run = json.loads(told.read_text())
         simulator = run.get("config", {}).get("pybullet_sim_node", {})
         return EarlierRun(
             world=str(run["world"]),

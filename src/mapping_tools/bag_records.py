@@ -1,4 +1,4 @@
-"""Messages of a rosbag 1 in the order of the file. It needs no index, so that a bag that was cut short gives everything it holds."""
+"""Messages of a bag of ROS 1 in the order of the file. It needs no index: a bag that was cut short gives everything it holds."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ _LONGEST_HEADER = 1 << 20
 
 _TYPES = get_typestore(Stores.ROS1_NOETIC)
 _TYPES.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", "tf2_msgs/msg/TFMessage"))  # it has no tf2
+deserialize_ros1 = _TYPES.deserialize_ros1
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class BagMessage:
     msgtype: str
     time_ns: int
     data: bytes
-    deserialize: Callable[[bytes, str], object] = _TYPES.deserialize_ros1
+    deserialize: Callable[[bytes, str], object] = deserialize_ros1
 
     def message(self) -> object:
         """The message; ValueError when its bytes are damaged."""

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -12,16 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapping_tools.bag_records import BagMessage
-from mapping_tools.messages import CLOUD_TYPE, ODOMETRY_TYPE, OdometryMessage, frame_of, odometry_pose, stamp_s_of
+from mapping_tools.messages import CLOUD_TYPE, ODOMETRY_TYPE, OdometryMessage, Stamped, frame_of, odometry_pose, stamp_s_of
 from mapping_tools.recording import Recording
-from mapping_tools.sweep_sources import Mount, SourceSweep, UnknownWays, Unreadable
+from mapping_tools.sweep_sources import Mount, SourceSweep, UnknownWays, Unreadable, never
 from point_cloud2 import read_points
-from rigid_geometry import PoseHistory
+from rigid_geometry import OdometryHistory
 
 Array = NDArray[np.float64]
 
 TRACKED = "/odom_tracked"
-_KEPT_GRAVITIES = 400
+MOST_WAITING = 50  # clouds: a lidar at 10 Hz, whose odometry is recorded five seconds late
+_NOT_REACHED = "odometry does not reach its stamp"
+_Gravity = tuple[Array, float] | None
 
 
 @dataclass(frozen=True)
@@ -38,10 +39,26 @@ class BagTopics:
         return replace(self, odometry=TRACKED, up=self.odometry) if is_tracked else self
 
 
-def gravity_of(T_odom_base: Array, covariance: Array) -> tuple[Array, float] | None:
+def gravity_of(T_odom_base: Array, covariance: Array) -> _Gravity:
     """Up in base_link and its sigma in radians, as the odometry's roll and pitch know it; None where its covariance (36,) knows nothing."""
     variance = max(covariance[21], covariance[28])
     return (T_odom_base[2, :3].copy(), math.sqrt(variance)) if 0.0 < variance < math.inf else None
+
+
+class _WrongFrameError(ValueError):
+    """Of a first cloud it says that a mount is missing, of a later one that this is another sensor's."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Waiting:
+    """A cloud until odometry reaches its stamp."""
+
+    name: str
+    stamp_s: float
+    message: Any
+
+    def given_up(self, reason: str) -> Unreadable:
+        return Unreadable(self.name, self.stamp_s, reason)
 
 
 class BagSweeps:
@@ -53,9 +70,9 @@ class BagSweeps:
         """ValueError when a topic is not there or holds something else."""
         self._bag, self._topics, self._T_base_cloud = recording, topics, T_base_cloud
         self._sensor = np.zeros(3) if sensor is None else sensor
-        self._odometry, self._child_frame, self._ways = PoseHistory(), "", UnknownWays()
-        self._gravities: deque[tuple[float, tuple[Array, float] | None]] = deque(maxlen=_KEPT_GRAVITIES)
-        self._clouds = 0
+        self._odometry, self._child_frame, self._ways = OdometryHistory[_Gravity](), "", UnknownWays()
+        self._odometry_s, self._waiting = -math.inf, list[_Waiting]()
+        self._clouds, self._joined_one = 0, False
         recording.check(topics.cloud, CLOUD_TYPE)
         if topics.odometry is not None:
             recording.check(topics.odometry, ODOMETRY_TYPE, "; --no-odometry maps without")
@@ -68,64 +85,85 @@ class BagSweeps:
     def progress(self) -> float:
         return self._bag.progress
 
-    def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
-        """In the order of the bag; ValueError when it holds no cloud."""
-        waiting: deque[tuple[str, Any]] = deque()
-        for record in self._bag.messages({self._topics.cloud, self._topics.odometry or "", self._topics.up or ""}):
+    def sweeps(self, is_stopping: Callable[[], bool] = never) -> Iterator[SourceSweep | Unreadable]:
+        """As odometry reaches their stamps, and in the order of these where it reaches several at once.
+
+        ValueError when there is no cloud, or the first needs a mount.
+        """
+        topics = {self._topics.cloud, self._topics.odometry or "", self._topics.up or ""}
+        for record in self._bag.messages(topics, is_stopping):
             if record.topic == self._topics.cloud:
-                self._clouds += 1
-                name = f"{self._topics.cloud} {self._clouds - 1}"
-                try:
-                    waiting.append((name, record.message()))
-                except ValueError as error:
-                    yield Unreadable(name, None, str(error))
+                yield from self._take_cloud(record)
             else:
-                self._take_odometry(record)
-            while waiting and (self._topics.odometry is None or self._reaches(stamp_s_of(waiting[0][1]))):
-                yield self._joined(*waiting.popleft())
+                yield from self._take_odometry(record)
+            yield from self._reached()
         if not self._clouds:
             raise ValueError(f"topic {self._topics.cloud} is in it without a message")
-        for name, message in waiting:
-            yield Unreadable(name, stamp_s_of(message), "odometry does not reach its stamp")
+        yield from (cloud.given_up(_NOT_REACHED) for cloud in self._waiting)
 
-    def _reaches(self, stamp_s: float) -> bool:
-        knows_up = self._topics.up is None or (bool(self._gravities) and self._gravities[-1][0] >= stamp_s - 1e-6)
-        return knows_up and self._odometry.reaches(stamp_s)
+    def _take_cloud(self, record: BagMessage) -> Iterator[Unreadable]:
+        """Of too many that wait the oldest is given up."""
+        self._clouds += 1
+        name = f"{self._topics.cloud} {self._clouds - 1}"
+        try:
+            message = record.message()
+        except ValueError as error:
+            yield Unreadable(name, None, str(error))
+            return
+        self._waiting.append(_Waiting(name, stamp_s_of(cast(Stamped, message)), message))
+        if len(self._waiting) > MOST_WAITING:
+            yield self._waiting.pop(0).given_up(_NOT_REACHED)
 
-    def _take_odometry(self, record: BagMessage) -> None:
+    def _reached(self) -> Iterator[SourceSweep | Unreadable]:
+        """Each is decided by its own stamp, which may be a bad one, so that none holds up others."""
+        due = [cloud for cloud in self._waiting if self._topics.odometry is None or self._odometry.reaches(cloud.stamp_s)]
+        self._waiting = [cloud for cloud in self._waiting if cloud not in due]
+        yield from (self._joined(cloud) for cloud in sorted(due, key=lambda cloud: cloud.stamp_s))
+
+    def _lose_waiting(self, stamp_s: float) -> Iterator[Unreadable]:
+        """Clouds from before the clock was set back to a stamp: where they were made nobody knows any more."""
+        late = [cloud for cloud in self._waiting if cloud.stamp_s > stamp_s]
+        self._waiting = [cloud for cloud in self._waiting if cloud not in late]
+        yield from (cloud.given_up("the clock was set back before odometry reached its stamp") for cloud in late)
+
+    def _take_odometry(self, record: BagMessage) -> Iterator[Unreadable]:
         """A message that is damaged and a pose that is none are left out, as the node does it."""
         try:
             message = cast(OdometryMessage, record.message())
             T_odom_base = odometry_pose(message)
-            taken = record.topic != self._topics.odometry or self._odometry.add(stamp_s_of(message), T_odom_base)
+            is_newer = record.topic == self._topics.odometry and self._odometry.add_pose(stamp_s_of(message), T_odom_base)
         except ValueError:
             return
         self._child_frame = message.child_frame_id.lstrip("/")
-        if taken and record.topic == self._topics.odometry:
+        if is_newer:
+            if stamp_s_of(message) < self._odometry_s:
+                yield from self._lose_waiting(stamp_s_of(message))
+            self._odometry_s = stamp_s_of(message)
             self._ways.add(stamp_s_of(message), np.asarray(message.pose.covariance))
-        if not taken or record.topic != (self._topics.up or self._topics.odometry):
-            return
-        if self._gravities and stamp_s_of(message) < self._gravities[-1][0]:
-            self._gravities.clear()
-        self._gravities.append((stamp_s_of(message), gravity_of(T_odom_base, message.pose.covariance)))
+        if record.topic == (self._topics.up or self._topics.odometry):
+            self._odometry.add_up(stamp_s_of(message), gravity_of(T_odom_base, message.pose.covariance))
 
-    def _joined(self, name: str, message: Any) -> SourceSweep | Unreadable:
-        stamp_s = stamp_s_of(message)
-        mount = self._mount_of(frame_of(message))
+    def _joined(self, cloud: _Waiting) -> SourceSweep | Unreadable:
+        name, stamp_s, message = cloud.name, cloud.stamp_s, cloud.message
         try:
+            mount = self._mount_of(frame_of(message))
             table = read_points(message)
             points, origins = mount.placed(table.points, table.origins)
-            if self._topics.odometry is None:
-                return SourceSweep(name, stamp_s, points, origins)
-            T_odom_base = np.asarray(self._odometry.at(stamp_s))
+            T_odom_base, gravity = (None, None) if self._topics.odometry is None else self._odometry.at(stamp_s)
+        except _WrongFrameError as error:
+            if not self._joined_one:
+                raise
+            return Unreadable(name, stamp_s, str(error))
         except ValueError as error:
             return Unreadable(name, stamp_s, str(error))
-        up, sigma = next((g for s, g in self._gravities if s >= stamp_s - 1e-6), None) or (None, None)
-        return SourceSweep(name, stamp_s, points, origins, T_odom_base, up, sigma, lost=self._ways.until(stamp_s))
+        self._joined_one = True
+        up, sigma = gravity or (None, None)
+        lost = self._ways.until(stamp_s)
+        return SourceSweep(name, stamp_s, points, origins, T_odom_base, up, sigma, lost=lost)
 
     def _mount_of(self, frame: str) -> Mount:
         if self._T_base_cloud is not None:
             return Mount(self._T_base_cloud, self._sensor)
         if self._topics.odometry is not None and frame != self._child_frame:
-            raise ValueError(f"clouds are in frame {frame!r}, odometry is of {self._child_frame!r}: --mount has to say how they lie")
+            raise _WrongFrameError(f"clouds are in frame {frame!r}, odometry is of {self._child_frame!r}: --mount has to say how they lie")
         return Mount(np.eye(4), self._sensor)

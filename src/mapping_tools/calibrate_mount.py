@@ -10,8 +10,10 @@ from pathlib import Path
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.raw_sweeps import RawSweeps
 from mapping_tools.recorded_sources import ROBOT_FILE, add_raw_arguments, raw_topics, robot_of
-from mapping_tools.recording import Recording, bags_of
+from mapping_tools.recording import Recording, bags_of, unread_of
 from mapping_tools.sensor_chain import SensorConfig
+from mapping_tools.sweep_sources import Unreadable
+from mapping_tools.tool_errors import code_of
 from mount_calibration import MountCalibrationConfig, Place, estimate_mount, estimate_table, joined_places, write_calibration
 from robot_body import DESCRIPTION, RobotBody, urdf_file
 from whole_files import check_not_read
@@ -36,7 +38,9 @@ def places_of(sweeps: RawSweeps) -> list[Place]:
     """Where the robot stood during a whole sweep; the others are told of. ValueError when nothing becomes a sweep."""
     found: list[Place] = []
     for number, measured in enumerate(sweeps.measured(), start=1):
-        if measured.sweep.place is None:
+        if isinstance(measured, Unreadable):
+            _say(f"sweep {number}: {measured.reason}: left out")
+        elif measured.sweep.place is None:
             _say(f"sweep {number}: the robot moved, or a lidar spins there: left out")
         else:
             found.append(measured.sweep.place)
@@ -63,7 +67,7 @@ def calibrate(a: argparse.Namespace) -> int:
     robot = robot_of(a.recording, a.robot, "")
     check_not_read("--out", a.out, _read_files(a.recording, bags, a.robot, robot.body))
     try:
-        sweeps = RawSweeps(Recording(bags), raw_topics(a, a.odom_topic), robot, SensorConfig())
+        sweeps = RawSweeps(Recording(bags, unread_of(a.recording)), raw_topics(a), robot, SensorConfig())
         places = places_of(sweeps)
     except (ValueError, OSError) as error:
         raise ArgumentProblem(f"{a.recording}: {error}") from error
@@ -96,11 +100,7 @@ def _say(text: str) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code for arguments, sys.argv's by default."""
     words = list(sys.argv[1:] if argv is None else argv)
-    try:
-        return calibrate(parser().parse_args(["--help"] if {"-h", "--help"} & set(words) else words))
-    except (ValueError, OSError, MemoryError) as error:  # ArgumentProblem is a ValueError
-        _say(f"./calibrate_mount: {' '.join((str(error) or type(error).__name__).split())}")
-        return 2
+    return code_of("calibrate_mount", lambda: calibrate(parser().parse_args(["--help"] if {"-h", "--help"} & set(words) else words)))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mapping_tools.cloud_files import SUFFIXES, no_return_text, read_cloud
 from mapping_tools.pose_files import FilePose, naturally, paired, read_poses, stamps_of
-from mapping_tools.sweep_sources import Mount, SourceSweep, Unreadable
+from mapping_tools.sweep_sources import Mount, SourceSweep, StoppedError, Unreadable, never
 
 Array = NDArray[np.float64]
 
@@ -48,10 +48,12 @@ class FolderSweeps:
     def notes(self) -> tuple[str, ...]:
         return (no_return_text(self._no_returns),) if self._no_returns else ()
 
-    def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
+    def sweeps(self, is_stopping: Callable[[], bool] = never) -> Iterator[SourceSweep | Unreadable]:
         """In the order of the names."""
         stamps = stamps_of([path.stem for path in self._files])
         for number, path in enumerate(self._files):
+            if is_stopping():
+                raise StoppedError
             self._read = number + 1
             stamp_s = float(number) if stamps is None else stamps[number]
             pose = FilePose(None, np.eye(4)) if self._poses is None else self._poses[number]

@@ -15,6 +15,7 @@ from collections.abc import Mapping, Sequence
 
 from explore_command.arguments import ArgumentProblem
 from mapping_tools.live_arguments import HELP, live_arguments
+from mapping_tools.tool_errors import code_of
 from roslaunch_process import free_port, hand_on_signals, start_launch
 
 _PACKAGE, _FILE, _NAME = "explore_3dnav", "calibrate_mount.launch", "/calibrate_mount"
@@ -110,11 +111,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if {"-h", "--help"} & set(words):
         print(HELP)
         return 0
-    try:
-        return calibrate(live_arguments(words))
-    except (ValueError, OSError) as error:  # ArgumentProblem is a ValueError
-        print(f"./calibrate_mount: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
+    return code_of("calibrate_mount", lambda: calibrate(live_arguments(words)))
 
 
 if __name__ == "__main__":

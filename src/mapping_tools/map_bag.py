@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from types import FrameType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,12 +26,13 @@ from mapping_tools.pose_files import FORMS
 from mapping_tools.recorded_sources import Wanted, add_raw_arguments, raw_topics, source_of
 from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.sweep_sources import SweepSource
+from mapping_tools.tool_errors import code_of
 from mount_calibration import RECORDED_FILE
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_resume import resume
-from pose_graph_mapping.session.session_store import SessionStore
+from pose_graph_mapping.session.session_store import SAVED, SessionStore
 from rigid_geometry import origin_text, transform_from_rpy
 from stage_config import to_mapping
 from whole_files import check_folder, is_same, write_whole
@@ -38,6 +40,7 @@ from whole_files import check_folder, is_same, write_whole
 Array = NDArray[np.float64]
 
 SUMMARY = "map_summary.json"
+MADE_OF_SWEEPS = ("map.ot", "map.bt", "terrain.npz")
 _POSE_FORMS = "; or ".join(FORMS.values())
 _DESCRIPTION = f"""Maps a bag, or a folder of sweeps ({" ".join(SUFFIXES)}) in the order of their names, 9 before 10. A bag is a file of
 ROS 1, a file or folder of ROS 2 (.db3, .mcap), or a folder of bags, which are read as one in the order of time. It holds PointCloud2 sweeps
@@ -47,8 +50,8 @@ Poses with stamps go with files whose names are these stamps, others by their or
 the last one. Every sweep should be taken while the sensor stands, or be de-skewed. Where odometry is far from 0 0 0, as in UTM, the map
 gets an origin of its own ({ORIGIN}). Points at 0 0 0, or where their beam starts, are beams without an echo."""
 _EPILOG = f"""DIR then holds sweeps/, graph.g2o, trajectory.txt (TUM), cloud.ply, cloud.pcd and {SUMMARY}. A run that was killed goes on
-with --resume. Example: ./map_bag run.bag --out session. Exit code: 0 mapped, 1 some sweeps could not be placed, the recording
-breaks off, or it was stopped, 2 wrong file or argument, 130 interrupted before or after mapping."""
+with --resume. Example: ./map_bag run.bag --out session. Exit code: 0 mapped, 1 some sweeps could not be placed, a part of the recording
+could not be read, or it was stopped, 2 wrong file or argument, 130 interrupted twice, or before or after mapping."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -65,7 +68,6 @@ def parser() -> argparse.ArgumentParser:
         help=f"of calibrate_mount; auto: the one it writes by default; '' for none; default {RECORDED_FILE} beside robot.yaml, where it is",
     )
     add_raw_arguments(p)
-    p.set_defaults(odom_topic=None)  # to see whether it was given
     p.add_argument("--no-odometry", action="store_true", help="a bag without odometry: look for each sweep around the last one")
     p.add_argument(
         "--mount",
@@ -95,13 +97,24 @@ def recorded(a: argparse.Namespace, config: SensorConfig) -> SweepSource:
     if not a.recording.exists():
         raise ArgumentProblem(f"{a.recording}: no such bag or folder")
     _check_out(a)
-    odometry = None if a.no_odometry else a.odom_topic or BagTopics.odometry
-    raw = raw_topics(a, odometry)
+    raw = raw_topics(a)
     T_base_cloud = None if a.mount is None else np.asarray(transform_from_rpy(a.mount[:3], tuple(a.mount[3:])))
     sensor = None if a.sensor is None else np.array(a.sensor)
     try:
         return source_of(
-            Wanted(a.recording, a.cloud_topic, odometry, raw, a.raw, a.robot, a.mount_calibration, T_base_cloud, sensor), config
+            Wanted(
+                recording=a.recording,
+                cloud=a.cloud_topic,
+                odometry=a.odom_topic,
+                without_odometry=a.no_odometry,
+                raw=raw,
+                from_raw=a.raw,
+                robot=a.robot,
+                calibration=a.mount_calibration,
+                T_base_cloud=T_base_cloud,
+                sensor=sensor,
+            ),
+            config,
         )
     except (ValueError, OSError) as error:
         raise ArgumentProblem(f"{a.recording}: {'; '.join(str(error).splitlines())}") from error
@@ -141,6 +154,8 @@ def open_session(a: argparse.Namespace, config: ToolConfig, match: Match) -> tup
     if existing != a.resume:
         wrong = "holds a session; --resume goes on with it" if existing else "holds no session to go on with"
         raise ArgumentProblem(f"{a.out}: {wrong}")
+    if not a.resume and (found := [name for name in (*SAVED, SUMMARY, ORIGIN) if (a.out / name).exists()]):
+        raise ArgumentProblem(f"--out {a.out}: the session would replace its {found[0]}; name another folder")
     try:
         store = SessionStore(a.out)
         if not a.resume:
@@ -163,6 +178,7 @@ def map_recording(a: argparse.Namespace) -> int:
     for note in notes:
         _say(note)
     run = MappingRun(mapper, match, store, origin, (lambda _: None) if a.quiet else _say, min_travel_m=a.min_travel)
+    run.before_first = lambda: _remove_stale(a.out)
     stopped = _mapped(run, source, a)
     for note in source.notes:
         _say(note)
@@ -186,6 +202,14 @@ def map_recording(a: argparse.Namespace) -> int:
     return _ended(a, summary)
 
 
+def _remove_stale(folder: Path) -> None:
+    """Of an explored run what its earlier sweeps were made into, which others would believe."""
+    if found := [name for name in MADE_OF_SWEEPS if (folder / name).is_file()]:
+        for name in found:
+            (folder / name).unlink()
+        _say(f"{', '.join(found)}: are of the earlier sweeps, and were removed; ./export_map makes them anew")
+
+
 def _origin(a: argparse.Namespace) -> MapOrigin:
     try:
         return MapOrigin(a.out, goes_on=a.resume)
@@ -194,12 +218,27 @@ def _origin(a: argparse.Namespace) -> MapOrigin:
 
 
 def _mapped(run: MappingRun, source: SweepSource, a: argparse.Namespace) -> str | None:
-    """Maps the recording; why it was stopped before its end, or None. Ctrl-C and SIGTERM end it after the sweep that it is at."""
-    before = {number: signal.signal(number, lambda *_: run.stop()) for number in (signal.SIGINT, signal.SIGTERM)}
+    """Maps the recording; why it ended before its end, or None. Ctrl-C and SIGTERM end it after what it is at, a second one at once.
+
+    ArgumentProblem where there is no sweep in it, or it cannot be read up to the first one.
+    """
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        if not run.is_stopping:
+            run.stop()
+        elif callable(again := before[signal.Signals(number)]):
+            again(number, frame)
+
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, stop)
     try:
         whole = run.map(source, moved=a.moved)
     except (ValueError, OSError) as error:
-        raise ArgumentProblem(f"{a.recording}: {error}") from error
+        if not run.account.read:
+            raise ArgumentProblem(f"{a.recording}: {error}") from error
+        return f"it ended after {100 * source.progress:.0f} %: {error}"
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -240,18 +279,14 @@ def _say(text: str) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code for arguments, sys.argv's by default."""
+    return code_of("map_bag", lambda: _mapped_or_told(parser().parse_args(argv)))
+
+
+def _mapped_or_told(a: argparse.Namespace) -> int:
     try:
-        a = parser().parse_args(argv)
-        try:
-            return map_recording(a)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(f"{a.out} holds a session; --resume goes on with it" if _holds_session(a.out) else "") from None
-    except ArgumentProblem as error:
-        problem = str(error)
-    except (ValueError, OSError, MemoryError) as error:
-        problem = str(error) or type(error).__name__
-    _say(f"./map_bag: {' '.join(problem.split())}")
-    return 2
+        return map_recording(a)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{a.out} holds a session; --resume goes on with it" if _holds_session(a.out) else "") from None
 
 
 if __name__ == "__main__":

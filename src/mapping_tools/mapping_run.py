@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapping_tools.map_origin import MapOrigin
-from mapping_tools.sweep_sources import SourceSweep, SweepSource, Unreadable
+from mapping_tools.sweep_sources import SourceSweep, StoppedError, SweepSource, Unreadable
 from pose_graph_mapping.graph.localisation import localise
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import MappingUpdate, PoseGraphMapper
@@ -53,18 +53,22 @@ class _Known:
     def __init__(self, stamps_s: Sequence[float]) -> None:
         self._stamps_s, self._is_behind = np.array(stamps_s, dtype=np.float64), False
 
-    def has(self, stamp_s: float) -> bool:
-        """Of each sweep, in the order of the recording: its clock may have been set back."""
+    def has(self, stamp_s: float, *, is_readable: bool) -> bool:
+        """Of each sweep, in the order of the recording: its clock may have been set back. One that is unreadable may have a bad stamp."""
         if not len(self._stamps_s):
             return False
         is_in, last_s = bool(np.abs(self._stamps_s - stamp_s).min() <= _SAME_S), self._stamps_s[-1]
         is_known = is_in or (not self._is_behind and stamp_s <= last_s)
-        self._is_behind = self._is_behind or not is_known or abs(stamp_s - last_s) <= _SAME_S
+        if is_readable:
+            self._is_behind = self._is_behind or not is_known or abs(stamp_s - last_s) <= _SAME_S
         return is_known
 
 
 class MappingRun:
-    """Owns the account of one recording; the mapper and its session belong to the caller."""
+    """Owns the account of one recording; the mapper and its session belong to the caller.
+
+    before_first: called before the first sweep is added to the session.
+    """
 
     def __init__(
         self, mapper: PoseGraphMapper, match: Match, store: SessionStore, origin: MapOrigin, say: Say, *, min_travel_m: float = 0.0
@@ -75,11 +79,17 @@ class MappingRun:
         self._min_travel_m = min_travel_m
         self._last: SourceSweep | None = None
         self._stopping = False
+        self.before_first: Callable[[], object] = lambda: None
         self.account = Account()
 
     def stop(self) -> None:
-        """Ends `map` after the sweep that it is at, for a signal handler."""
+        """Ends `map` after the sweep or message that it is at, for a signal handler."""
         self._stopping = True
+
+    @property
+    def is_stopping(self) -> bool:
+        """Whether it was told to."""
+        return self._stopping
 
     def map(self, source: SweepSource, *, moved: bool = False) -> bool:
         """Map every sweep that the session does not have; False when it was stopped.
@@ -87,16 +97,22 @@ class MappingRun:
         moved: the first of them is looked for in the map, whatever odometry says. So is one before which the clock was set back, for
         odometry begins anew there, and one before which nobody knows the way.
         """
+        try:
+            self._map(source, moved)
+        except StoppedError:
+            return False
+        return True
+
+    def _map(self, source: SweepSource, moved: bool) -> None:
         known, goes_on = _Known(self._mapper.stamps_s), bool(self._mapper.stamps_s)
         lost = moved and goes_on
-        for sweep in source.sweeps():
+        for sweep in source.sweeps(lambda: self._stopping):
             if self._stopping:
-                return False
+                raise StoppedError
             self.account.read += 1
-            lost = lost or self._goes_back(sweep.stamp_s)
             if isinstance(sweep, SourceSweep):
-                sweep, lost = self._near(sweep), lost or sweep.lost
-            if sweep.stamp_s is not None and known.has(sweep.stamp_s):
+                sweep, lost = self._near(sweep), self._goes_back(sweep.stamp_s) or lost or sweep.lost
+            if sweep.stamp_s is not None and known.has(sweep.stamp_s, is_readable=isinstance(sweep, SourceSweep)):
                 self.account.known += 1
                 lost = moved and goes_on
             elif isinstance(sweep, Unreadable):
@@ -105,13 +121,11 @@ class MappingRun:
                 self.account.passed_by += 1
             elif self._placed(sweep, source.progress, lost):
                 self._last, lost = sweep, False
-        return True
 
-    def _goes_back(self, stamp_s: float | None) -> bool:
+    def _goes_back(self, stamp_s: float) -> bool:
         """Whether a sweep is older than the one read before it."""
-        before_s = self.account.read_until_s
-        self.account.read_until_s = before_s if stamp_s is None else stamp_s
-        return stamp_s is not None and before_s is not None and stamp_s < before_s
+        before_s, self.account.read_until_s = self.account.read_until_s, stamp_s
+        return before_s is not None and stamp_s < before_s
 
     def _near(self, sweep: SourceSweep) -> SourceSweep:
         """The sweep with its odometry relative to the origin."""
@@ -132,6 +146,8 @@ class MappingRun:
             return False
         self.account.loop_closures += update.loop_closures
         word = self._word(sweep, update)
+        if self._last is None:
+            self.before_first()
         try:
             self._store.add_sweep(
                 update.vertex_id,

@@ -15,6 +15,7 @@ from mapping_tools.configuration import ToolConfig, configured
 from mapping_tools.map_origin import MapOrigin
 from mapping_tools.mapping_run import MappingRun, NotPlaced
 from mapping_tools.session_sweeps import SessionSweeps
+from mapping_tools.tool_errors import code_of
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.methods import create_registration
@@ -150,14 +151,7 @@ def _say(text: str) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code for arguments, sys.argv's by default."""
-    try:
-        return merge(parser().parse_args(argv))
-    except ArgumentProblem as error:
-        problem = str(error)
-    except (ValueError, OSError, MemoryError) as error:
-        problem = str(error) or type(error).__name__
-    _say(f"./merge_maps: {' '.join(problem.split())}")
-    return 2
+    return code_of("merge_maps", lambda: merge(parser().parse_args(argv)))
 
 
 if __name__ == "__main__":

@@ -15,9 +15,10 @@ from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.graph_report import remarks, report, summary
 from mapping_tools.graph_solving import NumberedGraph, SolvedGraph, numbered, solve_plain, solve_robust
 from mapping_tools.sesync_error import isotropic
+from mapping_tools.tool_errors import code_of
 from pose_graph_mapping.graph.graph_files import GraphFile, g2o_text, read_graph_file
 from pose_graph_mapping.graph.graph_measurements import GraphNotSolvable
-from whole_files import RefusedError, check_files, write_all, write_whole
+from whole_files import check_files, write_all, write_whole
 
 _OUTLIER_CHI2 = 30.0
 SOLVED, NOT_SOLVABLE, BAD_INPUT = 0, 1, 2
@@ -52,7 +53,10 @@ def optimize(options: argparse.Namespace) -> int:
     """Read, solve and write; ArgumentProblem, ValueError and OSError for what is wrong with files and arguments."""
     _check(options)
     start = time.monotonic()
-    file = read_graph_file(options.graph)
+    try:
+        file = read_graph_file(options.graph)
+    except OSError as error:
+        raise ValueError(f"{options.graph}: {error.strerror or error}") from error
     try:
         graph = numbered(file, options.strict)
     except GraphNotSolvable:
@@ -101,21 +105,17 @@ def _say(text: str) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """The program; its exit code."""
-    options = None
+    return code_of("optimize_graph", lambda: _optimized_or_told(parser().parse_args(argv)))
+
+
+def _optimized_or_told(options: argparse.Namespace) -> int:
     try:
-        options = parser().parse_args(argv)
         return optimize(options)
     except GraphNotSolvable as error:
         _say(f"./optimize_graph: not solvable: {error}")
-        if options is not None and options.json:
+        if options.json:
             write_whole(options.json, _json_bytes({"solved": False, "reason": str(error)}))
         return NOT_SOLVABLE
-    except OSError as error:
-        of = "" if isinstance(error, RefusedError) else f"{error.filename or (options and options.graph)}: "
-        _say(f"./optimize_graph: {of}{error.strerror or error}")
-    except (ArgumentProblem, ValueError) as error:
-        _say(f"./optimize_graph: {' '.join(str(error).split())}")
-    return BAD_INPUT
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ FORMS = {
 STAMP_TOLERANCE_S = 0.005  # between a file's name and its pose: names are cut to milliseconds, and half of 100 Hz is another pose
 _ORTHONORMAL = 1e-3  # what a rotation of four digits may be off
 _CLIMB_M, _STEEPEST = 2.0, 0.6  # of a whole drive: steeper than 31 degrees, which no wheels climb
-_STAMP = re.compile(r"(\d+\.\d+|\d{10}|\d{13}|\d{16}|\d{19})")  # seconds with a fraction, or since 1970 in s, ms, us or ns
+_STAMP = re.compile(r"(\d+\.\d+|[1-9](\d{9}|\d{12}|\d{15}|\d{18}))")  # seconds with a fraction, or since 1970 in s, ms, us or ns
 
 
 @dataclass(frozen=True, eq=False)

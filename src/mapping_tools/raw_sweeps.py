@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -31,7 +31,7 @@ from mapping_tools.messages import (
 )
 from mapping_tools.recording import Recording
 from mapping_tools.sensor_chain import MeasuredSweep, Pose, SensorChain, SensorConfig
-from mapping_tools.sweep_sources import SourceSweep, Unreadable
+from mapping_tools.sweep_sources import SourceSweep, Unreadable, never
 from mount_calibration import TiltCalibration
 from point_cloud2 import read_beams
 from robot_body import FixedFrames, RobotBody, is_fixed, mount_from_urdf
@@ -45,14 +45,18 @@ NODS = "windows=turning_points"
 
 @dataclass(frozen=True)
 class RawTopics:
-    """Where a robot's drivers publish; the robot's own odometry stands in where IMU or wheels are absent."""
+    """Where a robot's drivers publish; the robot's own odometry stands in where IMU or wheels are absent, or where it alone is named.
+
+    `named`: which of these somebody asked for by their topics.
+    """
 
     scan: str = "/scan"
     points: str = "/points"
     joints: str = "/joint_states"
     imu: str = "/imu/data"
     wheels: str = "/wheel_odom"
-    odometry: str | None = "/odom"
+    odometry: str = "/odom"
+    named: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +74,7 @@ class RawSweeps:
     def __init__(self, recording: Recording, topics: RawTopics, robot: DescribedRobot, config: SensorConfig) -> None:
         """ValueError when what is needed is not there, naming topic, type and what there is; or for a wrong mount or configuration."""
         self._bag, self._topics = recording, topics
-        self._spinning = topics.scan not in recording.topics and topics.points in recording.topics
+        self._spinning = self._is_spinning()
         self._odometry = self._check_topics()
         laser = robot.body.mount("laser")
         self._frame = laser.frame
@@ -101,25 +105,26 @@ class RawSweeps:
         advice = {"sweep_too_long": f" (of a mount that nods: --set {NODS}, or the finished clouds of the bag)"}
         return refused + [f"{count} x {reason}{advice.get(reason, '')}" for reason, count in self._chain.dropped.items()]
 
-    def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
+    def sweeps(self, is_stopping: Callable[[], bool] = never) -> Iterator[SourceSweep | Unreadable]:
         """In the order in which the mount turned; ValueError when nothing of it becomes a sweep."""
-        for number, found in enumerate(self.measured()):
-            yield _source_sweep(f"sweep {number}", found)
+        for number, found in enumerate(self.measured(is_stopping)):
+            name = f"sweep {number}"
+            yield replace(found, name=name) if isinstance(found, Unreadable) else _source_sweep(name, found)
 
-    def measured(self) -> Iterator[MeasuredSweep]:
+    def measured(self, is_stopping: Callable[[], bool] = never) -> Iterator[MeasuredSweep | Unreadable]:
         """The same as the assembler gives them."""
         takes, number = self._takes(), 0
-        for record in self._bag.messages(takes.keys()):
+        for record in self._bag.messages(takes.keys(), is_stopping):
             self._read[record.topic] += 1
             try:
                 takes[record.topic](record.message())
+                found = list(self._chain.poll())
             except ValueError as error:
                 self._refused[record.topic] += 1
                 self._why[record.topic] = str(error)
                 continue
-            for found in self._chain.poll():
-                yield found
-                number += 1
+            yield from found
+            number += len(found)
         if not number:
             read = ", ".join(f"{self._read[topic]} of {topic}" for topic in takes)
             raise ValueError(
@@ -140,15 +145,22 @@ class RawSweeps:
             takes[STATIC_TOPIC] = self._take_static
         return takes | {topics.imu: self._take_imu, topics.wheels: self._take_wheels}
 
+    def _is_spinning(self) -> bool:
+        """Whether points are mapped: those that were named, or where there are no scans."""
+        if {"scan", "points"} & self._topics.named:
+            return "points" in self._topics.named
+        return self._topics.scan not in self._bag.topics and self._topics.points in self._bag.topics
+
     def _check_topics(self) -> str | None:
-        """The topic of the robot's own odometry, or None where IMU and wheels are there."""
+        """The topic of the robot's own odometry, or None where IMU and wheels are mapped by."""
         topics, there = self._topics, self._bag.topics
         if self._spinning:
             self._bag.check(topics.points, CLOUD_TYPE)
         else:
             self._bag.check(topics.scan, SCAN_TYPE, f"; nor is there {CLOUD_TYPE} on {topics.points}")
         self._bag.check(topics.joints, JOINT_TYPE)
-        if not {topics.imu, topics.wheels} <= there.keys() and topics.odometry in there:
+        is_absent = not {topics.imu, topics.wheels} <= there.keys() and topics.odometry in there
+        if "odometry" in topics.named or (is_absent and not {"imu", "wheels"} & topics.named):
             self._bag.check(topics.odometry, ODOMETRY_TYPE)
             return topics.odometry
         self._bag.check(topics.imu, IMU_TYPE, f"; nor is there {ODOMETRY_TYPE} on {topics.odometry}")

@@ -3,44 +3,61 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Collection, Iterator
+import re
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from rosbags.rosbag1 import Reader
-
 from mapping_tools.bag_records import BagMessage, BagRecords
-from mapping_tools.ros2_records import SUFFIXES, Ros2Records
+from mapping_tools.indexed_records import SUFFIXES, IndexedRecords, ros1_records, ros2_records
+from mapping_tools.sweep_sources import StoppedError, never
 
 METADATA = "metadata.yaml"
+_READ = (".bag", ".bag.active", *SUFFIXES)  # active: the part that was being written when its recorder ended
+
+
+_BAG_LIKE = re.compile(r"\.(bag|db3|mcap)(\.|$)")
 
 
 def bags_of(path: Path) -> list[Path]:
     """The bags that a path names: itself, or those that a folder holds; empty for a folder without any."""
     if not path.is_dir() or (path / METADATA).is_file():
         return [path]
-    return sorted(file for file in path.iterdir() if file.suffix in (".bag", *SUFFIXES) and file.is_file())
+    return [file for file in _bag_like_in(path) if file.name.endswith(_READ)]
+
+
+def unread_of(path: Path) -> list[Path]:
+    """Files of a folder of bags that are bags in a form that is not read, compressed for example."""
+    bags = bags_of(path)
+    return [] if path in bags else [file for file in _bag_like_in(path) if file not in bags]
+
+
+def _bag_like_in(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.iterdir() if _BAG_LIKE.search(file.name) and file.is_file())
 
 
 class Recording:
     """Bags that are read once, together, from their beginning."""
 
-    def __init__(self, paths: list[Path]) -> None:
-        """ValueError when one is no bag, OSError when it cannot be opened."""
-        self._bags: list[tuple[Path, BagRecords | Ros2Records]] = []
+    def __init__(self, paths: Sequence[Path], unread: Sequence[Path] = ()) -> None:
+        """`unread`: parts of it that cannot be read, a problem. ValueError when a path is no bag, OSError when it cannot be opened."""
+        self._bags: list[tuple[Path, BagRecords | IndexedRecords]] = []
+        self._unread = unread
         self.topics: dict[str, str] = {}
         for path in paths:
             try:
-                bag = Ros2Records(path) if path.is_dir() or path.suffix in SUFFIXES else BagRecords(path)
+                bag = ros2_records(path) if path.is_dir() or path.suffix in SUFFIXES else _ros1(path)
             except ValueError as error:
                 raise ValueError(f"{path.name}: {error}" if len(paths) > 1 else str(error)) from error
             self._bags.append((path, bag))
-            self.topics |= bag.topics if isinstance(bag, Ros2Records) else _ros1_topics(path)
+            self.topics |= bag.topics
 
     @property
     def problem(self) -> str | None:
         """What is damaged in it; None when it is whole."""
         found = [f"{path.name}: {bag.problem}" if len(self._bags) > 1 else bag.problem for path, bag in self._bags if bag.problem]
+        if self._unread:
+            found.append(f"not read: {', '.join(path.name for path in self._unread)}")
         return "; ".join(found) or None
 
     @property
@@ -48,12 +65,15 @@ class Recording:
         """Share that has been read, 0 to 1."""
         return sum(bag.position / bag.size for _, bag in self._bags) / len(self._bags)
 
-    def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
-        """The messages of some topics, of all bags in the order in which they were recorded."""
+    def messages(self, topics: Collection[str], is_stopping: Callable[[], bool] = never) -> Iterator[BagMessage]:
+        """The messages of some topics, of all bags in the order in which they were recorded; StoppedError when `is_stopping`."""
         with ExitStack() as stack:
             for _, bag in self._bags:
                 stack.enter_context(bag)
-            yield from heapq.merge(*(bag.messages(topics) for _, bag in self._bags), key=lambda message: message.time_ns)
+            for message in heapq.merge(*(bag.messages(topics) for _, bag in self._bags), key=lambda message: message.time_ns):
+                if is_stopping():
+                    raise StoppedError
+                yield message
 
     def check(self, topic: str, msgtype: str, advice: str = "") -> None:
         """ValueError when there is no such topic, or it holds something else."""
@@ -67,14 +87,13 @@ class Recording:
         return ", ".join(f"{topic} ({self.topics[topic]})" for topic in sorted(self.topics)) or "none"
 
 
-def _ros1_topics(path: Path) -> dict[str, str]:
-    """By the bag's index; of a bag without one, that was cut or never closed, by all that it holds."""
-    try:
-        with Reader(path) as indexed:
-            return {connection.topic: connection.msgtype for connection in indexed.connections}
-    except Exception:  # whatever the library raises for an index that is damaged or not there: then it is not believed
-        pass
+def _ros1(path: Path) -> IndexedRecords | BagRecords:
+    """By its index; without one, of a bag that was cut or never closed, by file, and its topics by all that it holds."""
+    if (indexed := ros1_records(path)) is not None:
+        return indexed
     with BagRecords(path) as records:
         for _ in records.messages():
             pass
-        return records.topics
+    bag = BagRecords(path)
+    bag.topics = records.topics
+    return bag

@@ -21,6 +21,7 @@ from mapping_tools.centred_match import carried, centre_of, match_centred
 from mapping_tools.cloud_files import VIEWPOINT_FIELDS
 from mapping_tools.number_options import check_finite, check_not_negative
 from mapping_tools.prepared_cloud import prepared
+from mapping_tools.tool_errors import code_of
 from pose_graph_mapping.config import RegistrationConfig
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from pose_graph_mapping.registration.methods import create_registration
@@ -218,16 +219,7 @@ def register(options: argparse.Namespace) -> int:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code 0: there is a transform to use; 1: refused or ambiguous; 2: a file or argument is wrong."""
-    try:
-        return register(parser().parse_args(argv))
-    except ArgumentProblem as error:
-        problem = str(error)
-    except OSError as error:
-        problem = f"{error.filename}: {error.strerror or error}" if error.filename else str(error)
-    except (ValueError, MemoryError) as error:
-        problem = str(error) or type(error).__name__
-    _say(f"./register_clouds: {' '.join(problem.split())}")
-    return BAD_INPUT
+    return code_of("register_clouds", lambda: register(parser().parse_args(argv)))
 
 
 def _say(text: str) -> None:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mapping_tools.sweep_sources import UnknownWays
+from mapping_tools.sweep_sources import UnknownWays, Unreadable
 from odometry_fusion import FusedOdometry, OdometryConfig
-from rigid_geometry import PoseHistory
+from rigid_geometry import OdometryHistory
 from robot_body import RobotBody
 from sensor_checks import ImuLimits
 from sweep_assembly import (
@@ -30,8 +30,6 @@ from sweep_assembly import (
 )
 
 Array = NDArray[np.float64]
-
-_KEPT_GRAVITIES = 400
 
 
 @dataclass(frozen=True)
@@ -83,8 +81,7 @@ class SensorChain:
         self._turn_s = config.lidar.duration_s
         self._assembler = SweepAssembler(config.assembly, LidarRevolutions(config.lidar) if spinning else LaserScans(), mount)
         self._spinning = spinning
-        self._history, self._ways = PoseHistory(), UnknownWays()
-        self._poses: deque[Pose] = deque(maxlen=_KEPT_GRAVITIES)
+        self._history, self._ways = OdometryHistory[Pose](), UnknownWays()
 
     @property
     def dropped(self) -> dict[str, int]:
@@ -114,26 +111,28 @@ class SensorChain:
 
     def add_pose(self, pose: Pose) -> None:
         """Takes odometry of the robot's own, in place of IMU and wheels."""
-        if not self._history.add(pose.stamp_s, pose.T_odom_base):
+        if not self._history.add_pose(pose.stamp_s, pose.T_odom_base):
             return
-        if self._poses and pose.stamp_s < self._poses[-1].stamp_s:
-            self._poses.clear()
-        self._poses.append(pose)
+        self._history.add_up(pose.stamp_s, pose)
         self._assembler.add_odometry(pose.stamp_s, pose.T_odom_base)
         if self._ways.add(pose.stamp_s, pose.covariance.ravel()):
             self._assembler.break_at(pose.stamp_s)
         if self._spinning:
             self._turns.add_odometry(pose.stamp_s, pose.T_odom_base)
 
-    def poll(self) -> Iterator[MeasuredSweep]:
-        """The sweeps that are complete by now."""
+    def poll(self) -> Iterator[MeasuredSweep | Unreadable]:
+        """The sweeps that are complete by now; `Unreadable`, without a name, where odometry was silent or is forgotten."""
         for estimate in self._fused.poll():
             self.add_pose(Pose(estimate.stamp_s, estimate.T_odom_base, estimate.pose_covariance))
         for stamp_s, reading in self._filtered():
             self._assembler.add_scan(stamp_s, reading)
         while (sweep := self._assembler.poll()) is not None:
-            after = next(pose for pose in self._poses if pose.stamp_s >= sweep.stamp_s - 1e-6)
-            yield MeasuredSweep(sweep, np.asarray(self._history.at(sweep.stamp_s)), after, self._ways.until(sweep.stamp_s))
+            try:
+                T_odom_base, after = self._history.at(sweep.stamp_s)
+            except ValueError as error:
+                yield Unreadable("", sweep.stamp_s, str(error))
+                continue
+            yield MeasuredSweep(sweep, np.asarray(T_odom_base), after, self._ways.until(sweep.stamp_s))
 
     def _filtered(self) -> Iterator[tuple[float, Scan | Revolution]]:
         if not self._spinning:

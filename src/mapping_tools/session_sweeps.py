@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
-from mapping_tools.sweep_sources import SourceSweep, Unreadable
+from mapping_tools.sweep_sources import SourceSweep, StoppedError, Unreadable, never
 from pose_graph_mapping.graph.pose_graph import EdgeKind
 from pose_graph_mapping.registration.cloud import PointCloud
 from pose_graph_mapping.session.session_store import DamagedSweepError, SessionStore
@@ -27,11 +27,13 @@ class SessionSweeps:
     def progress(self) -> float:
         return self._read / len(self._order)
 
-    def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
+    def sweeps(self, is_stopping: Callable[[], bool] = never) -> Iterator[SourceSweep | Unreadable]:
         """In that order."""
         stored = self._store.sweeps
         first_s = stored[self._order[0]].stamp_s
         for before, vertex_id in zip([None, *self._order], self._order, strict=False):
+            if is_stopping():
+                raise StoppedError
             self._read += 1
             stamp_s = self._begin_s + abs(stored[vertex_id].stamp_s - first_s)
             try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -86,6 +86,15 @@ class UnknownWays:
         return is_lost
 
 
+class StoppedError(Exception):
+    """Somebody asked a source to stop."""
+
+
+def never() -> bool:
+    """For who does not stop."""
+    return False
+
+
 class SweepSource(Protocol):
     """A recording that is read once."""
 
@@ -104,6 +113,9 @@ class SweepSource(Protocol):
         """What of it was left out and is no sweep, a line each."""
         ...
 
-    def sweeps(self) -> Iterator[SourceSweep | Unreadable]:
-        """In order. ValueError when this is not a recording that can be mapped: nothing of it fits."""
+    def sweeps(self, is_stopping: Callable[[], bool] = never) -> Iterator[SourceSweep | Unreadable]:
+        """In order. ValueError when this is not a recording that can be mapped: nothing of it fits.
+
+        `is_stopping` is asked before every message or file: StoppedError when it says so.
+        """
         ...

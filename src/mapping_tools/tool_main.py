@@ -1,6 +1,7 @@
 """From a tool's shell script to its main: python -m mapping_tools.tool_main NAME MODULE [ARGUMENTS]. Ctrl-C is one line, not a traceback.
 
-The exit code is then 130. A tool whose files are not as they were says so as the text of its KeyboardInterrupt.
+The exit code is then 130; where it was terminated, 143. A tool whose files are not as they were says so as the text of its
+KeyboardInterrupt.
 """
 
 import contextlib
@@ -12,30 +13,32 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import NoReturn
 
-INTERRUPTED = 130
+_BY_SIGNAL = 128  # and the signal, as shells have it
 _NOTHING = "nothing was written"
 _AGAIN_S = 0.05
 
 
 class Interrupts:
-    """How often Ctrl-C was pressed, and what each time does."""
+    """How often Ctrl-C was pressed or the tool was terminated, and what each time does."""
 
     def __init__(self, name: str) -> None:
-        self._name, self.count = name, 0
+        self._name, self._number, self.count = name, int(signal.SIGINT), 0
 
     def end(self, told: str = "") -> NoReturn:
         """Says so, and ends without Python's own end, which may die of an interrupt that went through `exec`."""
         with contextlib.suppress(OSError):
             sys.stdout.flush()
         os.write(2, f"./{self._name}: interrupted; {told or _NOTHING}\n".encode())
-        os._exit(INTERRUPTED)
+        os._exit(_BY_SIGNAL + self._number)
 
-    def end_at_once(self, _number: int, _frame: FrameType | None) -> None:
+    def end_at_once(self, number: int, _frame: FrameType | None) -> None:
         """While modules are imported: a library may swallow an exception there, or hang by it."""
+        self._number = number
         self.end()
 
-    def raise_one(self, _number: int, _frame: FrameType | None) -> None:
+    def raise_one(self, number: int, _frame: FrameType | None) -> None:
         """Afterwards. The second time is passed over: what the first one began, files to be removed, is to come to its end."""
+        self._number = number
         self.count += 1
         if self.count != 2:
             raise KeyboardInterrupt
@@ -53,16 +56,18 @@ class Interrupts:
 
 
 def run(name: str, module: str, arguments: Sequence[str]) -> int:
-    """The exit code of a tool's main; 130 when it was interrupted."""
+    """The exit code of a tool's main; 130 when it was interrupted, 143 when it was terminated."""
     interrupts = Interrupts(name)
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a job in the background: Ctrl-C is not meant for it
-        return _main(module, arguments)
-    signal.signal(signal.SIGINT, interrupts.end_at_once)
+    # of a job in the background Ctrl-C is ignored: it is not meant for it
+    heard = [number for number in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(number) is not signal.SIG_IGN]
+    for number in heard:
+        signal.signal(number, interrupts.end_at_once)
     importlib.import_module(module)
     sys.unraisablehook = interrupts.ignored
     signal.signal(signal.SIGALRM, interrupts.raise_again)
     try:
-        signal.signal(signal.SIGINT, interrupts.raise_one)
+        for number in heard:
+            signal.signal(number, interrupts.raise_one)
         return _main(module, arguments)
     except BaseException as error:
         if not interrupts.count or isinstance(error, SystemExit):
@@ -71,6 +76,7 @@ def run(name: str, module: str, arguments: Sequence[str]) -> int:
         interrupts.end(told)
     finally:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends anyway
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _main(module: str, arguments: Sequence[str]) -> int:

@@ -8,6 +8,7 @@ fixed-axis x, y, z, and quaternions are x, y, z, w (REP 103).
 from rigid_geometry.clock_leap import LONGEST_SILENCE_S, clock_leap_s
 from rigid_geometry.far_origin import FAR_M, lost_digits_m, origin_bytes, origin_near, origin_text, read_origin
 from rigid_geometry.leap_watch import LeapWatch
+from rigid_geometry.odometry_history import OdometryHistory
 from rigid_geometry.polyline import legs_of
 from rigid_geometry.pose_history import PoseHistory
 from rigid_geometry.rotations import renormalised, skew
@@ -40,6 +41,7 @@ __all__ = [
     "LONGEST_SILENCE_S",
     "STAMP_TOLERANCE_S",
     "LeapWatch",
+    "OdometryHistory",
     "PoseHistory",
     "StampedBuffer",
     "angle_difference",

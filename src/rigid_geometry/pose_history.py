@@ -8,7 +8,7 @@ import numpy as np
 from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S
 from rigid_geometry.transforms import Transform, as_transform, interpolate_transforms
 
-_KEPT_S = 20.0
+KEPT_S = 20.0
 
 
 class PoseHistory:
@@ -28,7 +28,7 @@ class PoseHistory:
             self._poses.clear()
         self._stamps.append(stamp_s)
         self._poses.append(pose)
-        while len(self._stamps) > 2 and self._stamps[0] < stamp_s - _KEPT_S:
+        while len(self._stamps) > 2 and self._stamps[0] < stamp_s - KEPT_S:
             self._stamps.popleft()
             self._poses.popleft()
         return True

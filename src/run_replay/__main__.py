@@ -20,8 +20,8 @@ def main() -> int:
     assert arguments.run is not None
     try:
         count = export(arguments.run, arguments.export)
-    except (ValueError, OSError) as error:
-        print(f"./replay: {arguments.run}: {error}", file=sys.stderr)
+    except (ValueError, OSError, MemoryError) as error:
+        print(f"./replay: {arguments.run}: {error or 'the memory does not suffice'}", file=sys.stderr)
         return 2
     print(f"{count} messages of {arguments.run} written to {arguments.export}")
     return 0

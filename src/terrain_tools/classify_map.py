@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
+from mapping_tools.tool_errors import code_of
 from octomap_server_3dnav.exploration import first_decision
 from octomap_server_3dnav.terrain.classify import Terrain
 from robot_body import robot_file
@@ -191,19 +192,14 @@ def _say(text: str) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code 0: all was found; 1: no start or no path; 2: a file or argument is wrong."""
+    return code_of("classify_map", lambda: _classified(parser().parse_args(argv)))
+
+
+def _classified(options: argparse.Namespace) -> int:
     try:
-        return classify_map(parser().parse_args(argv))
-    except ArgumentProblem as error:
-        problem = str(error)
-    except OSError as error:
-        problem = f"{error.filename}: {error.strerror or error}" if error.filename else str(error)
-    except MemoryError:
-        problem = "the memory does not suffice; --max-memory refuses such maps before they are read"
-    except ValueError as error:
-        problem = " ".join(str(error).split())
-    for line in problem.splitlines():
-        _say(f"./classify_map: {line}")
-    return BAD_INPUT
+        return classify_map(options)
+    except MemoryError as error:
+        raise MemoryError("the memory does not suffice; --max-memory refuses such maps before they are read") from error
 
 
 if __name__ == "__main__":

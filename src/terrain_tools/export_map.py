@@ -16,6 +16,7 @@ from explore_command.arguments import ArgumentProblem, OneLineParser
 from finished_maps import SWEEPS, LoadedMap, load_map
 from mapping_tools.cloud_files import read_cloud
 from mapping_tools.map_origin import ORIGIN as MAP_ORIGIN
+from mapping_tools.tool_errors import code_of
 from octomap_server_3dnav.navigation.passages import navigable_terrain
 from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.map_builder import MapBuilder
@@ -171,8 +172,8 @@ def _drawn(source: FinishedMap, storey: StoreyMap, target: Path) -> Files:
     return [(target, pgm_bytes(storey), what), (description, yaml_bytes(storey, target.name), f"for map_server, of {target.name}")]
 
 
-def export_map(options: argparse.Namespace) -> None:
-    """Makes all files before it writes the first."""
+def export_map(options: argparse.Namespace) -> int:
+    """Makes all files before it writes the first; exit code 0. ArgumentProblem, ValueError and OSError as the main tells them."""
     if not options.map.exists():
         raise ArgumentProblem(f"{options.map}: no such file or folder")
     if not options.map.is_dir() and options.map.suffix.lower() not in (".bt", ".ot"):
@@ -197,6 +198,7 @@ def export_map(options: argparse.Namespace) -> None:
     write_all({path: content for path, content, _ in files})
     for path, _, what in files:
         print(f"{path}: {what}")
+    return 0
 
 
 def _check_outputs(options: argparse.Namespace, paths: Sequence[Path]) -> None:
@@ -206,15 +208,7 @@ def _check_outputs(options: argparse.Namespace, paths: Sequence[Path]) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code 0: all is written; 2: a file or argument is wrong."""
-    try:
-        export_map(parser().parse_args(argv))
-        return 0
-    except OSError as error:
-        problem = f"{error.filename}: {error.strerror or error}" if error.filename else str(error)
-    except ValueError as error:  # ArgumentProblem among them
-        problem = " ".join(str(error).split())
-    print(f"./export_map: {problem}", file=sys.stderr)
-    return 2
+    return code_of("export_map", lambda: export_map(parser().parse_args(argv)))
 
 
 if __name__ == "__main__":

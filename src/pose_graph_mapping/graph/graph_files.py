@@ -1,7 +1,7 @@
 """Pose graphs as text: g2o's and TORO's files, 3-D and 2-D, read for what they say of poses, and written in g2o's format.
 
 Poses, edges between them, priors and sensor offsets are used. What else a file holds, landmarks and planes for example, is counted and
-left out. A comment "# KIND i j kind" an edge tells odometry, match and loop apart; other readers skip it.
+left out. A comment "# KIND i j kind" an edge tells odometry, match and loop apart, in whatever order; other readers skip it.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
-from collections import Counter
+from collections import Counter, defaultdict, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -42,7 +42,7 @@ from rigid_geometry import inverse, quat_xyzw_from_transform, yaw_of
 Array = NDArray[np.float64]
 
 _OFFSET = "PARAMS_SE3OFFSET"
-_KIND_COMMENT = re.compile(r"# KIND \d+ \d+ (odometry|match|loop)")
+_KIND_COMMENT = re.compile(r"# KIND (\d+) (\d+) (odometry|match|loop)")
 
 
 @dataclass(eq=False)
@@ -96,13 +96,13 @@ class _Reader:
     def __init__(self) -> None:
         self.file = GraphFile()
         self.offsets: dict[int, Array] = {}
-        self.told: list[EdgeKind] = []
+        self.told: defaultdict[tuple[int, int], deque[tuple[int, EdgeKind]]] = defaultdict(deque)
         self.is_empty: list[bool] = []
 
     def read(self, number: int, line: str) -> None:
         """What one line says; comments are skipped, but for kinds of edges."""
         if kind := _KIND_COMMENT.fullmatch(line.strip()):
-            self.told.append(EdgeKind(kind[1]))
+            self.told[int(kind[1]), int(kind[2])].append((number, EdgeKind(kind[3])))
         words = line.split("#", 1)[0].split()
         if not words:
             return
@@ -123,11 +123,24 @@ class _Reader:
     def finished(self) -> GraphFile:
         """What was read, with the kinds of its edges; edges without information are left out."""
         file = self.file
-        told = self.told if len(self.told) == len(file.edges) else _kinds_by_number(file)
+        told = self._kinds_by_comment() if self.told else _kinds_by_number(file)
         rows = zip(file.edges, told, file.edge_lines, self.is_empty, strict=True)
         kept = [(dataclasses.replace(edge, kind=kind), line) for edge, kind, line, is_empty in rows if not is_empty]
         file.edges, file.edge_lines = [edge for edge, _ in kept], [line for _, line in kept]
         return file
+
+    def _kinds_by_comment(self) -> list[EdgeKind]:
+        """Comments and edges between the same vertices belong together in their order; ValueError where one is left over."""
+        kinds = []
+        for edge, line in zip(self.file.edges, self.file.edge_lines, strict=True):
+            told = self.told[edge.i, edge.j]
+            if not told:
+                raise ValueError(f"line {line}: the edge from {edge.i} to {edge.j} has no comment # KIND, though others have")
+            kinds.append(told.popleft()[1])
+        for (i, j), left in self.told.items():
+            if left:
+                raise ValueError(f"line {left[0][0]}: no edge goes from {i} to {j}, of which this comment # KIND tells")
+        return kinds
 
     def _vertex(self, form: PoseForm, words: list[str]) -> None:
         k, T = vertex_id(_at(words, 0)), self._pose(form, words[1:])

@@ -34,6 +34,9 @@ from whole_files import refusal, sync_folder, write_whole
 
 Array = NDArray[np.float64]
 
+SAVED = ("graph.g2o", "trajectory.txt", "cloud.ply", "cloud.pcd")
+"""What `SessionStore.save` writes beside the sweeps."""
+
 
 class NotOnDiskError(OSError):
     """A sweep could not be written, and waits in memory; the text says why, in one line."""

@@ -99,7 +99,15 @@ def test_without_chaos_nothing_is_struck_or_silenced(tmp_path):
 
 @pytest.mark.parametrize(
     ("reason", "status"),
-    [("time limit: 60 s simulated", "sim limit"), ("node died: icp_matcher_node", "crashed"), ("trapped: no ground", "finished")],
+    [
+        ("time limit: 60 s simulated", "sim limit"),
+        ("node died: icp_matcher_node", "crashed"),
+        ("roslaunch was killed", "crashed"),
+        ("the keeper of roslaunch was killed", "crashed"),
+        ("rosmaster died", "crashed"),
+        ("interrupted", "crashed"),
+        ("trapped: no ground", "finished"),
+    ],
 )
 def test_reason_of_the_stop_gives_the_status(tmp_path, reason, status):
     assert make_run(request_with(tmp_path, summary(reason) + "exit 1\n"))["status"] == status

@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from explore_command import __main__ as explore_main
+from explore_command import arguments
 from explore_command.__main__ import main
 from explore_command.arguments import ArgumentProblem, parse
 from explore_command.results_folder import prepare_out
@@ -13,6 +15,7 @@ from explore_command.sessions import clock_after, earlier_run
 from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_store import SessionStore
+from robot_body import RobotBody, robot_mapping
 
 
 @pytest.fixture
@@ -118,6 +121,58 @@ def test_sweeps_of_a_run_that_goes_on_stay(session: Path) -> None:
     assert (session / "sweeps" / "000000.npz").exists() and not (session / "summary.json").exists()
     prepare_out(session, force=True)
     assert not (session / "sweeps").exists()
+
+
+def test_run_that_was_resumed_and_stopped_at_once_goes_on_as_it_was_started(session: Path) -> None:
+    """The monitor writes run.json anew seconds later, and who waits for it must not take the old one for it."""
+    (session / "robot.yaml").write_text("name: mine\n")
+    for _ in range(2):
+        prepare_out(session, force=True, keep_session=True)
+        assert not (session / "run.json").exists() and (session / "robot.yaml").exists()
+        found = earlier_run(session)
+        assert (found.world, found.seed, found.sensor, found.robot) == ("rooms", 7, "spinning", session / "robot.yaml")
+    (session / "run.json").write_text(json.dumps({"world": "moon", "seed": 3}))
+    assert earlier_run(session).seed == 3
+    prepare_out(session, force=True)
+    assert list(session.iterdir()) == []
+
+
+def test_full_disk_takes_nothing_from_an_earlier_run(session: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(_path: Path, _content: bytes) -> int:
+        raise OSError(28, "No space left on device")
+
+    before = sorted(path.name for path in session.iterdir())
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(ArgumentProblem, match="is full: make room there"):
+        prepare_out(session, force=True)
+    assert sorted(path.name for path in session.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (["--zones"], "zones.yaml"),
+        (["--profile"], "overrides.yaml"),
+        (["--robot"], "robot.yaml"),
+        (["--movers"], "log/movers.yaml"),
+        (["--size", "2", "2", "1", "--start", "0", "0", "0", "--world"], "map_top.png"),
+    ],
+)
+def test_input_that_the_run_would_remove_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: list[str], name: str
+) -> None:
+    out = tmp_path / "out"
+    file = out / name
+    file.parent.mkdir(parents=True)
+    file.write_text(json.dumps(robot_mapping(RobotBody())) if "--robot" in words else "{}")
+    monkeypatch.setattr(explore_main, "limits_problem", lambda: None)
+    monkeypatch.setattr(explore_main, "world_problem", lambda *_: None)
+    monkeypatch.setattr(explore_main, "run_launch", lambda *_: 0)
+    monkeypatch.setattr(arguments, "check_zones", lambda *_: None)
+    monkeypatch.setattr(arguments, "check_movers", lambda *_: None)
+    assert main(["--out", str(out), "--force", *words, str(file)]) == 2
+    assert f"{file}: the run in {out} would overwrite it" in capsys.readouterr().err and file.exists()
+    assert main(["--out", str(tmp_path / "other"), *words, str(file)]) == 0
 
 
 def test_clock_goes_on_after_the_latest_stamp_of_a_session_whose_clock_was_set_back(session: Path) -> None:

@@ -70,19 +70,20 @@ def odometry_message(stamp_s, T, sigma=SIGMA_RAD, child="base_link", variance_m2
     )
 
 
-def write_bag(path, messages, compression=None):
-    """A bag of (topic, message), recorded in this order at the messages' own stamps."""
+def write_bag(path, messages, compression=None, times_s=None):
+    """A bag of (topic, message), written in this order, recorded at the messages' own stamps where no other times are given."""
     writer = Writer(path)
     if compression:
         writer.set_compression(compression)
     with writer:
         connections = {}
-        for topic, message in messages:
+        for k, (topic, message) in enumerate(messages):
             kind = message.__msgtype__
             if topic not in connections:
                 connections[topic] = writer.add_connection(topic, kind, typestore=STORE)
             stamp = message.header.stamp
-            writer.write(connections[topic], stamp.sec * 1_000_000_000 + stamp.nanosec, STORE.serialize_ros1(message, kind))
+            time_ns = stamp.sec * 1_000_000_000 + stamp.nanosec if times_s is None else round(1e9 * times_s[k])
+            writer.write(connections[topic], time_ns, STORE.serialize_ros1(message, kind))
     return path
 
 

@@ -1,5 +1,6 @@
 """A recording becomes a session folder: bags whole, cut and wrong, folders with and without poses, and runs that go on."""
 
+import itertools
 import json
 import os
 import signal
@@ -13,7 +14,7 @@ import recordings
 from recordings import TRUTH, cloud_message, drive, odometry, odometry_message, pose, write_bag, write_folder
 from rosbags.rosbag1 import Writer
 
-from mapping_tools import map_bag
+from mapping_tools import map_bag, mapping_run
 from mapping_tools.bag_records import BagRecords
 from mapping_tools.bag_sweeps import BagSweeps, BagTopics, gravity_of
 from mapping_tools.recording import Recording
@@ -77,6 +78,18 @@ def test_sweeps_that_were_tracked_are_placed_by_the_tracked_odometry_and_have_up
         np.testing.assert_allclose(found["named"][k].T_odom_base, tracked[k], atol=1e-9)
         np.testing.assert_allclose(found["named"][k].gravity_base, tracked[k][2, :3], atol=1e-9)
         np.testing.assert_allclose(found["not tracked"][k].T_odom_base, plain[k], atol=1e-9)
+
+
+def test_odometry_that_is_named_comes_before_the_tracked_one(tmp_path, clouds):
+    tracked = [transform_from_rpy((9.0, 0.0, 0.0)) @ T for T in odometry()[:2]]
+    messages = drive(clouds[:2], odometry()[:2]) + [
+        m for m in drive(clouds[:2], tracked, odom_topic="/odom_tracked") if m[0] == "/odom_tracked"
+    ]
+    path = write_bag(tmp_path / "x.bag", messages)
+    mapped(path, tmp_path / "plain", "--odom-topic", "/odom", *FAST)
+    mapped(path, tmp_path / "tracked", *FAST)
+    first = [SessionStore(tmp_path / name).sweeps[0].measured.T_odom_base for name in ("plain", "tracked")]
+    np.testing.assert_allclose(first, [odometry()[0], tracked[0]], atol=1e-6)
 
 
 def test_bag_becomes_a_session_that_others_open(bag, tmp_path):
@@ -180,6 +193,7 @@ def test_wrong_recordings_and_arguments_are_refused_with_the_reason(tmp_path, cl
         ((bag, *out, "--moved"), "--moved: has no effect without --resume"),
         ((bag, *out, "--no-odometry", "--odom-topic", "/odom"), "--odom-topic: has no effect"),
         ((bag, *out, "--no-odometry", "--min-travel", 1), "--min-travel: has no effect"),
+        ((bag, *out, "--imu-topic", "/imu"), "--imu-topic: has no effect on finished clouds"),
         ((bag, *out, "--robot", "husky"), "--robot: has no effect on finished clouds"),
         ((bag, *out, "--mount-calibration", "auto"), "--mount-calibration: has no effect"),
         ((bag, *out, "--resume"), "holds no session"),
@@ -208,6 +222,13 @@ def test_session_that_is_there_is_not_overwritten(tmp_path, bag, clouds, capsys)
     SessionStore(tmp_path).add_sweep(0, 0.0, *clouds[0])
     assert "--resume goes on with it" in refusal(capsys, bag, "--out", tmp_path)
     assert "stored without its odometry" in refusal(capsys, bag, "--out", tmp_path, "--resume")
+
+
+@pytest.mark.parametrize("name", ["trajectory.txt", "cloud.pcd", "cloud.ply", "graph.g2o", "map_summary.json", "map_origin.json"])
+def test_file_of_somebody_s_own_is_not_replaced(tmp_path, bag, capsys, name):
+    (tmp_path / name).write_text("mine")
+    assert f"would replace its {name}; name another folder" in refusal(capsys, bag, "--out", tmp_path)
+    assert (tmp_path / name).read_text() == "mine"
 
 
 def test_clouds_in_another_frame_need_a_mount(tmp_path, clouds, capsys):
@@ -255,8 +276,29 @@ def test_file_in_a_folder_that_is_damaged_is_named_and_the_others_mapped(tmp_pat
     assert (code, summary["vertices"], [entry["sweep"] for entry in summary["not_placed"]]) == (1, 2, ["scan_01.pcd"])
 
 
+def test_what_is_mapped_is_saved_where_the_source_ends_with_an_error(tmp_path, bag, monkeypatch):
+    def broken(self, *_):
+        yield from itertools.islice(sweeps(self), 2)
+        raise OSError(5, "Input/output error")
+
+    sweeps = BagSweeps.sweeps
+    monkeypatch.setattr(BagSweeps, "sweeps", broken)
+    code, summary = mapped(bag, tmp_path / "out", *FAST)
+    assert (code, summary["vertices"], summary["complete"]) == (1, 2, False) and "Input/output error" in summary["problems"][0]
+    assert (tmp_path / "out" / "cloud.pcd").exists()
+
+
 @pytest.mark.parametrize(
-    "words", [("--raw",), ("--cloud-topic", "/c"), ("--robot", "husky"), ("--mount-calibration", "auto"), ("--no-odometry",)]
+    "words",
+    [
+        ("--raw",),
+        ("--cloud-topic", "/c"),
+        ("--robot", "husky"),
+        ("--mount-calibration", "auto"),
+        ("--no-odometry",),
+        ("--odom-topic", "/o"),
+        ("--scan-topic", "/s"),
+    ],
 )
 def test_option_that_says_nothing_of_a_folder_is_refused(tmp_path, clouds, capsys, words):
     folder = write_folder(tmp_path / "scans", clouds[:1])
@@ -327,6 +369,13 @@ def test_run_that_is_interrupted_saves_what_it_has(tmp_path, bag, monkeypatch, n
     assert summary["problems"] == ["stopped after 40 % of it"] and summary["vertices"] == 2 and (tmp_path / "cloud.pcd").exists()
 
 
+def test_second_interrupt_does_not_wait_for_the_sweep(tmp_path, bag, monkeypatch):
+    monkeypatch.setattr(map_bag, "_say", lambda text: [os.kill(os.getpid(), signal.SIGINT) for _ in range(2 * ("vertex 1" in text))])
+    with pytest.raises(KeyboardInterrupt, match="holds a session; --resume goes on with it"):
+        map_bag.main([str(bag), "--out", str(tmp_path), *FAST])
+    assert not (tmp_path / map_bag.SUMMARY).exists()
+
+
 @pytest.mark.parametrize("at, said", [("recorded", ""), ("_saved", "holds a session; --resume goes on with it")])
 def test_interrupt_before_or_after_mapping_says_what_is_there(tmp_path, bag, monkeypatch, at, said):
     def interrupted(*_):
@@ -351,6 +400,20 @@ def test_other_recording_of_the_same_place_goes_on_where_it_is_found(tmp_path, b
     ]
     code, summary = mapped(write_bag(tmp_path / "later.bag", later), out, "--resume", "--moved")
     assert (code, summary["vertices"]) == (0, 7) and error_of(out, [*TRUTH, *truth]) < 0.05
+
+
+def test_octree_of_an_explored_run_goes_when_sweeps_are_added_and_stays_when_none_is(tmp_path, bag, clouds, capsys):
+    """Else ./export_map would believe it."""
+    half = write_bag(tmp_path / "half.bag", drive(clouds[:3], odometry()[:3]))
+    out = tmp_path / "out"
+    mapped(half, out, *FAST)
+    for name in ("map.ot", "terrain.npz", "run.json"):
+        (out / name).write_text("of three sweeps")
+    mapped(half, out, "--resume", *FAST)
+    assert (out / "map.ot").exists()
+    _, summary = mapped(bag, out, "--resume", *FAST)
+    assert summary["vertices"] == 5 and not (out / "map.ot").exists() and not (out / "terrain.npz").exists() and (out / "run.json").exists()
+    assert "map.ot, terrain.npz: are of the earlier sweeps, and were removed" in capsys.readouterr().err
 
 
 def test_full_disk_is_said_and_ends_with_code_1(tmp_path, bag, monkeypatch, capsys):
@@ -418,6 +481,21 @@ def test_sweep_after_the_clock_was_set_back_is_looked_for_in_the_map_and_mapped(
     code, summary = mapped(set_back_bag, tmp_path, *FAST)
     assert (code, summary["vertices"], summary["not_placed"]) == (0, 5, []) and error_of(tmp_path) < 0.05
     assert [s.stamp_s for s in SessionStore(tmp_path).sweeps] == [5.0, 15.0, 25.0, 18.0, 28.0]
+
+
+def test_cloud_of_a_bad_stamp_is_no_clock_that_was_set_back(tmp_path, clouds, monkeypatch):
+    """Else the next sweep would be looked for in the whole map."""
+    messages = drive(clouds[:2], odometry()[:2])
+    times_s = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for _, m in messages]
+    path = write_bag(
+        tmp_path / "x.bag",
+        [*messages[:3], ("/sweep_cloud", cloud_message(0.0, *clouds[2])), *messages[3:]],
+        times_s=[*times_s[:3], 6.0, *times_s[3:]],
+    )
+    asked = []
+    monkeypatch.setattr(mapping_run, "localise", lambda *_values, **_named: asked.append(1))
+    code, summary = mapped(path, tmp_path / "out", *FAST)
+    assert (code, summary["vertices"], asked) == (1, 2, [])
 
 
 @pytest.mark.parametrize("kept", [2, 3, 4, 5])

@@ -70,6 +70,7 @@ def test_names_that_are_stamps_find_their_poses_among_more(tmp_path):
 
 def test_names_that_only_count_are_paired_in_order_or_not_at_all(tmp_path):
     poses = poses_of(tmp_path, tum(0, 0.5, 1.0))
+    assert stamps_of(["0000000000", "0000000001"]) is None  # as KITTI counts: no stamp since 1970 begins with 0
     assert stamps_of(["0", "1"]) is None and stamps_of(["000012", "1403636579.70"]) is None
     assert [pose.T[0, 3] for pose in paired(files("2.pcd", "9.pcd", "10.pcd"), poses, "poses.txt")] == [0, 1, 2]
     with pytest.raises(ValueError, match="3 poses in poses.txt for 2 sweeps"):

@@ -3,6 +3,7 @@
 import json
 import shutil
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,8 @@ from rosbags.rosbag2 import StoragePlugin
 
 from mapping_tools import calibrate_mount, map_bag
 from mapping_tools.recording import Recording
-from mapping_tools.sensor_chain import Pose, SensorChain, SensorConfig
+from mapping_tools.sensor_chain import MeasuredSweep, Pose, SensorChain, SensorConfig
+from mapping_tools.sweep_sources import Unreadable
 from mount_calibration import RECORDED_FILE, TiltCalibration, read_calibration, write_calibration
 from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import transform_from_rpy
@@ -107,6 +109,39 @@ def test_odometry_of_the_robot_s_own_stands_in_for_imu_and_wheels(tmp_path: Path
     messages.sort(key=lambda message: (message[2].header.stamp.sec, message[2].header.stamp.nanosec))
     mapped(raw.write_ros1(robot_beside(tmp_path) / "run.bag", messages), tmp_path / "out")
     np.testing.assert_allclose(trajectory(tmp_path / "out"), trajectory(one_map), atol=0.01)
+
+
+def test_odometry_that_is_named_comes_before_imu_and_wheels(tmp_path: Path, drive: raw.Messages) -> None:
+    """The poses of the robot's own are 40 m off."""
+
+    def carried(message: Any) -> Any:
+        at = message.pose.pose.position
+        pose = replace(message.pose.pose, position=replace(at, x=at.x + 40.0))
+        return replace(message, pose=replace(message.pose, pose=pose))
+
+    there = [(topic, kind, carried(message)) for topic, kind, message in raw.poses()]
+    path = raw.write_ros1(robot_beside(tmp_path) / "run.bag", drive + there)
+    mapped(path, tmp_path / "wheels")
+    mapped(path, tmp_path / "named", "--raw", "--odom-topic", "/odom")
+    stored = [SessionStore(tmp_path / name).sweeps[0].measured for name in ("wheels", "named")]
+    assert [round(m.T_odom_base[0, 3] / 40.0) for m in stored if m is not None] == [0, 1]
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("--no-odometry",), "--no-odometry: has no effect on messages of the drivers"),
+        (("--raw", "--cloud-topic", "/c"), "--cloud-topic: has no effect on messages of the drivers"),
+        (("--odom-topic", "/odom", "--imu-topic", "/imu"), "--imu-topic: has no effect with --odom-topic"),
+        (("--scan-topic", "/s", "--points-topic", "/p"), "--scan-topic: has no effect with --points-topic"),
+        (("--points-topic", "/p"), "no sensor_msgs/msg/PointCloud2 on topic /p"),
+        (("--imu-topic", "/i"), "no sensor_msgs/msg/Imu on topic /i"),
+    ],
+)
+def test_option_that_says_nothing_of_drivers_is_refused(
+    tmp_path: Path, off_bag: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], reason: str
+) -> None:
+    assert reason in refusal(capsys, off_bag, "--out", tmp_path / "out", *words)
 
 
 def test_finished_clouds_come_first_unless_raw_is_asked_for(
@@ -319,21 +354,34 @@ def test_recording_without_what_calibrates_is_refused(tmp_path: Path, drive: raw
     assert not (tmp_path / "found.yaml").exists()
 
 
-def test_spinning_lidar_s_sweep_comes_out_with_odometry_at_its_stamp() -> None:
+def spun(reads: Callable[[float], bool], until_s: float) -> list[MeasuredSweep | Unreadable]:
+    """What comes of a spinning lidar on a mount that sweeps from 2.5 to 3.8 s, where it reads only at some times."""
+
     def tilt(t: float) -> float:
         return float(np.interp(t, [2.0, 2.5, 3.8, 4.0], [0.0, 0.8, -0.61, 0.0]))
 
     config = SensorConfig(lidar=LIDAR, assembly=SweepAssemblyConfig(stray_neighbours=0))
     chain = SensorChain(config, RobotBody(), TILT, lambda _: np.eye(3), spinning=True)
-    found = []
-    for k in range(120):
+    found = list[MeasuredSweep | Unreadable]()
+    for k in range(round((until_s - 1.5) / 0.03)):
         t = round(1.5 + 0.03 * k, 6)
         chain.add_joint(t, tilt(t))
         chain.add_pose(Pose(t, transform_from_rpy((0.01 * t, 0.0, 0.0)), np.eye(6)))
-        if k % 4 == 0:
+        if k % 4 == 0 and reads(t):
             t = 1.5 + 0.1 * (k // 4)
             chain.add_reading(t, revolution(t, lambda t: transform_from_rpy((0.01 * t, 0.0, 0.0)), tilt))
         found += list(chain.poll())
-    (one,) = found
+    return found
+
+
+def test_spinning_lidar_s_sweep_comes_out_with_odometry_at_its_stamp() -> None:
+    (one,) = spun(lambda _: True, 5.1)
+    assert isinstance(one, MeasuredSweep)
     assert one.sweep.stamp_s == pytest.approx(4.0, abs=0.04) and len(one.sweep.points) > 3000
     assert one.T_odom_base[0, 3] == pytest.approx(0.01 * one.sweep.stamp_s)
+
+
+def test_sweep_that_ends_when_its_odometry_is_forgotten_is_unreadable() -> None:
+    """A lidar that is silent for longer than poses are known."""
+    (one,) = spun(lambda t: not 4.3 < t < 40.0, 60.0)
+    assert isinstance(one, Unreadable) and one.stamp_s == pytest.approx(4.0, abs=0.04) and "lie outside the poses" in one.reason

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[3]
-TOOLS = ("classify_map", "register_clouds", "optimize_graph", "export_map", "merge_maps", "replay", "map_bag")
+TOOLS = ("classify_map", "register_clouds", "optimize_graph", "export_map", "merge_maps", "replay", "map_bag", "calibrate_mount")
 PRESS = "os.kill(os.getpid(), signal.SIGINT)"
 IN_IMPORT = f"""
 try:
@@ -64,12 +64,17 @@ def hears_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-def outcome(folder: Path, body: str, *words: str) -> subprocess.CompletedProcess[str]:
+def hears_none() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def outcome(folder: Path, body: str, *words: str, is_in_background: bool = False) -> subprocess.CompletedProcess[str]:
     (folder / "a_tool.py").write_text("import os, signal, sys, time\n" + body)
     path = os.pathsep.join([str(folder), *(p for p in sys.path if p)])
     command = [sys.executable, "-m", "mapping_tools.tool_main", "the_tool", "a_tool", *words]
     environment = {**os.environ, "PYTHONPATH": path}
-    return subprocess.run(command, capture_output=True, text=True, timeout=30, env=environment, preexec_fn=hears_interrupts)
+    hears = hears_none if is_in_background else hears_interrupts
+    return subprocess.run(command, capture_output=True, text=True, timeout=30, env=environment, preexec_fn=hears)
 
 
 @pytest.mark.parametrize(
@@ -87,6 +92,17 @@ def outcome(folder: Path, body: str, *words: str) -> subprocess.CompletedProcess
 def test_interrupt_is_one_line_and_130(tmp_path: Path, body: str, said: str) -> None:
     done = outcome(tmp_path, body)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", f"./the_tool: interrupted; {said}\n")
+
+
+def test_terminated_tool_takes_back_what_it_wrote_and_ends_with_143(tmp_path: Path) -> None:
+    done = outcome(tmp_path, TOLD.replace("SIGINT", "SIGTERM"))
+    assert (done.returncode, done.stdout, done.stderr) == (143, "", "./the_tool: interrupted; half of it stays\n")
+
+
+def test_job_in_the_background_is_terminated_alike_and_hears_no_interrupt(tmp_path: Path) -> None:
+    body = TOLD.replace("time.sleep(9)", "os.kill(os.getpid(), signal.SIGTERM); time.sleep(9)")
+    done = outcome(tmp_path, body, is_in_background=True)
+    assert (done.returncode, done.stderr) == (143, "./the_tool: interrupted; half of it stays\n")
 
 
 def test_tool_gets_its_arguments_and_its_exit_code_is_handed_on(tmp_path: Path) -> None:

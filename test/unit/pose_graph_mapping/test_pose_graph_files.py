@@ -44,6 +44,25 @@ def test_kinds_are_told_by_comments_or_by_neighbouring_ids(tmp_path):
     assert [e.kind.value for e in read(tmp_path, "".join(lines) + told).edges] == ["match", "loop", "odometry"]
 
 
+def test_kinds_are_those_of_their_vertices_whatever_the_order_of_the_lines(tmp_path):
+    lines = [f"EDGE_SE3:QUAT {i} {j} 0 0 0 0 0 0 1 {UPPER}\n" for i, j in ((0, 1), (0, 1), (1, 2))]
+    told = "# KIND 1 2 loop\n# KIND 0 1 odometry\n# KIND 0 1 match\n"
+    assert [e.kind.value for e in read(tmp_path, told + "".join(lines)).edges] == ["odometry", "match", "loop"]
+
+
+@pytest.mark.parametrize(
+    ("told", "reason"),
+    [
+        ("# KIND 0 1 match\n", "line 1: the edge from 4 to 10 has no comment # KIND, though others have"),
+        ("# KIND 4 10 match\n# KIND 4 10 match\n", "line 3: no edge goes from 4 to 10"),
+        ("# KIND 4 10 match\n# KIND 10 4 loop\n", "line 3: no edge goes from 10 to 4"),
+    ],
+)
+def test_kinds_of_other_edges_are_refused(tmp_path, told, reason):
+    with pytest.raises(ValueError, match=reason):
+        read(tmp_path, f"EDGE_SE3:QUAT 4 10 0 0 0 0 0 0 1 {UPPER}\n{told}")
+
+
 def test_text_comes_back(tmp_path):
     rng = np.random.default_rng(4)
     root = rng.normal(0, 0.1, (6, 6))

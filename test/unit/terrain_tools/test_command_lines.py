@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from mapping_tools import map_bag, optimize_graph, register_clouds
+from mapping_tools import calibrate_mount, map_bag, merge_maps, optimize_graph, register_clouds
 from terrain_tools import classify_map, export_map
 
 POINT = ("1", "2", "0")
@@ -30,6 +31,32 @@ def made(path: Path, what: str) -> Path:
     elif what != "missing":
         path.write_bytes({"empty": b"", "noise": np.random.default_rng(1).bytes(3000), "prose": b"to whom it may concern\n"}[what])
     return path
+
+
+@pytest.mark.parametrize(
+    ("module", "work"),
+    [
+        (map_bag, "map_recording"),
+        (merge_maps, "merge"),
+        (register_clouds, "register"),
+        (optimize_graph, "optimize"),
+        (classify_map, "classify_map"),
+        (export_map, "export_map"),
+        (calibrate_mount, "calibrate"),
+    ],
+)
+def test_memory_that_does_not_suffice_is_one_line_and_exit_code_two(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, module: Any, work: str
+) -> None:
+    def too_large(*_: object) -> int:
+        raise MemoryError
+
+    monkeypatch.setattr(module, work, too_large)
+    tool = module.__name__.rpartition(".")[2]
+    words = {"calibrate_mount": ["--from", "a", "--out", "b"], "merge_maps": ["a", "b", "--out", "c"]}
+    assert module.main(words.get(tool, TOOLS[tool][1](tmp_path / "a", tmp_path / "b") if tool in TOOLS else [])) == 2
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.count("\n") == 1 and said.err.startswith(f"./{tool}: the memory does not suffice")
 
 
 @pytest.mark.parametrize("what", ["missing", "folder", "loop", "unreadable", "empty", "noise", "prose"])

@@ -11,6 +11,7 @@ from PIL import Image
 from terrain_maps import RESOLUTION, floor, octree_of, two_storeys
 
 from mapping_tools.cloud_files import read_cloud
+from mapping_tools.map_bag import MADE_OF_SWEEPS
 from octomap_server_3dnav.octree.column_runs import VoxelState
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass, TerrainConfig, classify
@@ -21,7 +22,7 @@ from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import origin_bytes, transform_from_rpy
 from robot_body import DEFAULT_ROBOT_FILE, RobotBody
 from terrain_tools.criteria import Criteria
-from terrain_tools.export_map import main
+from terrain_tools.export_map import CLASSES, OCTREES, main
 from terrain_tools.ground import pose_on
 from terrain_tools.storey_maps import FREE, OCCUPIED, UNKNOWN, ClassifiedVoxels, storey_maps
 
@@ -142,6 +143,10 @@ def test_octree_and_ground_of_a_session_are_made_of_its_sweeps(tmp_path: Path) -
     (tmp_path / "fine.yaml").write_text("resolution: 0.05\n")
     assert main([str(tmp_path / "session"), "--profile", str(tmp_path / "fine.yaml"), "--out", str(tmp_path / "b.bt")]) == 0
     assert OctreeMap.read(tmp_path / "b.bt").resolution == 0.05
+
+
+def test_octree_and_ground_are_what_map_bag_removes_when_it_adds_sweeps() -> None:
+    assert {*OCTREES, CLASSES} == {*MADE_OF_SWEEPS}
 
 
 def test_octree_s_file_and_voxels_give_the_centres(tmp_path: Path) -> None:

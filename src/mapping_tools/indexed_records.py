@@ -1,0 +1,89 @@
+"""Messages in the order of time, by the index of a bag: of ROS 2, a folder with metadata.yaml, or a .db3 or .mcap; or of ROS 1."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator
+from itertools import pairwise
+from pathlib import Path
+from types import TracebackType
+
+from rosbags import rosbag1, rosbag2
+from rosbags.interfaces import Connection
+from rosbags.typesys import Stores, get_typestore
+
+from mapping_tools.bag_records import BagMessage, deserialize_ros1
+from rigid_geometry import JUMP_BACK_S
+
+SUFFIXES = (".db3", ".mcap")
+
+
+class IndexedRecords:
+    """A bag that is read once from its beginning; `problem` says why it ended early, None while it has not or when it is whole."""
+
+    def __init__(self, reader: rosbag1.Reader | rosbag2.Reader, deserialize: Callable[[bytes, str], object]) -> None:
+        """Takes over a reader that is open."""
+        self.problem: str | None = None
+        self._reader, self._deserialize = reader, deserialize
+        self.topics = {connection.topic: connection.msgtype for connection in reader.connections}
+        self.size = max(reader.message_count, 1)
+        self.position = 0
+
+    def __enter__(self) -> IndexedRecords:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._reader.close()
+
+    def messages(self, topics: Collection[str]) -> Iterator[BagMessage]:
+        """The messages of some topics, up to the end or to where the bag is damaged."""
+        wanted = max(sum(connection.msgcount for connection in self._reader.connections if connection.topic in topics), 1)
+        try:
+            for number, (connection, time_ns, data) in enumerate(self._read(topics)):
+                self.position = number * self.size // wanted
+                yield BagMessage(connection.topic, connection.msgtype, time_ns, bytes(data), self._deserialize)
+        except Exception as error:  # as above: the reader is in other people's code, and gives what it holds up to there
+            self.problem = f"it breaks off after {self.position} of {self.size} messages: {_one_line(error)}"
+            return
+        self.position = self.size
+
+    def _read(self, topics: Collection[str]) -> Iterator[tuple[Connection, int, bytes]]:
+        connections = [connection for connection in self._reader.connections if connection.topic in topics]
+        return self._reader.messages(connections) if connections else iter(())
+
+
+def ros2_records(path: Path) -> IndexedRecords:
+    """A bag of ROS 2; ValueError when it is none, or a damaged one; OSError when it cannot be opened."""
+    try:
+        reader = rosbag2.Reader(path)
+        reader.open()
+    except OSError:
+        raise
+    except Exception as error:  # whatever the libraries below raise for a file that is none of theirs
+        raise ValueError(f"not a ROS 2 bag that can be read: {_one_line(error)}") from error
+    return IndexedRecords(reader, get_typestore(Stores.ROS2_HUMBLE).deserialize_cdr)
+
+
+def ros1_records(path: Path) -> IndexedRecords | None:
+    """A bag of ROS 1; None where it has no whole index, or the clock was set back, and the order of time would mix before and after."""
+    try:
+        reader = rosbag1.Reader(path)
+        reader.open()
+    except Exception:  # whatever the library raises for an index that is damaged or not there: then it is not believed
+        return None
+    if _is_set_back(reader):
+        reader.close()
+        return None
+    return IndexedRecords(reader, deserialize_ros1)
+
+
+def _is_set_back(reader: rosbag1.Reader) -> bool:
+    """Whether a topic's times jump back in the order in which they were written."""
+    for index in reader.indexes.values():
+        written = sorted(index, key=lambda entry: (entry.chunk_pos, entry.offset))
+        if any(later.time < before.time - 1e9 * JUMP_BACK_S for before, later in pairwise(written)):
+            return True
+    return False
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,58 @@
+"""Which files of a folder are read as one recording, which are named as left out, and in which order bags of ROS 1 are read."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from recordings import odometry_message, write_bag
+
+from mapping_tools.recorded_sources import recording_in
+from mapping_tools.recording import Recording, bags_of
+
+T = np.eye(4)
+
+
+def poses(*stamps_s: float, topic: str = "/odom") -> list[tuple[str, object]]:
+    return [(topic, odometry_message(stamp_s, T)) for stamp_s in stamps_s]
+
+
+def read(path: Path) -> list[tuple[str, float]]:
+    recording = Recording(bags_of(path))
+    return [(message.topic, 1e-9 * message.time_ns) for message in recording.messages(recording.topics)]
+
+
+def test_last_part_that_was_never_closed_is_read_with_the_others(tmp_path: Path) -> None:
+    write_bag(tmp_path / "run_0.bag", poses(1.0))
+    write_bag(tmp_path / "run_1.bag", poses(2.0)).rename(tmp_path / "run_1.bag.active")
+    assert read(tmp_path) == [("/odom", 1.0), ("/odom", 2.0)]
+
+
+def test_parts_that_are_not_read_are_named_as_a_problem(tmp_path: Path) -> None:
+    write_bag(tmp_path / "run_0.bag", poses(1.0))
+    for name in ("a.mcap.zstd", "b.db3.zstd", "c.bag.gz", "d.db3-shm", "robot.yaml"):
+        (tmp_path / name).touch()
+    recording = recording_in(tmp_path)
+    assert recording is not None and recording.problem == "not read: a.mcap.zstd, b.db3.zstd, c.bag.gz"
+
+
+def test_folder_of_parts_none_of_which_can_be_read_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.mcap.zstd").touch()
+    with pytest.raises(ValueError, match=r"a\.mcap\.zstd"):
+        recording_in(tmp_path)
+
+
+def test_bag_that_was_written_topic_by_topic_is_read_in_the_order_of_time(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "converted.bag", poses(1.0, 2.0, 3.0, topic="/a") + poses(1.1, 2.1, 3.1, topic="/b"))
+    assert [topic for topic, _ in read(path)] == ["/a", "/b"] * 3
+
+
+def test_bag_without_a_whole_index_is_read_by_file(tmp_path: Path) -> None:
+    path = write_bag(tmp_path / "converted.bag", poses(1.0, 2.0, topic="/a") + poses(1.1, 2.1, topic="/b"))
+    path.write_bytes(path.read_bytes()[:-10])
+    assert [topic for topic, _ in read(path)] == ["/a", "/a", "/b", "/b"]
+
+
+def test_bag_whose_clock_was_set_back_is_read_by_file(tmp_path: Path) -> None:
+    """In the order of time what came before and after would be mixed."""
+    path = write_bag(tmp_path / "run.bag", poses(10.0, 11.0, 12.0, 5.0, 6.0, 11.5))
+    assert [time_s for _, time_s in read(path)] == pytest.approx([10.0, 11.0, 12.0, 5.0, 6.0, 11.5])
