@@ -15,27 +15,24 @@ _SPACING_M = 0.02
 
 @dataclass(frozen=True)
 class KnownGround:
-    """Asks under the middle of the path, beside it where the wheels roll, and so far beyond its end as they stand `before_m` the middle.
-
-    A gap shorter than `gap_m` they roll over.
-    """
+    """Asks under the middle of the path and beside it where the wheels roll; a gap shorter than `gap_m` they roll over."""
 
     beside_m: tuple[float, ...]
-    before_m: float
     gap_m: float
 
     @classmethod
     def under(cls, robot: RobotBody) -> "KnownGround":
         """Of a robot: half its track to both sides; a wheel does not fall into a gap shorter than its radius."""
-        before_m = robot.wheelbase_m / 2 or robot.half_length_m  # with one axle a caster may be there
-        return cls((0.0, robot.track_m / 2, -robot.track_m / 2), before_m, robot.wheel_radius_m)
+        return cls((0.0, robot.track_m / 2, -robot.track_m / 2), robot.wheel_radius_m)
 
     def ahead_m(self, around: Surroundings, path: ReferencePath, s: float, look_m: float) -> float:
-        """Metres of known ground from arc length `s` on; inf where it is known for `look_m`, or as far as the wheels get.
+        """Metres of known ground from arc length `s` on; inf where it is known for `look_m`, or to the path's end.
 
         What is not free is another question: its ground is known, or the costmap keeps the robot's middle off it.
         """
-        left = min(look_m, max(0.0, path.length - s) + self.before_m)
+        left = min(look_m, path.length - s)
+        if left <= 0.0:
+            return math.inf
         along = s + np.linspace(0.0, left, math.ceil(left / _SPACING_M) + 1)
         nearest = math.inf
         for points in self._lines(path.points_at(along)):

@@ -67,7 +67,7 @@ class Limits(NamedTuple):
     `step` and `clearance` count whole voxels; `max_step` and the
     tangents `max_slope` and `max_plane_slope` are the robot's, the first and last with their tolerance; `noise` is the
     sigma of one hit; `keep_off` the distance of the robot's middle from what is blocked, a drop or too steep. `fill` is the
-    widest gap in a floor that is filled, in columns, and `rolled_over` the widest that wheels roll over.
+    widest gap in a floor that is filled, in columns, and `strip` the widest between the lines on a wall.
     """
 
     resolution: float
@@ -80,7 +80,7 @@ class Limits(NamedTuple):
     pose_noise: float
     confidence: float
     fill: int
-    rolled_over: float
+    strip: int
     side: int
     look: int
     keep_off: float
@@ -102,8 +102,8 @@ class Limits(NamedTuple):
             noise=config.range_noise_m / resolution,
             pose_noise=config.pose_noise_m / resolution,
             confidence=config.confidence,
-            fill=config.fill_columns,
-            rolled_over=robot.rolled_over_m / resolution,
+            fill=min(config.fill_columns, int(robot.rolled_over_m / resolution + 1e-9)),
+            strip=config.fill_columns,
             side=_SIDE_COLUMNS,
             look=max(1, round(config.look_m / resolution)),
             keep_off=float(math.floor(robot.turning_radius_m / resolution + 1e-9)) if is_square else keep_off,

@@ -87,7 +87,6 @@ def _spans(columns: Columns, surfaces: Surfaces, a: Index, b: Index, stride: Ind
 def _other_side(columns: Columns, surfaces: Surfaces, a: Index, stride: Index, room: Index, limits: Limits) -> tuple[Index, Index]:
     """The node across unknown columns beyond node a that is one floor with it, and how many `stride`s on; -1, 0: none within `room`."""
     z, step, c, level, floor = surfaces.z, limits.step, np.int64(surfaces.column[a]), np.int64(surfaces.z[a]), surfaces.height[a]
-    axis = 0 if stride == columns.ny else 1
     if _met(columns, surfaces, c + stride, level, step, floor, limits) >= 0:
         return -1, 0
     for gap in range(2, room + 1):
@@ -95,8 +94,7 @@ def _other_side(columns: Columns, surfaces: Surfaces, a: Index, stride: Index, r
         if b < 0:
             continue
         is_floor = abs(np.int64(z[b]) - level) <= _MOST_RISE and _is_one_floor(surfaces, a, b, gap, stride, limits)
-        width = gap - 1 + 2.0 * (surfaces.offset[b, axis] - surfaces.offset[a, axis])  # met off its middle, a column ends early
-        if is_floor and width <= limits.rolled_over + 1e-6 and _spans(columns, surfaces, a, b, stride, gap, limits):
+        if is_floor and _spans(columns, surfaces, a, b, stride, gap, limits):
             return b, gap
         if abs(np.int64(z[b]) - level) <= step:
             return -1, 0

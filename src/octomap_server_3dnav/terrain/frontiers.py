@@ -30,10 +30,10 @@ def unknown_edges(
     are `inside` (bool per column).
 
     The two-step test of thesis figure 5.13: no ground in a direction, and nothing that the flood has reached around one step further.
-    Ground that it did not reach is what the look is for: a deck seen from below only, a slope behind a gap, ground
-    across two columns that wheels do not roll over.
+    Ground that it did not reach is what the look is for: a deck seen from below only, a slope behind a gap. No gap is passed over that is
+    wider than those that are filled.
     """
-    rise, leads_over_two = limits.step + 1, min(limits.fill, limits.rolled_over) >= 2
+    rise = limits.step + 1
     found: list[tuple[Index, Index, Index, Index, Index]] = [(0, 0, 0, 0, 0) for _ in range(0)]
     for s in range(surfaces.z.size):
         if (label[s] != TRAVERSABLE and label[s] != INFLATION) or not inside[surfaces.column[s]]:
@@ -42,10 +42,10 @@ def unknown_edges(
             if seen[s, k] != UNKNOWN and seen[s, k] != EDGE:
                 continue
             c, level, stride = np.int64(surfaces.column[s]), np.int64(surfaces.z[s]), DX[k] * columns.ny + DY[k]
-            ends = _is_reached(surfaces, label, c + 2 * stride, level, rise)
+            ends = limits.fill >= 1 and _is_reached(surfaces, label, c + 2 * stride, level, rise)
             for side in range(4):
                 beside = c + 2 * stride + DX[side] * columns.ny + DY[side]
-                ends |= (side != k or leads_over_two) and _is_reached(surfaces, label, beside, level, rise)
+                ends |= limits.fill >= (2 if side == k else 1) and _is_reached(surfaces, label, beside, level, rise)
             if not ends:
                 found.append((c + stride, level, np.int64(s), np.int64(k), np.int64(seen[s, k])))
     out = np.empty((len(found), 5), np.int64)

@@ -95,7 +95,7 @@ def _estimates(hits: NDArray[np.float32], z: NDArray[np.int16], noise: float, po
 
 def surfaces_of(columns: Columns, key: tuple[int, int], heights: SurfaceHeights | None, limits: Limits) -> Surfaces:
     """Every surface of the window whose first column has index `key`, with room for the robot above."""
-    start, column, z = _tops(columns, limits.clearance, limits.step, limits.fill)
+    start, column, z = _tops(columns, limits.clearance, limits.step, limits.strip)
     hits = np.full((z.size, 4), np.nan, dtype=np.float32)
     if heights is not None:
         hits = heights.at(*indices_of(column, columns.ny, key), z)

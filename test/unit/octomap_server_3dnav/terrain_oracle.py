@@ -119,7 +119,7 @@ class Oracle:
             top_unseen = i + 1 == len(runs) or runs[i + 1].low > run.high + 1
             air_below = i > 0 and not runs[i - 1].occupied and runs[i - 1].high >= run.low - 2
             strips = i
-            while strips and runs[strips - 1].occupied and runs[strips].low - runs[strips - 1].high <= self.limits.fill:
+            while strips and runs[strips - 1].occupied and runs[strips].low - runs[strips - 1].high <= self.limits.strip:
                 strips -= 1
             if not (top_unseen and (air_below or run.high - runs[strips].low >= self.step)):
                 found.append(run.high)
@@ -144,7 +144,7 @@ class Oracle:
         return math.floor((a.z * (gap - j) + b.z * j) / gap + 0.5)
 
     def _other_side(self, a: Node, way: Column) -> tuple[Node, int]:
-        for gap in range(2, min(self.limits.fill, int(self.limits.rolled_over)) + 2):
+        for gap in range(2, self.limits.fill + 2):
             next_one = self.find(moved(a[:2], way), a.z, self.step)
             if next_one and not self._says_nothing(next_one, a.z, self.height[a]):
                 break
@@ -306,9 +306,8 @@ class Oracle:
         for s in ground:
             for k in range(4):
                 ahead = moved(s[:2], SIDES[k], 2)
-                over_two = min(self.limits.fill, self.limits.rolled_over) >= 2
-                beside = [moved(ahead, side) for i, side in enumerate(SIDES) if i != k or over_two]
-                others = [self.find(c, s.z, self.step + 1) for c in (ahead, *beside)]
+                reach = [(1, ahead), *((2 if i == k else 1, moved(ahead, side)) for i, side in enumerate(SIDES))]
+                others = [self.find(c, s.z, self.step + 1) for least, c in reach if self.limits.fill >= least]
                 if self.seen[s, k] in (UNKNOWN, EDGE) and not any(n in self.label for n in others):
                     looks.setdefault(moved(s[:2], SIDES[k]), {}).setdefault(s.z, set()).add(self.seen[s, k])
         found = set()

@@ -117,15 +117,6 @@ def test_gap_that_wheels_do_not_roll_over_is_no_floor(wheel_radius_m, max_step_m
     assert found == [columns <= filled for columns in (1, 2, 3)]
 
 
-@pytest.mark.parametrize(("cut_m", "is_rolled_over"), [(0.0, True), (0.02, True), (0.06, False)])
-def test_gap_is_as_wide_as_the_beams_beside_it_tell(cut_m: float, is_rolled_over: bool) -> None:
-    """Three unknown columns, 0.24 m, and on both sides so much without a hit; a Husky's wheels roll over 0.3 m."""
-    states, heights = met(lambda x, y: np.where((x > 30 * RESOLUTION - cut_m) & (x < 33 * RESOLUTION + cut_m), np.nan, 0.04) + 0 * y)
-    states[30:33, :, : BELOW + 1] = UNKNOWN
-    found = scene_around(runs_of(states), heights, np.array([1.2, 2.4, 0.1]), None, LIMITS).surfaces
-    assert found.filled.any() == is_rolled_over
-
-
 def test_filled_floor_is_less_sure_than_what_it_lies_between():
     states = flat()
     states[30:33, :, : BELOW + 1] = UNKNOWN
@@ -194,10 +185,11 @@ def test_unknown_beside_nothing_is_a_frontier():
     assert row((BEYOND, FREE, AIR)) == "....?    "
 
 
-def test_gap_of_two_columns_that_wheels_do_not_roll_over_is_a_question():
-    states, small = flat(), replace(RobotBody(), wheel_radius_m=0.1, max_step_m=0.02)
-    states[30:32, :, : BELOW + 1] = UNKNOWN
-    assert drawn(terrain_of(states, pose(1.0, 2.4), robot=small), 30, 28, 31) == "..? "
+@pytest.mark.parametrize(("wheel_radius_m", "max_step_m", "columns"), [(0.1, 0.02, 2), (0.033, 0.01, 1)])
+def test_gap_that_wheels_do_not_roll_over_is_a_question(wheel_radius_m: float, max_step_m: float, columns: int) -> None:
+    states, robot = flat(), replace(RobotBody(), wheel_radius_m=wheel_radius_m, max_step_m=max_step_m)
+    states[30 : 30 + columns, :, : BELOW + 1] = UNKNOWN
+    assert drawn(terrain_of(states, pose(1.0, 2.4), robot=robot), 30, 28, 31) == "..? "
 
 
 def test_drop_that_was_seen_is_a_cliff_and_one_of_which_only_the_air_at_hand_was_seen_is_none():
