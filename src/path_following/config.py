@@ -85,8 +85,12 @@ class FollowerConfig:
         It goes on at that for `reaction_s`: of the way that is left then the brakes have all.
         """
         a, t = self.max_deceleration_mps2, self.reaction_s
-        lasting = a * (math.sqrt(t * t + 2.0 * max(way_m, 0.0) / a) - t)
-        return min(lasting, math.sqrt(2.0 * a * max(way_m - speed_mps * t, 0.0)))
+        return min(_lasting(way_m, a, t), math.sqrt(2.0 * a * max(way_m - speed_mps * t, 0.0)))
+
+    def turn_rate_within(self, angle_rad: float) -> float:
+        """The turn rate from which the robot stands after `angle_rad`, by reaction_s and max_turn_acceleration_radps2; its limits kept."""
+        lasting = _lasting(abs(angle_rad), self.max_turn_acceleration_radps2, self.reaction_s)
+        return min(max(lasting, self.min_turn_rate_radps), self.max_turn_rate_radps)
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
@@ -99,3 +103,8 @@ class FollowerConfig:
             if getattr(self, low) > getattr(self, high):
                 problems.append(f"{low} = {getattr(self, low)} is above {high} = {getattr(self, high)}")
         return problems
+
+
+def _lasting(way: float, a: float, reaction_s: float) -> float:
+    """What is stopped from within `way`: reaction_s at that, then the deceleration `a`."""
+    return a * (math.sqrt(reaction_s**2 + 2.0 * max(way, 0.0) / a) - reaction_s)

@@ -94,8 +94,7 @@ class Ramp:
 
     def turning(self, angle: float) -> Motion:
         """The same of a turn on the spot by an angle, slower towards its end."""
-        rate = min(max(1.5 * abs(angle), self.config.min_turn_rate_radps), self.config.max_turn_rate_radps)
-        return self.to(Motion(0.0, math.copysign(rate, angle)))
+        return self.to(Motion(0.0, math.copysign(self.config.turn_rate_within(angle), angle)))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from octomap_server_3dnav.octree.columns import NO_VOXEL, Columns, lowest_occupi
 from octomap_server_3dnav.terrain.classified_terrain import Terrain
 from robot_body import RobotBody
 
-_REACH_M = 0.4  # it is judged by ground that is so near, as lines of the laser are (_GROUND_REACH_M of the costmap's lines), and a cell more
+_REACH_M = 0.4  # it is judged by ground that is so near, as lines of the laser are (_GROUND_REACH_M), and a cell more
 
 
 def with_standing(grid: TerrainGrid, terrain: Terrain, robot: RobotBody) -> TerrainGrid:

@@ -27,6 +27,16 @@ def test_tight_bend_wrong_heading_and_near_goal_slow_down() -> None:
     assert regulated_speed(CONFIG, AHEAD, 0, 0.0) == CONFIG.min_speed_mps
 
 
+@pytest.mark.parametrize("left", [-0.15, 0.2, -0.3, 0.4])
+def test_turn_is_braked_so_late_that_the_robot_stands_where_it_ends(left: float) -> None:
+    rate = CONFIG.turn_rate_within(left)
+    assert rate * CONFIG.reaction_s + rate**2 / (2.0 * CONFIG.max_turn_acceleration_radps2) == pytest.approx(abs(left), rel=0.1)
+
+
+def test_turn_is_never_slower_than_what_moves_the_robot_nor_faster_than_its_drive() -> None:
+    assert (CONFIG.turn_rate_within(0.01), CONFIG.turn_rate_within(3.0)) == (CONFIG.min_turn_rate_radps, CONFIG.max_turn_rate_radps)
+
+
 def test_robot_drives_slower_between_walls_than_in_the_open() -> None:
     fastest = []
     for walls in (False, True):
