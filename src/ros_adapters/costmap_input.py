@@ -1,5 +1,6 @@
 """What goes into the follower's costmap: terrain, scans and lines, each from where the robot was at its time."""
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -22,7 +23,7 @@ class CostmapInput:
         self.displaced_s = displaced_s  # when odometry last knew nothing of the way, until a sweep tells
         self._poses = PoseHistory()
         self._seen_scan_s: float | None = None
-        self._knows_terrain = False
+        self._knows_terrain, self._swept_s = False, -math.inf
         self._T_map_odom: Transform | None = None  # the correction that the terrain belongs to
 
     @property
@@ -39,12 +40,14 @@ class CostmapInput:
         """The terrain of the sweep that ended at `swept_s`; whether it tells where a displaced robot is.
 
         What was marked goes with it where it may lie elsewhere in the map: the robot was displaced, or stood, and the map was corrected.
+        The same sweep's terrain once more, as when people clear a box, moves nothing.
         """
         is_found = self.displaced_s is not None and swept_s > self.displaced_s
         if is_found:
             self.displaced_s = None
-        if is_found or not self._driving:
+        if is_found or (not self._driving and swept_s > self._swept_s):
             self._costmap.clear_obstacles()
+        self._swept_s = swept_s
         self._costmap.set_terrain(grid.cost, grid.origin_xy, grid.resolution, grid.height, grid.distance)
         self._knows_terrain, self._T_map_odom = True, None
         return is_found

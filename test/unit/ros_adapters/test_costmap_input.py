@@ -84,6 +84,8 @@ def test_marks_outlive_a_terrain_only_of_a_robot_that_did_not_stand_for_it(drivi
     fed.sensed.take_terrain(0.5, ground())
     fed.sensed.add_lines([line(1.0, 1.05)], HERE)
     assert fed.marks() == [1.05]
+    assert not fed.sensed.take_terrain(0.5, ground())  # drawn again
+    assert fed.marks() == [1.05]
     assert not fed.sensed.take_terrain(2.0, ground())
     assert fed.marks() == left
 
