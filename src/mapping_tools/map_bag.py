@@ -154,7 +154,8 @@ def open_session(a: argparse.Namespace, config: ToolConfig, match: Match) -> tup
     if existing != a.resume:
         wrong = "holds a session; --resume goes on with it" if existing else "holds no session to go on with"
         raise ArgumentProblem(f"{a.out}: {wrong}")
-    if not a.resume and (found := [name for name in (*SAVED, SUMMARY, ORIGIN) if (a.out / name).exists()]):
+    is_own = (a.out / "sweeps").is_dir()  # of a run that placed no sweep
+    if not is_own and (found := [name for name in (*SAVED, SUMMARY, ORIGIN) if (a.out / name).exists()]):
         raise ArgumentProblem(f"--out {a.out}: the session would replace its {found[0]}; name another folder")
     try:
         store = SessionStore(a.out)

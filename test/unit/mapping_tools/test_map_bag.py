@@ -231,6 +231,15 @@ def test_file_of_somebody_s_own_is_not_replaced(tmp_path, bag, capsys, name):
     assert (tmp_path / name).read_text() == "mine"
 
 
+def test_what_a_run_left_that_placed_no_sweep_is_no_file_of_somebody_s_own(tmp_path, clouds):
+    far = transform_from_rpy((500_000.0, 5_000_000.0, 0.0))
+    few = [(points[:50], origins[:50]) for points, origins in clouds[:2]]
+    code, summary = mapped(write_bag(tmp_path / "few.bag", drive(few, [far @ T for T in odometry()[:2]])), tmp_path / "out", *FAST)
+    assert (code, summary["vertices"]) == (1, 0) and (tmp_path / "out" / "map_origin.json").exists()
+    code, summary = mapped(write_bag(tmp_path / "x.bag", drive(clouds[:2], odometry()[:2])), tmp_path / "out", *FAST)
+    assert (code, summary["vertices"]) == (0, 2) and not (tmp_path / "out" / "map_origin.json").exists()
+
+
 def test_clouds_in_another_frame_need_a_mount(tmp_path, clouds, capsys):
     T_base_laser = transform_from_rpy((0.2, 0.0, 0.8), (0, 0, np.pi / 2))
     moved = [(transform_points(inverse(T_base_laser), p).astype(np.float32), None) for p, _ in clouds[:3]]
