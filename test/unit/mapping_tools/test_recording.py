@@ -35,6 +35,14 @@ def test_parts_that_are_not_read_are_named_as_a_problem(tmp_path: Path) -> None:
     assert recording is not None and recording.problem == "not read: a.mcap.zstd, b.db3.zstd, c.bag.gz"
 
 
+def test_files_about_a_bag_are_no_parts_of_a_recording(tmp_path: Path) -> None:
+    write_bag(tmp_path / "run.bag", poses(1.0))
+    for name in ("run.bag.md5", "x.mcap.sha256", "run.bag.txt", "ramp.bag.png", "run.bag.orig.active", "y.mcap.active"):
+        (tmp_path / name).touch()
+    recording = recording_in(tmp_path)
+    assert recording is not None and recording.problem is None
+
+
 def test_folder_of_parts_none_of_which_can_be_read_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mcap.zstd").touch()
     with pytest.raises(ValueError, match=r"a\.mcap\.zstd"):
