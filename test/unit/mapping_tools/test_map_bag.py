@@ -26,6 +26,13 @@ from rigid_geometry import inverse, transform_from_rpy, transform_points, transl
 FAST = ("--set", "num_icp_tries=1")
 
 
+@pytest.fixture(autouse=True)
+def signals_as_in_the_foreground():
+    """A shell has interrupts ignored in the background; the tests' conftest puts back what was there."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
 @pytest.fixture(scope="session")
 def clouds():
     return recordings.sweeps()
