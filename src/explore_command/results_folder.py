@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import re
 import shutil
 from collections.abc import Iterable
 from itertools import count
@@ -41,12 +42,12 @@ _RUN_FILES += (
     "robot.urdf",
     "mount_calibration.yaml",
     ZONES,
-    "run.bag",
     "overrides.yaml",
     "roslaunch.log",
 )
 _RUN_FOLDERS = ("sweeps", "log")
 _OF_SESSION = ("sweeps", ZONES, CONTACTS, RUN, BEFORE, "robot.yaml", "robot.urdf")  # with which a run goes on
+_RECORDED = re.compile(r"run(_\d+)?\.bag(\.active)?")  # as launch/explore.launch names them; active: its recorder was killed
 _LEAST_BYTES = 10_000_000  # a sweep of the largest sensor, and what a run writes at its start
 
 
@@ -82,12 +83,14 @@ def prepare_out(out: Path, force: bool, keep_session: bool = False, inputs: Iter
     """Makes an empty results folder; ArgumentProblem when it cannot be written, or holds something and `force` is not set.
 
     With `force` only the files of an earlier run are removed, and whatever else lies there stays. ArgumentProblem, and nothing is removed,
-    where one of these is among `inputs`. With `keep_session` its sweeps, zones, contacts and robot stay, too, and what run.json says: as
-    `BEFORE`, so that nobody takes it for the one that the new run writes.
+    where one of these is among `inputs`. With `keep_session` its sweeps, zones, contacts, robot and bags stay, too, and what run.json says:
+    as `BEFORE`, so that nobody takes it for the one that the new run writes.
     """
     removed = (set(_RUN_FILES) | set(_RUN_FOLDERS)) - set(_OF_SESSION if keep_session else ())
     try:
         out.mkdir(parents=True, exist_ok=True)
+        if not keep_session:
+            removed |= {path.name for path in out.iterdir() if _RECORDED.fullmatch(path.name)}
         if any(out.iterdir()) and not force:
             raise ArgumentProblem(f"--out {out}: not empty; --force overwrites the run in it")
         for path in inputs:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from bisect import insort
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from typing import Any, cast
 
 import numpy as np
@@ -20,7 +22,7 @@ from rigid_geometry import OdometryHistory
 Array = NDArray[np.float64]
 
 TRACKED = "/odom_tracked"
-MOST_WAITING = 50  # clouds: a lidar at 10 Hz, whose odometry is recorded five seconds late
+MOST_WAITING_BYTES = 500_000_000  # 24 s of a lidar of 1.3 million points a second, each of 16 bytes
 _NOT_REACHED = "odometry does not reach its stamp"
 _Gravity = tuple[Array, float] | None
 
@@ -57,6 +59,11 @@ class _Waiting:
     stamp_s: float
     message: Any
 
+    @property
+    def size(self) -> int:
+        """Bytes of its points."""
+        return len(self.message.data)
+
     def given_up(self, reason: str) -> Unreadable:
         return Unreadable(self.name, self.stamp_s, reason)
 
@@ -71,7 +78,7 @@ class BagSweeps:
         self._bag, self._topics, self._T_base_cloud = recording, topics, T_base_cloud
         self._sensor = np.zeros(3) if sensor is None else sensor
         self._odometry, self._child_frame, self._ways = OdometryHistory[_Gravity](), "", UnknownWays()
-        self._odometry_s, self._waiting = -math.inf, list[_Waiting]()
+        self._odometry_s, self._waiting = -math.inf, list[_Waiting]()  # by their stamps
         self._clouds, self._joined_one = 0, False
         recording.check(topics.cloud, CLOUD_TYPE)
         if topics.odometry is not None:
@@ -94,15 +101,16 @@ class BagSweeps:
         for record in self._bag.messages(topics, is_stopping):
             if record.topic == self._topics.cloud:
                 yield from self._take_cloud(record)
+                yield from self._reached()
+                yield from self._too_many()
             else:
                 yield from self._take_odometry(record)
-            yield from self._reached()
+                yield from self._reached()
         if not self._clouds:
             raise ValueError(f"topic {self._topics.cloud} is in it without a message")
         yield from (cloud.given_up(_NOT_REACHED) for cloud in self._waiting)
 
     def _take_cloud(self, record: BagMessage) -> Iterator[Unreadable]:
-        """Of too many that wait the oldest is given up."""
         self._clouds += 1
         name = f"{self._topics.cloud} {self._clouds - 1}"
         try:
@@ -110,15 +118,20 @@ class BagSweeps:
         except ValueError as error:
             yield Unreadable(name, None, str(error))
             return
-        self._waiting.append(_Waiting(name, stamp_s_of(cast(Stamped, message)), message))
-        if len(self._waiting) > MOST_WAITING:
-            yield self._waiting.pop(0).given_up(_NOT_REACHED)
+        insort(self._waiting, _Waiting(name, stamp_s_of(cast(Stamped, message)), message), key=lambda cloud: cloud.stamp_s)
 
     def _reached(self) -> Iterator[SourceSweep | Unreadable]:
         """Each is decided by its own stamp, which may be a bad one, so that none holds up others."""
-        due = [cloud for cloud in self._waiting if self._topics.odometry is None or self._odometry.reaches(cloud.stamp_s)]
-        self._waiting = [cloud for cloud in self._waiting if cloud not in due]
-        yield from (self._joined(cloud) for cloud in sorted(due, key=lambda cloud: cloud.stamp_s))
+        due = list(takewhile(lambda cloud: self._topics.odometry is None or self._odometry.reaches(cloud.stamp_s), self._waiting))
+        del self._waiting[: len(due)]
+        yield from (self._joined(cloud) for cloud in due)
+
+    def _too_many(self) -> Iterator[Unreadable]:
+        """Those that are farthest ahead of the odometry, whose stamps may be bad, are given up where too many wait."""
+        surplus = sum(cloud.size for cloud in self._waiting) - MOST_WAITING_BYTES
+        while surplus > 0:
+            surplus -= self._waiting[-1].size
+            yield self._waiting.pop().given_up(f"more clouds than {MOST_WAITING_BYTES / 1e6:.0f} MB wait for odometry")
 
     def _lose_waiting(self, stamp_s: float) -> Iterator[Unreadable]:
         """Clouds from before the clock was set back to a stamp: where they were made nobody knows any more."""

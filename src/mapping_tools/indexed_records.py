@@ -48,6 +48,9 @@ class IndexedRecords:
 
     def _read(self, topics: Collection[str]) -> Iterator[tuple[Connection, int, bytes]]:
         connections = [connection for connection in self._reader.connections if connection.topic in topics]
+        if isinstance(self._reader, rosbag1.Reader):  # whose index has an entry for every message
+            for number in self._reader.indexes.keys() - {connection.id for connection in connections}:
+                del self._reader.indexes[number]
         return self._reader.messages(connections) if connections else iter(())
 
 

@@ -45,7 +45,8 @@ _POSE_FORMS = "; or ".join(FORMS.values())
 _DESCRIPTION = f"""Maps a bag, or a folder of sweeps ({" ".join(SUFFIXES)}) in the order of their names, 9 before 10. A bag is a file of
 ROS 1, a file or folder of ROS 2 (.db3, .mcap), or a folder of bags, which are read as one in the order of time. It holds PointCloud2 sweeps
 and Odometry; or what a robot's drivers sent: LaserScan, or PointCloud2 of a lidar on the tilting mount, with JointState, Imu and Odometry
-of the wheels. A folder of sweeps may hold poses.txt with the odometry pose of every sweep, z up: {_POSE_FORMS}.
+of the wheels. Odometry of a robot that moves has to come at 4 Hz or more.
+A folder of sweeps may hold poses.txt with the odometry pose of every sweep, z up: {_POSE_FORMS}.
 Poses with stamps go with files whose names are these stamps, others by their order. Without poses.txt each sweep is looked for around
 the last one. Every sweep should be taken while the sensor stands, or be de-skewed. Where odometry is far from 0 0 0, as in UTM, the map
 gets an origin of its own ({ORIGIN}). Points at 0 0 0, or where their beam starts, are beams without an echo."""
@@ -154,7 +155,8 @@ def open_session(a: argparse.Namespace, config: ToolConfig, match: Match) -> tup
     if existing != a.resume:
         wrong = "holds a session; --resume goes on with it" if existing else "holds no session to go on with"
         raise ArgumentProblem(f"{a.out}: {wrong}")
-    if not a.resume and (found := [name for name in (*SAVED, SUMMARY, ORIGIN) if (a.out / name).exists()]):
+    is_own = (a.out / "sweeps").is_dir()  # of a run that placed no sweep
+    if not is_own and (found := [name for name in (*SAVED, SUMMARY, ORIGIN) if (a.out / name).exists()]):
         raise ArgumentProblem(f"--out {a.out}: the session would replace its {found[0]}; name another folder")
     try:
         store = SessionStore(a.out)

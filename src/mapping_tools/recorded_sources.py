@@ -65,7 +65,7 @@ def recording_in(path: Path) -> Recording | None:
     """The bag or bags that a path names; None for a folder without any. ValueError and OSError as of `Recording`."""
     bags, unread = bags_of(path), unread_of(path)
     if unread and not bags:
-        raise ValueError(f"its bags are compressed or unknown: {', '.join(file.name for file in unread)}")
+        raise ValueError(f"its bags are compressed: {', '.join(file.name for file in unread)}")
     return Recording(bags, unread) if bags else None
 
 

@@ -14,26 +14,20 @@ from mapping_tools.sweep_sources import StoppedError, never
 
 METADATA = "metadata.yaml"
 _READ = (".bag", ".bag.active", *SUFFIXES)  # active: the part that was being written when its recorder ended
-
-
-_BAG_LIKE = re.compile(r"\.(bag|db3|mcap)(\.|$)")
+_COMPRESSED = re.compile(r"\.(bag|db3|mcap)\.(zstd|zst|lz4|gz|bz2|xz|zip)$")
 
 
 def bags_of(path: Path) -> list[Path]:
     """The bags that a path names: itself, or those that a folder holds; empty for a folder without any."""
     if not path.is_dir() or (path / METADATA).is_file():
         return [path]
-    return [file for file in _bag_like_in(path) if file.name.endswith(_READ)]
+    return sorted(file for file in path.iterdir() if file.name.endswith(_READ) and file.is_file())
 
 
 def unread_of(path: Path) -> list[Path]:
-    """Files of a folder of bags that are bags in a form that is not read, compressed for example."""
-    bags = bags_of(path)
-    return [] if path in bags else [file for file in _bag_like_in(path) if file not in bags]
-
-
-def _bag_like_in(folder: Path) -> list[Path]:
-    return sorted(file for file in folder.iterdir() if _BAG_LIKE.search(file.name) and file.is_file())
+    """Files of a folder of bags that are bags, but compressed, and are not read."""
+    is_one = path in bags_of(path)
+    return [] if is_one else sorted(file for file in path.iterdir() if _COMPRESSED.search(file.name) and file.is_file())
 
 
 class Recording:

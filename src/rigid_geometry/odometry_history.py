@@ -4,13 +4,13 @@ import math
 from collections import deque
 from typing import Generic, TypeVar
 
-from rigid_geometry.pose_history import KEPT_S, PoseHistory
+from rigid_geometry.pose_history import KEPT_S, PoseHistory, is_standing
 from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S
 from rigid_geometry.transforms import Transform
 
 V = TypeVar("V")
 
-_LONGEST_GAP_S = 0.3  # a robot that turns meanwhile is nobody knows where between two samples
+_LONGEST_GAP_S = 0.3  # of a robot that moves: where it is between two samples nobody knows
 
 
 class OdometryHistory(Generic[V]):
@@ -42,15 +42,18 @@ class OdometryHistory(Generic[V]):
     def at(self, stamp_s: float) -> tuple[Transform, V]:
         """The (4, 4) pose at `stamp_s`, and the first that was told of up since.
 
-        ValueError where either was silent around it, is forgotten, or does not reach it.
+        ValueError where either was silent around it while the robot moved, is forgotten, or does not reach it.
         """
         T_odom_base = self._poses.at(stamp_s, _LONGEST_GAP_S)
         for since_s, up in self._ups:
-            if since_s > stamp_s + _LONGEST_GAP_S:
+            if since_s > stamp_s + _LONGEST_GAP_S and not self._stood_until(since_s, T_odom_base):
                 raise ValueError(f"what was up at {stamp_s:.3f} s is not known: the odometry told it {since_s - stamp_s:.1f} s later")
             if since_s >= stamp_s - STAMP_TOLERANCE_S:
                 return T_odom_base, up
         raise ValueError(f"what was up at {stamp_s:.3f} s is not known yet")
+
+    def _stood_until(self, stamp_s: float, T_odom_base: Transform) -> bool:
+        return self._poses.reaches(stamp_s) and is_standing(T_odom_base, self._poses.at(stamp_s))
 
     def newest(self) -> Transform:
         """T_odom_base (4, 4) as it was told last; ValueError before it was."""

@@ -6,9 +6,10 @@ from collections import deque
 import numpy as np
 
 from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S
-from rigid_geometry.transforms import Transform, as_transform, interpolate_transforms
+from rigid_geometry.transforms import Transform, as_transform, interpolate_transforms, inverse, rotation_angle, translation_distance
 
 KEPT_S = 20.0
+_STOOD_M, _STOOD_RAD = 0.05, math.radians(1.0)  # by which the poses of a robot that stands differ, of a GNSS for example
 
 
 class PoseHistory:
@@ -44,15 +45,24 @@ class PoseHistory:
         return self.at(min(max(stamp_s, self._stamps[0]), self._stamps[-1]))
 
     def at(self, stamp_s: float, longest_gap_s: float = math.inf) -> Transform:
-        """The (4, 4) pose at `stamp_s`, between the poses around it; ValueError when it lies outside, or those are farther apart."""
+        """The (4, 4) pose at `stamp_s`, between the poses around it.
+
+        ValueError when it lies outside, or those are farther apart and it moved between them.
+        """
         if not self._stamps:
             raise ValueError(f"no pose is known at {stamp_s:.3f} s")
         stamps = np.array(self._stamps)
         last = min(int(np.searchsorted(stamps, stamp_s)), len(stamps) - 1)
         first = max(last - 1, 0)
-        if stamps[last] - stamps[first] > longest_gap_s and stamps[last] - stamp_s > STAMP_TOLERANCE_S:
+        is_between = stamps[last] - stamps[first] > longest_gap_s and stamps[last] - stamp_s > STAMP_TOLERANCE_S
+        if is_between and not is_standing(self._poses[first], self._poses[last]):
             raise ValueError(f"the pose at {stamp_s:.3f} s is not known: there was none for {stamps[last] - stamps[first]:.1f} s")
         poses = np.stack([self._poses[i] for i in range(first, last + 1)])
         return np.asarray(
             interpolate_transforms(stamps[first : last + 1], poses, min(stamp_s, stamps[-1]) if self.reaches(stamp_s) else stamp_s)[0]
         )
+
+
+def is_standing(T_a: Transform, T_b: Transform) -> bool:
+    """Whether two (4, 4) poses are those of a robot that stood, as well as an odometry knows it."""
+    return translation_distance(T_a, T_b) < _STOOD_M and rotation_angle(inverse(T_a) @ T_b) < _STOOD_RAD

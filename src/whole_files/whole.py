@@ -44,7 +44,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 def write_all(files: Mapping[Path, bytes]) -> None:
     """Replaces all of these files, or none: each is on disk under another name before the first gets its own.
 
-    Ctrl-C is not heard meanwhile. RefusedError as of `write_whole`.
+    Ctrl-C and SIGTERM are not heard meanwhile. RefusedError as of `write_whole`.
     """
     with _no_interrupt(), contextlib.ExitStack() as stack:
         for path, content in files.items():
@@ -53,15 +53,16 @@ def write_all(files: Mapping[Path, bytes]) -> None:
 
 @contextlib.contextmanager
 def _no_interrupt() -> Iterator[None]:
-    """Passes over an interrupt; other threads than the first hear none anyway."""
+    """Passes over interrupts; other threads than the first hear none anyway."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_DFL if before is None else before)
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
 
 
 def sync_folder(folder: Path) -> None:

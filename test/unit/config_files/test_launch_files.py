@@ -71,7 +71,17 @@ def test_recorder_makes_its_folder_hears_topics_that_a_robot_calls_otherwise_and
 
     assert ["/scan", "/front/scan"] in recorder(robot).remap_args
     assert ["/scan", "scan"] in recorder(LAUNCH / "explore.launch", "ns:=left").remap_args
-    first, again = recorder(robot), recorder(robot, "resume:=true")
-    assert first.args.split()[1] == str(tmp_path / "new" / "run.bag") != again.args.split()[1]
-    words = [*shlex.split(first.launch_prefix), "true", *first.args.split()]
-    assert subprocess.run(words, check=False).returncode == 0 and (tmp_path / "new").is_dir()
+
+    def written(*arguments: str) -> str:
+        node = recorder(robot, *arguments)
+        words = [*shlex.split(node.launch_prefix), "echo", *node.args.split()]
+        said = subprocess.run(words, check=True, stdout=subprocess.PIPE, text=True).stdout.split()
+        assert said[0] == "-O" and {"/clock", "/scan", "/exploration/event"} <= set(said[2:]) and len(said) == len(node.args.split())
+        assert Path(said[1]).parent == tmp_path / "new" and (tmp_path / "new").is_dir()
+        return Path(said[1]).name
+
+    assert (written(), written("resume:=true")) == ("run.bag", "run.bag")
+    (tmp_path / "new" / "run.bag").touch()
+    assert (written("resume:=true"), written()) == ("run_2.bag", "run_2.bag")
+    (tmp_path / "new" / "run_2.bag.active").touch()
+    assert written("resume:=true") == "run_3.bag"

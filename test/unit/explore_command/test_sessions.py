@@ -123,6 +123,18 @@ def test_sweeps_of_a_run_that_goes_on_stay(session: Path) -> None:
     assert not (session / "sweeps").exists()
 
 
+def test_what_a_run_recorded_stays_where_it_goes_on_and_goes_with_it(session: Path) -> None:
+    recorded = {"run.bag", "run_2.bag", "run_3.bag.active"}
+    for name in (*recorded, "run_monday.bag", "my.bag"):
+        (session / name).touch()
+    prepare_out(session, force=True, keep_session=True)
+    assert recorded <= {path.name for path in session.iterdir()}
+    with pytest.raises(ArgumentProblem, match="would overwrite it"):
+        prepare_out(session, force=True, inputs=[session / "run_2.bag"])
+    prepare_out(session, force=True)
+    assert {path.name for path in session.iterdir()} == {"run_monday.bag", "my.bag"}
+
+
 def test_run_that_was_resumed_and_stopped_at_once_goes_on_as_it_was_started(session: Path) -> None:
     """The monitor writes run.json anew seconds later, and who waits for it must not take the old one for it."""
     (session / "robot.yaml").write_text("name: mine\n")

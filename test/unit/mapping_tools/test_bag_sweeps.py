@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from recordings import cloud_message, odometry_message, write_bag
 
-from mapping_tools.bag_sweeps import MOST_WAITING, BagSweeps, BagTopics
+from mapping_tools import bag_sweeps
+from mapping_tools.bag_sweeps import BagSweeps, BagTopics
 from mapping_tools.recording import Recording
 from mapping_tools.sweep_sources import SourceSweep, StoppedError, Unreadable
 from rigid_geometry import transform_from_rpy
@@ -88,12 +89,28 @@ def test_bag_is_left_between_two_messages(tmp_path: Path) -> None:
     assert next(asked) == 21
 
 
-def test_clouds_that_wait_do_not_pile_up(tmp_path: Path) -> None:
-    """Of too many the oldest is given up, before the end of the bag."""
-    ahead = [(1.0 + 0.01 * k, cloud(3600.0 + k)) for k in range(MOST_WAITING + 1)]
-    found = found_in(tmp_path, [*at_stamps(*poses(0.9)), *ahead, *at_stamps(cloud(5.0), *poses(5.0))])
-    assert [sweep.name for sweep in found[:3]] == ["/sweep_cloud 0", "/sweep_cloud 1", f"/sweep_cloud {MOST_WAITING + 1}"]
-    assert isinstance(found[0], Unreadable) and isinstance(found[2], SourceSweep)
+def test_clouds_that_wait_do_not_pile_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of too many the one that is farthest ahead is given up, before the end of the bag: its stamp may be a bad one."""
+    monkeypatch.setattr(bag_sweeps, "MOST_WAITING_BYTES", 60 * len(cloud(0.0)[1].data))
+    ahead = [(1.0 + 0.01 * k, cloud(3600.0 + k)) for k in range(62)]
+    found = found_in(tmp_path, [*at_stamps(*poses(0.9)), *ahead, *at_stamps(*poses(4.9), cloud(5.0), *poses(5.1))])
+    assert [sweep.name for sweep in found[:4]] == ["/sweep_cloud 60", "/sweep_cloud 61", "/sweep_cloud 59", "/sweep_cloud 62"]
+    assert isinstance(found[0], Unreadable) and "more clouds than 0 MB wait for odometry" in found[0].reason
+    assert isinstance(found[3], SourceSweep)
+    assert isinstance(found[-1], Unreadable) and "odometry does not reach its stamp" in found[-1].reason
+
+
+def test_cloud_that_need_not_wait_may_be_of_any_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bag_sweeps, "MOST_WAITING_BYTES", 1)
+    (found,) = found_in(tmp_path, at_stamps(cloud(1.0)), BagTopics(odometry=None))
+    assert isinstance(found, SourceSweep)
+
+
+def test_clouds_at_ten_hertz_wait_for_odometry_that_is_recorded_ten_seconds_late(tmp_path: Path) -> None:
+    clouds = [(1.0 + 0.1 * k, cloud(1.0 + 0.1 * k)) for k in range(100)]
+    late = [(11.0 + 0.1 * k, poses(0.95 + 0.1 * k)[0]) for k in range(102)]
+    found = found_in(tmp_path, [*clouds, *late])
+    assert len(found) == 100 and all(isinstance(sweep, SourceSweep) for sweep in found)
 
 
 def test_one_cloud_of_another_frame_is_named_and_a_bag_of_them_is_refused(tmp_path: Path) -> None:

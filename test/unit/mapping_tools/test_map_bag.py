@@ -26,6 +26,13 @@ from rigid_geometry import inverse, transform_from_rpy, transform_points, transl
 FAST = ("--set", "num_icp_tries=1")
 
 
+@pytest.fixture(autouse=True)
+def signals_as_in_the_foreground():
+    """A shell has interrupts ignored in the background; the tests' conftest puts back what was there."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
 @pytest.fixture(scope="session")
 def clouds():
     return recordings.sweeps()
@@ -229,6 +236,15 @@ def test_file_of_somebody_s_own_is_not_replaced(tmp_path, bag, capsys, name):
     (tmp_path / name).write_text("mine")
     assert f"would replace its {name}; name another folder" in refusal(capsys, bag, "--out", tmp_path)
     assert (tmp_path / name).read_text() == "mine"
+
+
+def test_what_a_run_left_that_placed_no_sweep_is_no_file_of_somebody_s_own(tmp_path, clouds):
+    far = transform_from_rpy((500_000.0, 5_000_000.0, 0.0))
+    few = [(points[:50], origins[:50]) for points, origins in clouds[:2]]
+    code, summary = mapped(write_bag(tmp_path / "few.bag", drive(few, [far @ T for T in odometry()[:2]])), tmp_path / "out", *FAST)
+    assert (code, summary["vertices"]) == (1, 0) and (tmp_path / "out" / "map_origin.json").exists()
+    code, summary = mapped(write_bag(tmp_path / "x.bag", drive(clouds[:2], odometry()[:2])), tmp_path / "out", *FAST)
+    assert (code, summary["vertices"]) == (0, 2) and not (tmp_path / "out" / "map_origin.json").exists()
 
 
 def test_clouds_in_another_frame_need_a_mount(tmp_path, clouds, capsys):

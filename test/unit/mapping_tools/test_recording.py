@@ -5,7 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recordings import odometry_message, write_bag
+from rosbags import rosbag1
 
+from mapping_tools.bag_records import deserialize_ros1
+from mapping_tools.indexed_records import IndexedRecords
 from mapping_tools.recorded_sources import recording_in
 from mapping_tools.recording import Recording, bags_of
 
@@ -35,6 +38,14 @@ def test_parts_that_are_not_read_are_named_as_a_problem(tmp_path: Path) -> None:
     assert recording is not None and recording.problem == "not read: a.mcap.zstd, b.db3.zstd, c.bag.gz"
 
 
+def test_files_about_a_bag_are_no_parts_of_a_recording(tmp_path: Path) -> None:
+    write_bag(tmp_path / "run.bag", poses(1.0))
+    for name in ("run.bag.md5", "x.mcap.sha256", "run.bag.txt", "ramp.bag.png", "run.bag.orig.active", "y.mcap.active"):
+        (tmp_path / name).touch()
+    recording = recording_in(tmp_path)
+    assert recording is not None and recording.problem is None
+
+
 def test_folder_of_parts_none_of_which_can_be_read_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.mcap.zstd").touch()
     with pytest.raises(ValueError, match=r"a\.mcap\.zstd"):
@@ -56,3 +67,11 @@ def test_bag_whose_clock_was_set_back_is_read_by_file(tmp_path: Path) -> None:
     """In the order of time what came before and after would be mixed."""
     path = write_bag(tmp_path / "run.bag", poses(10.0, 11.0, 12.0, 5.0, 6.0, 11.5))
     assert [time_s for _, time_s in read(path)] == pytest.approx([10.0, 11.0, 12.0, 5.0, 6.0, 11.5])
+
+
+def test_index_of_topics_that_nobody_reads_is_given_back(tmp_path: Path) -> None:
+    reader = rosbag1.Reader(write_bag(tmp_path / "run.bag", poses(1.0, 2.0, topic="/a") + poses(*range(100), topic="/b")))
+    reader.open()
+    with IndexedRecords(reader, deserialize_ros1) as records:
+        assert [message.topic for message in records.messages(["/a"])] == ["/a", "/a"]
+        assert [len(index) for index in reader.indexes.values()] == [2]

@@ -137,13 +137,21 @@ def test_several_files_are_replaced_all_or_none(tmp_path: Path, files_of_at_most
     assert (a.read_bytes(), b.read_bytes()) == (b"old a", b"old b") and sorted(tmp_path.iterdir()) == [a, b]
 
 
-def test_interrupt_does_not_part_several_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    replace, before = os.replace, signal.getsignal(signal.SIGINT)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupt_does_not_part_several_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: signal.Signals) -> None:
+    heard: list[int] = []
+
+    def hear(number: int, _frame: object) -> None:
+        heard.append(number)
+
+    replace = os.replace
 
     def interrupted(source: Path, target: Path) -> None:
-        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), number)
         replace(source, target)
 
+    signal.signal(number, hear)
     monkeypatch.setattr(os, "replace", interrupted)
     write_all({tmp_path / name: b"new" for name in "ab"})
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"] and signal.getsignal(signal.SIGINT) == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
+    assert heard == [] and signal.getsignal(number) is hear
