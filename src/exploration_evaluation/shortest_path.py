@@ -37,7 +37,7 @@ def shortest_legs(ground: ReachableGround, places: ArrayLike) -> Floats:
     """
     at = np.asarray(places, dtype=np.float64)
     if at.ndim != 2 or at.shape[1] != 3 or len(at) < 2 or not np.isfinite(at).all():
-        raise ValueError(f"a way leads through two finite places or more of shape (S, 3), not {at.shape}")
+        raise ValueError(f"a way leads through two finite places or more, and the robot stood at {len(at)}")
     graph, is_on = _joined(ground, at)
     legs = np.linalg.norm(np.diff(at, axis=0), axis=1)
     for k in np.flatnonzero(is_on[:-1] & is_on[1:]):
