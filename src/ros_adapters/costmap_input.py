@@ -24,7 +24,6 @@ class CostmapInput:
         self._poses = PoseHistory()
         self._seen_scan_s: float | None = None
         self._knows_terrain, self._swept_s = False, -math.inf
-        self._T_map_odom: Transform | None = None  # the correction that the terrain belongs to
 
     @property
     def view(self) -> CostmapView | None:
@@ -45,20 +44,12 @@ class CostmapInput:
         is_found = self.displaced_s is not None and swept_s > self.displaced_s
         if is_found:
             self.displaced_s = None
-        if is_found or (not self._driving and swept_s > self._swept_s):
+        if is_found or (not self._driving and swept_s != self._swept_s):
             self._costmap.clear_obstacles()
         self._swept_s = swept_s
         self._costmap.set_terrain(grid.cost, grid.origin_xy, grid.resolution, grid.height, grid.distance)
-        self._knows_terrain, self._T_map_odom = True, None
+        self._knows_terrain = True
         return is_found
-
-    def corrected_m(self, T_map_odom: Transform, T_odom_base: Transform) -> float:
-        """How far the map was corrected, below and 1 m before the robot, since the terrain came: it lies elsewhere by so much."""
-        if self._T_map_odom is None:
-            self._T_map_odom = T_map_odom
-        around = transform_points(T_odom_base, np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]))
-        moved = transform_points(T_map_odom, around) - transform_points(self._T_map_odom, around)
-        return float(np.hypot(moved[:, 0], moved[:, 1]).max())
 
     def add_odometry(self, stamp_s: float, T_odom_base: Transform) -> None:
         """The (4, 4) pose of base_link at a time."""

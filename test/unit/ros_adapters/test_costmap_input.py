@@ -66,18 +66,6 @@ def test_view_is_there_from_the_first_terrain_on() -> None:
     assert fed.sensed.view is fed.costmap.master()
 
 
-def test_correction_of_the_map_counts_until_its_terrain_is_here() -> None:
-    fed, far = Fed(driving=True), transform_from_rpy((10.0, 0.0, 0.0))
-    assert fed.sensed.corrected_m(transform_from_rpy((3.0, 0.0, 0.0)), far) == 0.0  # before the first terrain
-    fed.sensed.take_terrain(0.5, ground())
-    assert fed.sensed.corrected_m(HERE, far) == 0.0
-    assert fed.sensed.corrected_m(transform_from_rpy((0.0, 0.1, 2.0)), far) == pytest.approx(0.1)
-    turned = transform_from_rpy((0.0, 0.0, 0.0), (0.0, 0.0, 0.01))
-    assert fed.sensed.corrected_m(turned, far) == pytest.approx(0.11, abs=0.001)
-    fed.sensed.take_terrain(1.5, ground())
-    assert fed.sensed.corrected_m(turned, far) == 0.0
-
-
 @pytest.mark.parametrize(("driving", "left"), [(False, []), (True, [1.05])])
 def test_marks_outlive_a_terrain_only_of_a_robot_that_did_not_stand_for_it(driving: bool, left: list[float]) -> None:
     fed = Fed(driving=driving)
