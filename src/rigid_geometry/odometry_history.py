@@ -4,7 +4,7 @@ import math
 from collections import deque
 from typing import Generic, TypeVar
 
-from rigid_geometry.pose_history import KEPT_S, PoseHistory, is_standing
+from rigid_geometry.pose_history import KEPT_S, LONGEST_STAND_S, PoseHistory, is_standing
 from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S
 from rigid_geometry.transforms import Transform
 
@@ -46,8 +46,9 @@ class OdometryHistory(Generic[V]):
         """
         T_odom_base = self._poses.at(stamp_s, _LONGEST_GAP_S)
         for since_s, up in self._ups:
-            if since_s > stamp_s + _LONGEST_GAP_S and not self._stood_until(since_s, T_odom_base):
-                raise ValueError(f"what was up at {stamp_s:.3f} s is not known: the odometry told it {since_s - stamp_s:.1f} s later")
+            late_s = since_s - stamp_s
+            if late_s > LONGEST_STAND_S or (late_s > _LONGEST_GAP_S and not self._stood_until(since_s, T_odom_base)):
+                raise ValueError(f"what was up at {stamp_s:.3f} s is not known: the odometry told it {late_s:.1f} s later")
             if since_s >= stamp_s - STAMP_TOLERANCE_S:
                 return T_odom_base, up
         raise ValueError(f"what was up at {stamp_s:.3f} s is not known yet")

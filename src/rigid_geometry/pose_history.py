@@ -9,6 +9,7 @@ from rigid_geometry.stamped_buffer import JUMP_BACK_S, STAMP_TOLERANCE_S
 from rigid_geometry.transforms import Transform, as_transform, interpolate_transforms, inverse, rotation_angle, translation_distance
 
 KEPT_S = 20.0
+LONGEST_STAND_S = 2.0  # between two poses; in a longer silence it may have driven away and back
 _STOOD_M, _STOOD_RAD = 0.05, math.radians(1.0)  # by which the poses of a robot that stands differ, of a GNSS for example
 
 
@@ -47,7 +48,7 @@ class PoseHistory:
     def at(self, stamp_s: float, longest_gap_s: float = math.inf) -> Transform:
         """The (4, 4) pose at `stamp_s`, between the poses around it.
 
-        ValueError when it lies outside, or those are farther apart and it moved between them.
+        ValueError when it lies outside, or those are farther apart and it moved between them, or they are by LONGEST_STAND_S.
         """
         if not self._stamps:
             raise ValueError(f"no pose is known at {stamp_s:.3f} s")
@@ -55,7 +56,8 @@ class PoseHistory:
         last = min(int(np.searchsorted(stamps, stamp_s)), len(stamps) - 1)
         first = max(last - 1, 0)
         is_between = stamps[last] - stamps[first] > longest_gap_s and stamps[last] - stamp_s > STAMP_TOLERANCE_S
-        if is_between and not is_standing(self._poses[first], self._poses[last]):
+        is_silent = stamps[last] - stamps[first] > LONGEST_STAND_S or not is_standing(self._poses[first], self._poses[last])
+        if is_between and is_silent:
             raise ValueError(f"the pose at {stamp_s:.3f} s is not known: there was none for {stamps[last] - stamps[first]:.1f} s")
         poses = np.stack([self._poses[i] for i in range(first, last + 1)])
         return np.asarray(

@@ -44,3 +44,10 @@ def test_up_that_was_told_later_is_that_of_a_robot_that_stood() -> None:
         else:
             with pytest.raises(ValueError, match=r"what was up at 1\.000 s is not known"):
                 odometry.at(1.0)
+
+
+def test_robot_may_have_driven_away_and_back_in_a_long_silence() -> None:
+    odometry = history(0.4, 0.0)
+    assert odometry.at(2.5)[1] == "up 1"
+    with pytest.raises(ValueError, match=r"there was none for 2\.5 s"):
+        odometry.at(3.0)
