@@ -34,6 +34,7 @@ class Barrier:
         self._topics = tuple(topics)
         self._received: Counter[str] = Counter()
         self._recount = 0
+        self._waited_for, self._since_s = "", 0.0
 
     def received(self, topic: str) -> None:
         """A message of a topic is here."""
@@ -46,6 +47,32 @@ class Barrier:
             ticks.clear()
         ticks.append(tick)
 
+    def missing(self, now_s: float, patience_s: float = 20.0) -> str:
+        """What the tick that somebody has told of waits for, as words, once it has for as long; empty when nobody has told of one.
+
+        By the steady clock. While another computes, or is started again, nodes wait for seconds.
+        """
+        words = self._missing()
+        if words != self._waited_for:
+            self._waited_for, self._since_s = words, now_s
+        return words if now_s - self._since_s >= patience_s else ""
+
+    def _missing(self) -> str:
+        if not any(self._told.values()):
+            return ""
+        untold = [f"{name or 'the simulator'} has not told of the tick" for name, ticks in self._told.items() if not ticks]
+        counts = self._counts()
+        short = [t for t in self._topics if self._received[t] < counts.get(t, 0)]
+        return ", ".join(untold + [f"{self._received[t]} of {counts[t]} messages came on {t}" for t in short])
+
+    def _counts(self) -> dict[str, int]:
+        """Of the oldest tick of each who told of one: the most that anybody knows of."""
+        counts: dict[str, int] = {}
+        for ticks in self._told.values():
+            for topic, count in ticks[0].counts.items() if ticks else ():
+                counts[topic] = max(count, counts.get(topic, 0))
+        return counts
+
     def next(self) -> Tick | None:
         """The oldest tick that all told of and whose messages are here, once, with the counts of all; None while there is none."""
         newest = max((t.recount for ticks in self._told.values() for t in ticks), default=0)
@@ -54,10 +81,7 @@ class Barrier:
                 ticks.popleft()
         if not all(self._told.values()):
             return None
-        counts: dict[str, int] = {}
-        for ticks in self._told.values():
-            for topic, count in ticks[0].counts.items():
-                counts[topic] = max(count, counts.get(topic, 0))
+        counts = self._counts()
         if newest > self._recount:
             self._recount, self._received = newest, Counter(counts)
         elif any(self._received[topic] < counts.get(topic, 0) for topic in self._topics):

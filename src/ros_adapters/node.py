@@ -78,8 +78,7 @@ class Node:
         A wrong name or value ends the node with exit code 2.
         """
         try:
-            values = rospy.get_param("~" + section, {})
-            values = {k: v for k, v in values.items() if k not in own}
+            values = {k: v for k, v in rospy.get_param("~" + section, {}).items() if k not in own}
             return load_config(cls, values, own)
         except ConfigError as error:
             sys.stderr.write(f"{self.name}: wrong parameter: {'; '.join(str(error).splitlines())}\n")
@@ -152,6 +151,15 @@ class Node:
             act(tick)
             self._pass_on(tick)
             then(tick)
+
+    def _missing(self) -> str:
+        """What the barrier has waited for too long; a node that is busy waits for nothing."""
+        if self._barrier is None or not self.lock.acquire(blocking=False):
+            return ""
+        try:
+            return self._barrier.missing(time.monotonic())
+        finally:
+            self.lock.release()
 
     def _pass_on(self, tick: Tick) -> None:
         counts = {**tick.counts, **{topic: p.sent for topic, p in self._sent.items()}, **self.sent_otherwise}
@@ -288,4 +296,5 @@ class Node:
             if not self.lockstep:
                 self.guarded(self._watchdog)(time.monotonic())
             self.diagnostics.on_terminal("nothing is kept for a restart", self.life.problem)
+            self.diagnostics.on_terminal("the clock stands", self._missing())
             self.dropping(lambda _: self.diagnostics.report_news())(None)

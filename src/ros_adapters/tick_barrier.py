@@ -27,6 +27,7 @@ _MOST_TICKS_AHEAD = 4  # of the answers, while the robot stands and its laser sw
 _CONNECTED_S = 0.3  # the publishers' side of a connection is complete a moment after the subscriber's
 _RECOUNT_AGAIN_S = 3.0  # a tick soon after a recount waits no longer for a message that went to a connection not yet made
 _SOON_TICKS = 40
+_MOST_WAITS = 3.0  # for a tick: so many timeouts, however many nodes come back meanwhile
 _TRACKER = "scan_tracking_node"  # what it makes of a scan hangs on when the scan comes: it hears of no tick before its time
 _WITNESS = "exploration_monitor_node"  # what it does not hear of a run nobody can judge
 _LAST_OF_SWEEP_S = 0.5  # answered tick by tick again, so that nobody has heard of the time after a sweep before its map
@@ -75,8 +76,11 @@ class TickBarrier:
         time.sleep(_CONNECTED_S)
 
     def wait_for_answer(self, timeout_s: float) -> None:
-        """Until the last tick is answered, told anew to a node that comes back; the process ends with 1 after `timeout_s`."""
-        deadline_s = time.monotonic() + timeout_s
+        """Until the last tick is answered, told anew to a node that comes back; the process ends with 1 when none has for `timeout_s`.
+
+        Nor is it waited for longer than `_MOST_WAITS` of that: what comes back again and again does not get on.
+        """
+        deadline_s, last_s = (time.monotonic() + n * timeout_s for n in (1.0, _MOST_WAITS))
         while True:
             is_soon = self._ticks - self._recounted_tick < _SOON_TICKS
             again_s = time.monotonic() + _RECOUNT_AGAIN_S if is_soon else math.inf
@@ -85,10 +89,10 @@ class TickBarrier:
             if self._is_answered() and time.monotonic() < self._newcomer_s:
                 return
             if time.monotonic() >= self._newcomer_s:  # one is back: others may be away yet
-                deadline_s = time.monotonic() + timeout_s
+                deadline_s = min(time.monotonic() + timeout_s, last_s)
             self._recount()
-        which = f"tick {self._ticks} at {self._simulation.stamp_s:.2f} s"
-        self._fail(f"{which} was not answered within {timeout_s:.0f} s: {self._answered}")
+        waited_s = time.monotonic() - last_s + _MOST_WAITS * timeout_s
+        self._fail(f"tick {self._ticks} at {self._simulation.stamp_s:.2f} s was not answered within {waited_s:.0f} s: {self._answered}")
 
     def _on_command(self, message: Twist) -> None:
         command = (message.linear.x, message.angular.z)
