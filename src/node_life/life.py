@@ -33,6 +33,11 @@ class Life:
         self.is_first = self._folder is None or not (self._folder / "lived").exists()
 
     @property
+    def is_revived(self) -> bool:
+        """Whether somebody starts this node again when it dies."""
+        return self._pulse is not None
+
+    @property
     def problem(self) -> str:
         """Why something is not kept any more; empty when all is."""
         return next(iter(self._problems.values()), "")

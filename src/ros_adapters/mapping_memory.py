@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass, field
 
 import numpy as np
+from explore_3dnav.msg import MappedSweep
 from numpy.typing import NDArray
 
 from pose_graph_mapping.graph.finished_map import Visits
@@ -31,6 +32,7 @@ class MappingMemory:
     refused: int = 0
     refused_in_a_row: int = 0
     visits: Visits = field(default_factory=Visits)  # in a finished map
+    failure: MappedSweep | None = None  # what was told of the last sweep, where it failed
 
     def why_not(self, found: int) -> str:
         """Why nobody can go on with so many sweeps that were found in the run's folder; empty where that is all."""
@@ -44,7 +46,7 @@ class MappingMemory:
 
     def place(self, stamp_s: float, update: MappingUpdate) -> None:
         """A sweep is mapped: from then on it is known where the robot is."""
-        self.lost, self.T_map_odom = False, update.T_map_odom
+        self.lost, self.T_map_odom, self.failure = False, update.T_map_odom, None
         self.unknown_s = [at for at in self.unknown_s if at > stamp_s]
         self.loop_closures += update.loop_closures
         self.refused += update.match_refused

@@ -114,6 +114,10 @@ class OpenSweeps:
         """There is a decision about one more of them."""
         self._decided += 1
 
+    def give_up(self) -> None:
+        """Nobody waits any longer for a decision about one that is out."""
+        self._decided = max(self._decided, len(self._seen_s))
+
     def must_be_decided(self, stamp_s: float) -> bool:
         """Whether a tick may not be answered before the next decision."""
         oldest_s = self._seen_s[self._decided] if self._decided < len(self._seen_s) else math.inf

@@ -45,8 +45,11 @@ class MappingTopics:
             assert points.origins is not None
             self._cloud_map.publish(cloud_message(stamp_s, frames().map, points.points, points.origins))
 
-    def publish_failure(self, stamp_s: float, reason: str, T_map_base: Transform | None) -> None:
-        """A sweep that was lost, and where the robot is by odometry, None where nobody knows: whoever waits for this sweep must go on."""
+    def publish_failure(self, stamp_s: float, reason: str, T_map_base: Transform | None) -> MappedSweep:
+        """A sweep that was lost, and where the robot is by odometry, None where nobody knows: whoever waits for this sweep must go on.
+
+        What was told of it, for `repeat`.
+        """
         stamps_s, poses = (list(kept) for kept in self._mapper.kept())
         if T_map_base is not None:
             poses, stamps_s = [*poses, T_map_base], [*stamps_s, stamp_s]
@@ -54,3 +57,4 @@ class MappingTopics:
         failed.vertex_poses = [pose_message(T) for T in poses]
         self._mapped.publish(failed)
         self._trajectory.publish(trajectory_message(stamp_s, stamps_s, np.stack(poses)))
+        return failed

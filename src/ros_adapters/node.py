@@ -1,6 +1,5 @@
 """What every node does the same way: parameters, subscriptions under one lock, the barrier, diagnostics, and the word that it is ready."""
 
-import os
 import sys
 import threading
 import time
@@ -26,7 +25,7 @@ from ros_adapters.counting_publisher import CountingPublisher
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.inputs import InputWatch
 from ros_adapters.memory_use import give_back_free_memory
-from ros_adapters.restarts import pulse, wait_for_listeners
+from ros_adapters.restarts import break_off, pulse, wait_for_listeners
 from ros_adapters.results_folder import results_folder
 from ros_adapters.urdf_mount import robot_of_parameters
 from stage_config import ConfigError, load_config
@@ -66,7 +65,7 @@ class Node:
         self._acts: Sequence[Callable[[Tick | None], None]] = ()
         self._sent: dict[str, CountingPublisher] = {}
         self._tick_topic: CountingPublisher | None = None
-        self._watchdog: Callable[[float], None] = lambda _: None
+        self._watchdog: Callable[[float], None] | None = None
         self.sent_otherwise: Counter[str] = Counter()
         self._runs = False
         pulse(self.life, self.lock, lambda: self._runs)
@@ -152,7 +151,7 @@ class Node:
             self._pass_on(tick)
             then(tick)
 
-    def _missing(self) -> str:
+    def awaited(self) -> str:
         """What the barrier has waited for too long; a node that is busy waits for nothing."""
         if self._barrier is None or not self.lock.acquire(blocking=False):
             return ""
@@ -167,7 +166,10 @@ class Node:
         self._tick_topic.publish(SimulationTick(header(tick.stamp_s, ""), list(counts), list(counts.values()), tick.recount))
 
     def dropping(self, callback: Callable[[M], R], cause: object = None) -> Callable[[M], R | None]:
-        """`callback`, which drops what it cannot use: a ValueError is counted under the type of its message, as is a service that fails."""
+        """`callback`, which drops what it cannot use: a ValueError is counted under the type of its message, as is a service that fails.
+
+        Any other error is this program's, and breaks it off.
+        """
 
         def run(message: M) -> R | None:
             try:
@@ -177,12 +179,9 @@ class Node:
                 self.diagnostics.dropped(f"bad {name}", str(error))
             except rospy.ServiceException as error:
                 self.diagnostics.dropped("service that failed", str(error))
-            except rospy.ROSException:
-                if not rospy.core.is_shutdown_requested():  # then topics are closed while messages still come
-                    raise
-            except MemoryError:  # what it knows may be half changed: the next process takes up what was kept
-                sys.stderr.write(f"[explore] {self.name}: no memory is left, by the limit of `ulimit -v` or of the machine\n")
-                os._exit(1)
+            except Exception as error:  # noqa: BLE001  # of whatever kind: it is told
+                if not (isinstance(error, rospy.ROSException) and rospy.core.is_shutdown_requested()):  # then topics are closed
+                    break_off(self.name, self.life, error)
             return None
 
         return run
@@ -259,7 +258,7 @@ class Node:
         self.diagnostics.inputs.append(InputWatch(topic, silent_after_s, time.monotonic()))
 
     def watchdog(self, look: Callable[[float], None]) -> None:
-        """`look` is called twenty times a second with the steady clock, in lock-step not at all."""
+        """`look` is called twenty times a second with the steady clock."""
         self._watchdog = look
 
     def require(self, condition: Callable[[], bool]) -> None:
@@ -293,8 +292,8 @@ class Node:
         ready.publish(String(self.name))
         while not rospy.core.is_shutdown_requested():
             time.sleep(_WATCH_PERIOD_S)
-            if not self.lockstep:
+            if self._watchdog is not None:
                 self.guarded(self._watchdog)(time.monotonic())
             self.diagnostics.on_terminal("nothing is kept for a restart", self.life.problem)
-            self.diagnostics.on_terminal("the clock stands", self._missing())
+            self.diagnostics.on_terminal("the clock stands", self.awaited())
             self.dropping(lambda _: self.diagnostics.report_news())(None)

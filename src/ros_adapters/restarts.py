@@ -1,7 +1,10 @@
 """A node that may be started again: it says that it gets on, and is ready when all who listened to it do so again."""
 
+import os
+import sys
 import threading
 import time
+import traceback
 import xmlrpc.client
 from collections.abc import Callable, Iterable
 
@@ -36,6 +39,22 @@ def pulse(life: Life, lock: threading.RLock, runs: Callable[[], bool]) -> None: 
 
     rospy.on_shutdown(end)
     threading.Thread(target=run, daemon=True).start()
+
+
+def break_off(name: str, life: Life, error: Exception) -> None:
+    """Ends this process at an error that nobody has thought of, or where no memory is left: what it knows may be half changed.
+
+    Who waits for its word would wait for ever. The next process takes up what was kept. Where nobody would start one, the error is raised.
+    """
+    if isinstance(error, MemoryError):
+        words = "no memory is left, by the limit of `ulimit -v` or of the machine"
+    elif life.is_revived:
+        words = f"it breaks off: {error!r}\n" + "".join(traceback.format_exception(error))
+    else:
+        raise error
+    sys.stderr.write(f"[explore] {name}: {words}\n")
+    sys.stderr.flush()
+    os._exit(1)
 
 
 def wait_for_listeners(publishers: Iterable[rospy.Publisher]) -> None:

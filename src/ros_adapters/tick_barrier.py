@@ -25,7 +25,7 @@ from ros_adapters.tick_answers import COMMAND_TOPIC, TickAnswers
 
 _MOST_TICKS_AHEAD = 4  # of the answers, while the robot stands and its laser sweeps: any more, and queues downstream could fill
 _CONNECTED_S = 0.3  # the publishers' side of a connection is complete a moment after the subscriber's
-_RECOUNT_AGAIN_S = 3.0  # a tick soon after a recount waits no longer for a message that went to a connection not yet made
+_RECOUNT_AGAIN_S = 3.0  # a tick soon after a node came back waits no longer for a message that went to a connection not yet made
 _SOON_TICKS = 40
 _MOST_WAITS = 3.0  # for a tick: so many timeouts, however many nodes come back meanwhile
 _TRACKER = "scan_tracking_node"  # what it makes of a scan hangs on when the scan comes: it hears of no tick before its time
@@ -49,7 +49,7 @@ class TickBarrier:
         self._command = _STANDS
         self._ticks = 0
         self._newcomer_s = math.inf  # by the steady clock, when a node that was away is there
-        self._recounted_tick = -_SOON_TICKS
+        self._recounted_tick = self._came_back_tick = -_SOON_TICKS
         self._witnessed = (0, 0) if _WITNESS in self._wait_for else None  # tick and recount that the judge's ear has heard of
         heard = [(COMMAND_TOPIC, Twist, self._on_command), ("simulation/tick_done", SimulationTick, self._on_tick_done)]
         if self._witnessed is not None:
@@ -82,7 +82,7 @@ class TickBarrier:
         """
         deadline_s, last_s = (time.monotonic() + n * timeout_s for n in (1.0, _MOST_WAITS))
         while True:
-            is_soon = self._ticks - self._recounted_tick < _SOON_TICKS
+            is_soon = self._ticks - self._came_back_tick < _SOON_TICKS
             again_s = time.monotonic() + _RECOUNT_AGAIN_S if is_soon else math.inf
             if not self._wait_until(partial(self._is_over, again_s), deadline_s - time.monotonic()):
                 break
@@ -151,7 +151,7 @@ class TickBarrier:
     def _recount(self) -> None:
         with self.changed:
             if time.monotonic() >= self._newcomer_s:
-                self._newcomer_s = math.inf
+                self._newcomer_s, self._came_back_tick = math.inf, self._ticks
             self._recounted_tick = self._ticks
         self._publish.recount()
 

@@ -38,6 +38,7 @@ class StopScanAndGo:
         self._before = self._state, self._reason  # what it did when the joystick took over
         self._displaced_s: float | None = None  # since then nobody knows where it is
         self._is_over = False  # exploration has come to its end once
+        self._is_repeated = False  # a sweep, for there was no decision about the one before
         self._awaits_follower, self._sweeps = False, 0
         self._answers = {
             DriveState.STARTING: self._starting,
@@ -126,6 +127,7 @@ class StopScanAndGo:
         return self._displaced_s is not None and stamp_s <= self._displaced_s
 
     def _decided(self, decision: Decision, reason: str) -> TickAction:
+        self._is_repeated = False
         if decision is Decision.LOOK:
             return self._prepare_sweep(SweepKind.IDLE, reason)
         self._displaced_s = None
@@ -223,7 +225,11 @@ class StopScanAndGo:
 
     def _mapping(self, tick: TickObservation) -> TickAction:
         if tick.stamp_s - self._entered_s > self._config.decision_limit_s:
-            self._enter(DriveState.FAILED, f"no decision about the sweep within {self._config.decision_limit_s:.0f} s")
+            reason = f"no decision about the sweep within {self._config.decision_limit_s:.0f} s"
+            if not self._is_repeated:
+                self._is_repeated = True
+                return self._prepare_sweep(SweepKind.IDLE, reason)
+            self._enter(DriveState.FAILED, f"{reason}, nor about the one before")
         return self._answer()
 
     def _driving(self, tick: TickObservation) -> TickAction:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from explore_3dnav.msg import MappedSweep
 
 from pose_graph_mapping.graph.mapping_update import MappingUpdate
 from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
@@ -20,6 +21,12 @@ def test_sweep_that_is_placed_tells_where_the_robot_is_until_odometry_leaps_agai
     assert memory.is_lost_at(1.0)
     memory.place(6.0, FIRST)
     assert not memory.is_lost_at(8.0) and memory.is_lost_at(9.0)
+
+
+def test_failure_of_the_last_sweep_is_remembered_until_one_is_placed() -> None:
+    memory = MappingMemory(lost=False, failure=MappedSweep(failure="too few points"))
+    memory.place(6.0, FIRST)
+    assert memory.failure is None
 
 
 @pytest.mark.parametrize(

@@ -265,3 +265,16 @@ def test_node_that_ended_for_a_wrong_parameter_is_not_waited_for(monkeypatch: py
         liveness, "revived", lambda: {"a": {"pid": os.getpid(), "gave_up": REFUSED}, "b": {"pid": os.getpid(), "gave_up": ""}}
     )
     assert liveness.gone() == {"a": f"a ({REFUSED})"}
+
+
+@pytest.mark.parametrize(("error", "words"), [(MemoryError(), "no memory is left"), (KeyError("wall"), "it breaks off: KeyError('wall')")])
+def test_error_that_nobody_has_thought_of_ends_a_node_that_is_started_again(error, words, monkeypatch, capsys) -> None:
+    codes: list[int] = []
+    monkeypatch.setattr(restarts.os, "_exit", codes.append)
+    restarts.break_off("a_node", Life({PULSE: "999"}), error)
+    assert codes == [1] and words in capsys.readouterr().err
+
+
+def test_where_nobody_starts_it_again_such_an_error_ends_no_node() -> None:
+    with pytest.raises(KeyError, match="wall"):
+        restarts.break_off("a_node", Life({}), KeyError("wall"))

@@ -137,10 +137,21 @@ def test_late_decision_is_waited_for_without_moving():
     assert script.tick(FORWARD, "following").v == 0.5
 
 
-def test_decision_that_never_comes_is_a_failure_where_the_clock_runs():
+def test_decision_that_does_not_come_where_the_clock_runs_is_asked_for_by_one_more_sweep():
     script = Script(decision_limit_s=2.0)
     script.until(DriveState.MAPPING)
-    assert "no decision" in script.until(DriveState.FAILED).reason
+    assert "no decision" in script.until(DriveState.SETTLING).reason
+    script.until(DriveState.MAPPING)
+    assert script.decide("goal").state is DriveState.DRIVING
+    assert "failed" not in script.states()
+
+
+def test_decision_that_never_comes_is_a_failure():
+    script = Script(decision_limit_s=2.0)
+    script.until(DriveState.MAPPING)
+    script.until(DriveState.SETTLING)
+    assert "nor about the one before" in script.until(DriveState.FAILED).reason
+    assert script.machine.sweeps == 2
 
 
 def test_decision_that_overtakes_the_end_of_its_sweep_is_used_then():
