@@ -123,7 +123,7 @@ class Drive:
         for stamp_s, tilt in tick.tilts:
             self._tracker.add_tilt(stamp_s, tilt)
         for estimate in tick.odometry:
-            self._tracker.add_odometry(estimate.stamp_s, estimate.T_odom_base)
+            self._tracker.add_odometry(estimate.stamp_s, estimate.T_odom_base, speed=(estimate.twist[0], estimate.twist[5]))
         for stamp_s, scan in tick.scans:
             self._tracker.add_scan(stamp_s, scan)
         poses = self._tracker.advance(tick.stamp_s)

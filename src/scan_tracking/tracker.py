@@ -18,17 +18,17 @@ from scan_tracking.alignment import MIN_POINTS
 from scan_tracking.bundle import Bundle, Bundler, Motion, Samples
 from scan_tracking.config import ScanTrackingConfig
 from scan_tracking.estimate import Estimate
-from scan_tracking.pose_error import orthonormal, rotated_covariance, way_of
+from scan_tracking.held_odometry import HeldOdometry
+from scan_tracking.looks import Looks
+from scan_tracking.pose_error import orthonormal, rotated_covariance
 from scan_tracking.surroundings import Surroundings
 from sweep_assembly import TiltGeometry
 from sweep_assembly.beams import Sensor
 
 Array = NDArray[np.float64]
 
+_NOT_TOLD = math.nan, math.nan  # m/s and rad/s
 _DISPLACED = "the robot was moved, and no sweep has told yet where it is"
-_MOVED_M = 0.01  # way, 0.3 m a radian counted in, below which a robot stands
-_STANDING_SIGMA_M = 0.015  # of the position; a robot that stands is matched until it is no worse
-_STANDING_LOOKS = 30  # or so many bundles were, a nod of the mount: what is seen again tells no more
 _MOST_CONTRADICTED = 10  # bundles in a row that the map contradicts, a second of driving: nobody knows where the robot is
 _DISPLACED_SIGMA_M = 5.0  # of the position where odometry knows nothing of the way, until a sweep tells
 _DISPLACED_SIGMA_RAD = 1.8  # and of the heading: that of all headings
@@ -70,13 +70,13 @@ class ScanTracker:
         self._bundler = Bundler(config, sensor, mount)
         self._backlash_rad = mount.calibration.backlash_rad
         self._counts: Counter[str] = Counter()
+        self._held, self._looks = HeldOdometry(), Looks()
         self._around = Surroundings(config)
         self._T_tracked_odom: Array | None = None  # None: odometry as it is
         self._track: _Track | None = None
         self._newest: tuple[float, Array] | None = None
-        self._looked_at: Array = np.eye(4)  # odometry there
         self._displaced_s = -math.inf  # when odometry last knew nothing of the way
-        self._contradicted, self._looks_left = 0, 0  # bundles in a row; and that are matched while it stands
+        self._contradicted = 0  # bundles in a row
         self._is_placed = True  # and whether a sweep has told since where the robot is
         self._longest_s = 0.0  # that a reading took so far
         self._reset()
@@ -119,10 +119,13 @@ class ScanTracker:
         if self._track is not None:
             self._track = replace(self._track, estimate=self._track.estimate.placed(match))
 
-    def add_odometry(self, stamp_s: float, T_odom_base: ArrayLike, *, displaced: bool = False) -> None:
+    def add_odometry(
+        self, stamp_s: float, T_odom_base: ArrayLike, *, speed: tuple[float, float] = _NOT_TOLD, displaced: bool = False
+    ) -> None:
         """Takes the (4, 4) pose of base_link at a time. What is not finite, not rigid, late or repeated is dropped and counted.
 
-        A jump is no motion: the tracked pose stays where it was. `displaced`: odometry knows nothing of the way since the sample before.
+        A jump is no motion: the tracked pose stays where it was. Nor is what changes at a `speed` (m/s, rad/s) of 0 (`HeldOdometry`).
+        `displaced`: odometry knows nothing of the way since the sample before.
         """
         try:
             pose = as_transform(T_odom_base)
@@ -132,6 +135,7 @@ class ScanTracker:
         if not np.isfinite(stamp_s):
             self._counts["odometry_not_finite"] += 1
         elif self._odometry.takes(stamp_s, self._reset):
+            pose = self._held.pose(pose, *speed)
             if self._track is None:
                 self._begin(stamp_s, pose)
             elif self._jumped(stamp_s, pose):
@@ -188,7 +192,8 @@ class ScanTracker:
 
     def _begin(self, stamp_s: float, pose: Array) -> None:
         sigmas = np.repeat([self._config.start_sigma_m, self._config.start_sigma_rad], 3)
-        self._track, self._looked_at = _Track(stamp_s, pose, Estimate.of(pose, np.diag(sigmas**2))), pose
+        self._track = _Track(stamp_s, pose, Estimate.of(pose, np.diag(sigmas**2)))
+        self._looks.begin(pose)
 
     def _begin_again(self, stamp_s: float, pose: Array) -> None:
         """After a jump, at the tracked pose before it: the robot may have moved meanwhile."""
@@ -208,7 +213,8 @@ class ScanTracker:
         """The robot is anywhere from here on, as upright as odometry says."""
         sigmas = np.array([*[_DISPLACED_SIGMA_M] * 3, 0.0, 0.0, _DISPLACED_SIGMA_RAD])
         self._track = replace(track, estimate=track.estimate.widened(sigmas), refused=_DISPLACED)
-        self._displaced_s, self._is_placed, self._contradicted, self._looks_left = track.stamp_s, False, 0, _STANDING_LOOKS
+        self._displaced_s, self._is_placed, self._contradicted = track.stamp_s, False, 0
+        self._looks.renew()
 
     def _placed(self, T_odom_base: Array) -> Array:
         """(4, 4) the tracked pose of an odometry pose; odometry itself, to the bit, as long as nothing corrected it."""
@@ -238,7 +244,8 @@ class ScanTracker:
     def _finish_bundle(self, end_s: float, T_odom_base: Array) -> None:
         track, prior = self._track, self._reached(T_odom_base)
         assert track is not None
-        bundle = self._bundle(track, end_s) if self._looks(T_odom_base, prior) and self._around.known and self._is_placed else None
+        wanted = self._looks.wanted(T_odom_base, prior.covariance) and self._around.known and self._is_placed
+        bundle = self._bundle(track, end_s) if wanted else None
         self._track = _Track(end_s, T_odom_base, prior, "" if self._is_placed else _DISPLACED)
         if isinstance(bundle, str):
             self._refuse(bundle)
@@ -262,7 +269,7 @@ class ScanTracker:
                 self._lose(self._track)
             return
         self._counts["bundle_matched"] += 1
-        self._looks_left -= 1
+        self._looks.matched()
         self._T_tracked_odom = orthonormal(found.estimate.T @ inverse(track.T_odom_base))
         self._track = replace(track, estimate=replace(found.estimate, T=self._placed(track.T_odom_base)))
 
@@ -270,21 +277,6 @@ class ScanTracker:
         assert self._track is not None
         self._counts["bundle_refused"] += 1
         self._track = replace(self._track, refused=reason)
-
-    def _moved(self, T_odom_base: Array) -> bool:
-        """Whether the robot is elsewhere than at the last bundle that was looked at: one that rocks as its mount turns is not."""
-        moved = way_of(inverse(self._looked_at) @ T_odom_base) > _MOVED_M
-        if moved:
-            self._looked_at = T_odom_base
-        return moved
-
-    def _looks(self, T_odom_base: Array, prior: Estimate) -> bool:
-        """Whether the robot moves, or stands, is unsure, and has not looked around: it may have stopped where it saw too little."""
-        if self._moved(T_odom_base):
-            self._looks_left = _STANDING_LOOKS
-        elif np.sqrt(np.diag(prior.covariance)[:3].max()) <= _STANDING_SIGMA_M:
-            self._looks_left = 0
-        return self._looks_left > 0
 
     def _bundle(self, track: _Track, end_s: float) -> Bundle | str | None:
         """None where there is nothing to match; a reason where it cannot be matched."""

@@ -1,0 +1,45 @@
+"""Odometry that stays where it is while the robot stands."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigid_geometry import rotation_from_rpy, translation_distance, yaw_of
+
+Array = NDArray[np.float64]
+
+_JUMP_M = 0.15  # at once: an odometry that begins anew corrects nothing
+
+
+class HeldOdometry:
+    """Poses of an odometry, without what it corrects of its past while it says that the robot stands.
+
+    A filter learns most at rest: what is up, and how far its gyroscope is off. Then it knows better where it has driven, and moves its pose
+    by centimetres. Who has followed the robot on a map knows that already. What is up is taken as the odometry has it.
+    """
+
+    def __init__(self) -> None:
+        self._held_from_told: Array | None = None  # (4, 4), level; None: as it is told
+        self._newest: Array | None = None
+        self._tells_speed = False
+
+    def pose(self, T_odom_base: Array, v: float, w: float) -> Array:
+        """(4, 4) the held pose, for one that was told with a speed of v m/s and w rad/s.
+
+        It stands where both are exactly 0. An odometry that has never told another speed does not tell that.
+        """
+        stands = v == w == 0.0
+        self._tells_speed = self._tells_speed or not stands
+        T = T_odom_base if self._held_from_told is None else self._held_from_told @ T_odom_base
+        if stands and self._tells_speed and self._newest is not None and translation_distance(T, self._newest) < _JUMP_M:
+            self._held_from_told = _level_between(T_odom_base, self._newest)
+            T = self._held_from_told @ T_odom_base
+        self._newest = T
+        return T
+
+
+def _level_between(a: Array, b: Array) -> Array:
+    """(4, 4) turn about the vertical, and shift, that bring pose `a` to the position and heading of `b`."""
+    T = np.eye(4)
+    T[:3, :3] = rotation_from_rpy(0.0, 0.0, yaw_of(b) - yaw_of(a))
+    T[:3, 3] = b[:3, 3] - T[:3, :3] @ a[:3, 3]
+    return T
