@@ -35,7 +35,7 @@ class Life:
     @property
     def is_revived(self) -> bool:
         """Whether somebody starts this node again when it dies."""
-        return self._pulse is not None
+        return self._pulse is not None and self._folder is not None
 
     @property
     def problem(self) -> str:

@@ -63,7 +63,9 @@ class Barrier:
         untold = [f"{name or 'the simulator'} has not told of the tick" for name, ticks in self._told.items() if not ticks]
         counts = self._counts()
         short = [t for t in self._topics if self._received[t] < counts.get(t, 0)]
-        return ", ".join(untold + [f"{self._received[t]} of {counts[t]} messages came on {t}" for t in short])
+        stamp_s = max(ticks[0].stamp_s for ticks in self._told.values() if ticks)
+        words = untold + [f"{self._received[t]} of {counts[t]} messages came on {t}" for t in short]
+        return f"tick of {stamp_s:.2f} s: {', '.join(words)}" if words else ""
 
     def _counts(self) -> dict[str, int]:
         """Of the oldest tick of each who told of one: the most that anybody knows of."""

@@ -33,8 +33,8 @@ class HeldTick:
     def give_up(self, now_s: float) -> str:
         """Waits no more for what does not come, and says for what; a robot, whose clock runs, goes on as well."""
         words = self._missing() if now_s - self._since_s > _LOST_S else ""
-        if words:
-            self._memory.open_sweeps.give_up()
+        if words and self._tick is not None:
+            self._memory.open_sweeps.give_up(self._tick.stamp_s)
             self._memory.decided_stamp = self.terrain_stamp
         return words
 
@@ -46,8 +46,8 @@ class HeldTick:
         return tick
 
     def _missing(self) -> str:
-        if (tick := self._tick) is None:
+        if self._tick is None:
             return ""
-        if self._memory.open_sweeps.must_be_decided(tick.stamp_s):
+        if self._memory.open_sweeps.must_be_decided(self._tick.stamp_s):
             return "the decision about a sweep has not come"
         return "" if self.terrain_stamp >= self._memory.decided_stamp else "the follower has not the terrain of the last decision"

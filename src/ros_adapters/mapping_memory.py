@@ -14,6 +14,8 @@ from pose_graph_mapping.graph.finished_map import Visits
 from pose_graph_mapping.graph.mapping_update import MappingUpdate
 from rigid_geometry.transforms import Transform
 
+_KEPT = 10  # stamps: a node that is started again sends its last sweep once more
+
 
 def _frames_are_one() -> NDArray[np.float64]:
     return np.eye(4)  # before the first sweep (Alg. 1, line 3)
@@ -25,7 +27,7 @@ class MappingMemory:
 
     lost: bool  # nobody knows where the robot is in the map
     T_map_odom: Transform = field(default_factory=_frames_are_one)
-    handled_s: float = -math.inf  # stamp of the last sweep that was mapped and told of, or given up
+    lately_s: tuple[float, ...] = ()  # stamps of the last sweeps that were mapped and told of, or given up
     unknown_s: list[float] = field(default_factory=list)  # since the last vertex: when odometry knew nothing of the way
     loop_closures: int = 0
     mapped: int = 0  # sweeps in the map that others heard of
@@ -33,6 +35,15 @@ class MappingMemory:
     refused_in_a_row: int = 0
     visits: Visits = field(default_factory=Visits)  # in a finished map
     failure: MappedSweep | None = None  # what was told of the last sweep, where it failed
+
+    @property
+    def handled_s(self) -> float:
+        """Stamp of the last sweep that was mapped and told of, or given up."""
+        return self.lately_s[-1] if self.lately_s else -math.inf
+
+    def handle(self, stamp_s: float) -> None:
+        """A sweep was mapped and told of, or given up."""
+        self.lately_s = (*self.lately_s, stamp_s)[-_KEPT:]
 
     def why_not(self, found: int) -> str:
         """Why nobody can go on with so many sweeps that were found in the run's folder; empty where that is all."""

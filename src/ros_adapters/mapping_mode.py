@@ -105,18 +105,19 @@ class OpenSweeps:
         self._patience_s = times.after_s - times.cloud_within_s if driving else 0.0
         self._seen_s: list[float] = []
         self._decided = 0
+        self._given_up_s = -math.inf
 
     def tick(self, stamp_s: float, clouds: int) -> None:
         """`clouds` were out by the end of a tick."""
         self._seen_s += [stamp_s] * (clouds - len(self._seen_s))
 
-    def decide(self) -> None:
-        """There is a decision about one more of them."""
-        self._decided += 1
+    def decide(self, swept_s: float) -> None:
+        """There is a decision about one more of them, whose sweep ended then."""
+        self._decided += swept_s > self._given_up_s
 
-    def give_up(self) -> None:
-        """Nobody waits any longer for a decision about one that is out."""
-        self._decided = max(self._decided, len(self._seen_s))
+    def give_up(self, stamp_s: float) -> None:
+        """Nobody waits any longer for a decision about one that was out by then."""
+        self._decided, self._given_up_s = max(self._decided, len(self._seen_s)), stamp_s
 
     def must_be_decided(self, stamp_s: float) -> bool:
         """Whether a tick may not be answered before the next decision."""

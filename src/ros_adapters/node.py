@@ -25,7 +25,7 @@ from ros_adapters.counting_publisher import CountingPublisher
 from ros_adapters.diagnostics import Diagnostics
 from ros_adapters.inputs import InputWatch
 from ros_adapters.memory_use import give_back_free_memory
-from ros_adapters.restarts import break_off, pulse, wait_for_listeners
+from ros_adapters.restarts import break_off, pulse, unless_busy, wait_for_listeners
 from ros_adapters.results_folder import results_folder
 from ros_adapters.urdf_mount import robot_of_parameters
 from stage_config import ConfigError, load_config
@@ -151,14 +151,9 @@ class Node:
             self._pass_on(tick)
             then(tick)
 
-    def awaited(self) -> str:
-        """What the barrier has waited for too long; a node that is busy waits for nothing."""
-        if self._barrier is None or not self.lock.acquire(blocking=False):
-            return ""
-        try:
-            return self._barrier.missing(time.monotonic())
-        finally:
-            self.lock.release()
+    def waits_for(self, now_s: float) -> str:
+        """What has been awaited for too long in lock-step, as words; asked under the lock."""
+        return self._barrier.missing(now_s) if self._barrier is not None else ""
 
     def _pass_on(self, tick: Tick) -> None:
         counts = {**tick.counts, **{topic: p.sent for topic, p in self._sent.items()}, **self.sent_otherwise}
@@ -177,11 +172,13 @@ class Node:
             except ValueError as error:
                 name = getattr(cause if cause is not None else message, "_type", "").rpartition("/")[2]
                 self.diagnostics.dropped(f"bad {name}", str(error))
-            except rospy.ServiceException as error:
+            except (rospy.ServiceException, rospy.exceptions.TransportException, ConnectionError) as error:
                 self.diagnostics.dropped("service that failed", str(error))
             except Exception as error:  # noqa: BLE001  # of whatever kind: it is told
-                if not (isinstance(error, rospy.ROSException) and rospy.core.is_shutdown_requested()):  # then topics are closed
+                if not rospy.core.is_shutdown_requested():
                     break_off(self.name, self.life, error)
+                elif not isinstance(error, rospy.ROSException):  # for topics are closed then
+                    raise
             return None
 
         return run
@@ -295,5 +292,5 @@ class Node:
             if self._watchdog is not None:
                 self.guarded(self._watchdog)(time.monotonic())
             self.diagnostics.on_terminal("nothing is kept for a restart", self.life.problem)
-            self.diagnostics.on_terminal("the clock stands", self.awaited())
+            self.diagnostics.on_terminal("the clock stands", unless_busy(self.lock, self.waits_for))
             self.dropping(lambda _: self.diagnostics.report_news())(None)

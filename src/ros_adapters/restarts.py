@@ -57,6 +57,16 @@ def break_off(name: str, life: Life, error: Exception) -> None:
     os._exit(1)
 
 
+def unless_busy(lock: threading.RLock, waits_for: Callable[[float], str]) -> str:  # type: ignore[valid-type]  # a function in typeshed
+    """What a node waits for, asked under its lock by the steady clock; nothing while it works."""
+    if not lock.acquire(blocking=False):  # type: ignore[attr-defined]
+        return ""
+    try:
+        return waits_for(time.monotonic())
+    finally:
+        lock.release()  # type: ignore[attr-defined]
+
+
 def wait_for_listeners(publishers: Iterable[rospy.Publisher]) -> None:
     """Until all who listen by the master's word are connected: what is sent from now on reaches them."""
     deadline_s = time.monotonic() + _LISTENERS_WITHIN_S

@@ -1,5 +1,7 @@
 """Odometry that stays where it is while the robot stands."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -8,6 +10,8 @@ from rigid_geometry import rotation_from_rpy, translation_distance, yaw_of
 Array = NDArray[np.float64]
 
 _JUMP_M = 0.15  # at once: an odometry that begins anew corrects nothing
+_PAUSE_S = 0.3  # between two samples: in a longer one the robot may have moved
+_SLOW_MPS, _SLOW_RADPS = 0.02, 0.02  # faster before it stood, it still moved on the way to here
 
 
 class HeldOdometry:
@@ -20,20 +24,21 @@ class HeldOdometry:
     def __init__(self) -> None:
         self._held_from_told: Array | None = None  # (4, 4), level; None: as it is told
         self._newest: Array | None = None
-        self._tells_speed = False
+        self._slow_s = -math.inf  # stamp of the newest sample, where it was slow
+        self._tells_v = self._tells_w = False
 
-    def pose(self, T_odom_base: Array, v: float, w: float) -> Array:
+    def pose(self, stamp_s: float, T_odom_base: Array, v: float, w: float) -> Array:
         """(4, 4) the held pose, for one that was told with a speed of v m/s and w rad/s.
 
-        It stands where both are exactly 0. An odometry that has never told another speed does not tell that.
+        It stands where both are exactly 0. An odometry that has never told another v, or another w, does not tell that.
         """
-        stands = v == w == 0.0
-        self._tells_speed = self._tells_speed or not stands
+        self._tells_v, self._tells_w = self._tells_v or v != 0.0, self._tells_w or w != 0.0
+        stands = v == w == 0.0 and self._tells_v and self._tells_w and stamp_s - self._slow_s <= _PAUSE_S
         T = T_odom_base if self._held_from_told is None else self._held_from_told @ T_odom_base
-        if stands and self._tells_speed and self._newest is not None and translation_distance(T, self._newest) < _JUMP_M:
+        if stands and self._newest is not None and translation_distance(T, self._newest) < _JUMP_M:
             self._held_from_told = _level_between(T_odom_base, self._newest)
             T = self._held_from_told @ T_odom_base
-        self._newest = T
+        self._newest, self._slow_s = T, stamp_s if abs(v) < _SLOW_MPS and abs(w) < _SLOW_RADPS else -math.inf
         return T
 
 

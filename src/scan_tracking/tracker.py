@@ -135,7 +135,7 @@ class ScanTracker:
         if not np.isfinite(stamp_s):
             self._counts["odometry_not_finite"] += 1
         elif self._odometry.takes(stamp_s, self._reset):
-            pose = self._held.pose(pose, *speed)
+            pose = self._held.pose(stamp_s, pose, *speed)
             if self._track is None:
                 self._begin(stamp_s, pose)
             elif self._jumped(stamp_s, pose):

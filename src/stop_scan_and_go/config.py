@@ -65,7 +65,11 @@ class StopScanAndGoConfig:
     sweep_start_limit_s: float = parameter(3.0, "s", "a sweep that has not begun after this time has failed", low=0.1, high=60.0)
     sweep_limit_s: float = parameter(30.0, "s", "a sweep that has not ended after this time has failed", low=1.0, high=600.0)
     decision_limit_s: float = parameter(
-        120.0, "s", "time to wait for a decision where the clock does not stand, as on a real robot", low=1.0, high=3600.0
+        120.0,
+        "s",
+        "time to wait for a decision where the clock does not stand, as on a real robot; then one more sweep is made",
+        low=1.0,
+        high=3600.0,
     )
 
     def validate(self) -> list[str]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import gtsam
 import numpy as np
@@ -70,7 +71,8 @@ class IncrementalGraph:
 
     def relative_covariance(self, i: int, j: int) -> Array:
         """(6, 6) covariance of T_i_j, rotation first, in the body frame of j, of everything measured."""
-        joint = self._isam.jointMarginalCovariance([i, j])
+        with _singular_is_told():
+            joint = self._isam.jointMarginalCovariance([i, j])
         return self._relative(i, j, (joint.at(i, i), joint.at(i, j), joint.at(j, j)))
 
     def relative_covariances(self, ids: Sequence[int], j: int) -> Array:
@@ -78,7 +80,8 @@ class IncrementalGraph:
         if not ids:
             return np.empty((0, 6, 6))
         if self._equations is None:
-            self._equations = self._factorised()
+            with _singular_is_told():
+                self._equations = self._factorised()
         unit = np.zeros((6 * self._vertices, 6))
         unit[6 * j : 6 * j + 6] = np.eye(6)
         to_j = self._equations.solve(unit).reshape(-1, 6, 6)
@@ -93,7 +96,8 @@ class IncrementalGraph:
 
     def _covariance(self, i: int) -> Array:
         if i not in self._covariances:
-            self._covariances[i] = self._isam.marginalCovariance(i)
+            with _singular_is_told():
+                self._covariances[i] = self._isam.marginalCovariance(i)
         return self._covariances[i]
 
     def _relative(self, i: int, j: int, joint: tuple[Array, Array, Array]) -> Array:
@@ -115,12 +119,18 @@ class IncrementalGraph:
     def _update(self, factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, replaced: Sequence[int] = ()) -> list[int]:
         """Where the new factors are kept, for whoever replaces them."""
         self._equations, self._covariances = None, {}
-        try:
+        with _singular_is_told():
             places = list(self._isam.update(factors, values, list(replaced)).getNewFactorsIndices())
             for _ in range(_MOST_UPDATES):
                 if self._isam.update().getVariablesRelinearized() == 0:
                     break
             self._estimate = self._isam.calculateEstimate()
-        except RuntimeError as error:
-            raise GraphNotSolvable(f"the equations of the graph are singular: {' '.join(str(error).split())[:200]}") from error
         return places
+
+
+@contextmanager
+def _singular_is_told() -> Iterator[None]:
+    try:
+        yield
+    except RuntimeError as error:
+        raise GraphNotSolvable(f"the equations of the graph are singular: {' '.join(str(error).split())[:200]}") from error

@@ -38,6 +38,7 @@ def test_decision_that_does_not_come_is_told_after_a_while_and_then_given_up(mem
     assert tick.give_up(BEGUN_S + 89.0) == "" and tick.take() is None
     assert tick.give_up(BEGUN_S + 91.0) == "the decision about a sweep has not come"
     assert tick.take() == Tick(5.0, recount=1)
+    memory.open_sweeps.decide(4.9)  # it comes late
     memory.open_sweeps.tick(9.0, 2)
     tick.hold(Tick(9.0), BEGUN_S + 95.0)
     assert tick.take() is None  # the next one is waited for again

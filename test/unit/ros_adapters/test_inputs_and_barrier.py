@@ -194,10 +194,10 @@ def test_barrier_says_what_it_waits_for_too_long() -> None:
     barrier = Barrier(("", "filter"), ("/odom", "/scan"))
     assert barrier.missing(100.0, 0.0) == ""
     barrier.told("filter", Tick(1.0, {"/odom": 2}))
-    assert barrier.missing(100.0, 0.0) == "the simulator has not told of the tick, 0 of 2 messages came on /odom"
+    assert barrier.missing(100.0, 0.0) == "tick of 1.00 s: the simulator has not told of the tick, 0 of 2 messages came on /odom"
     barrier.told("", Tick(1.0, {"/scan": 1, "/odom": 1}))
     barrier.received("/odom")
-    words = "1 of 2 messages came on /odom, 0 of 1 messages came on /scan"
+    words = "tick of 1.00 s: 1 of 2 messages came on /odom, 0 of 1 messages came on /scan"
     assert [barrier.missing(at_s, 20.0) for at_s in (110.0, 129.9, 130.0)] == ["", "", words]
     barrier.received("/odom")
     assert barrier.missing(131.0, 20.0) == ""

@@ -23,6 +23,14 @@ def test_sweep_that_is_placed_tells_where_the_robot_is_until_odometry_leaps_agai
     assert not memory.is_lost_at(8.0) and memory.is_lost_at(9.0)
 
 
+def test_newest_of_the_sweeps_that_were_handled_lately_is_told() -> None:
+    memory = MappingMemory(lost=False)
+    assert memory.handled_s < 0.0
+    for stamp_s in range(30):
+        memory.handle(float(stamp_s))
+    assert memory.handled_s == 29.0 and 28.0 in memory.lately_s and 5.0 not in memory.lately_s
+
+
 def test_failure_of_the_last_sweep_is_remembered_until_one_is_placed() -> None:
     memory = MappingMemory(lost=False, failure=MappedSweep(failure="too few points"))
     memory.place(6.0, FIRST)

@@ -30,7 +30,7 @@ def test_standing_a_tick_waits_for_the_decision_as_soon_as_a_cloud_is_out() -> N
     assert not sweeps.must_be_decided(1.0)
     sweeps.tick(1.05, 1)
     assert sweeps.must_be_decided(1.05)
-    sweeps.decide()
+    sweeps.decide(0.9)
     assert not sweeps.must_be_decided(1.05)
 
 
@@ -43,7 +43,7 @@ def test_driving_a_tick_waits_only_when_the_next_one_could_need_the_decision() -
 
 def test_decision_that_overtakes_the_tick_of_its_cloud_counts() -> None:
     sweeps = OpenSweeps(TIMES, driving=False)
-    sweeps.decide()
+    sweeps.decide(0.9)
     sweeps.tick(1.0, 1)
     assert not sweeps.must_be_decided(1.0)
 

@@ -11,7 +11,7 @@ import pytest
 import rospy
 
 from node_life import REFUSED, Life
-from node_life.life import BEAT, ENDING, PULSE, STILL_STARTING
+from node_life.life import BEAT, ENDING, MEMORY, PULSE, STILL_STARTING
 from ros_adapters import asking, restarts, served_map, session_keeper
 from ros_adapters.asking import AskedService, is_waiting
 from ros_adapters.diagnostics import Diagnostics
@@ -268,10 +268,10 @@ def test_node_that_ended_for_a_wrong_parameter_is_not_waited_for(monkeypatch: py
 
 
 @pytest.mark.parametrize(("error", "words"), [(MemoryError(), "no memory is left"), (KeyError("wall"), "it breaks off: KeyError('wall')")])
-def test_error_that_nobody_has_thought_of_ends_a_node_that_is_started_again(error, words, monkeypatch, capsys) -> None:
+def test_error_that_nobody_has_thought_of_ends_a_node_that_is_started_again(error, words, monkeypatch, capsys, tmp_path) -> None:
     codes: list[int] = []
     monkeypatch.setattr(restarts.os, "_exit", codes.append)
-    restarts.break_off("a_node", Life({PULSE: "999"}), error)
+    restarts.break_off("a_node", Life({PULSE: "999", MEMORY: str(tmp_path)}), error)
     assert codes == [1] and words in capsys.readouterr().err
 
 
