@@ -165,7 +165,7 @@ class GoalAction:
         try:
             with waiting_for(_PLAN_PATH):
                 answer = self._plan_path(start, goal, _TOLERANCE_M)
-        except rospy.ServiceException as error:
+        except (rospy.ServiceException, rospy.exceptions.TransportException, ConnectionError) as error:
             raise ValueError(f"no plan to ({at.x:.2f}, {at.y:.2f}): {reason_of(error)}") from error
         if not answer.plan.poses:
             raise ValueError(f"no plan to ({at.x:.2f}, {at.y:.2f}): no ground within {_TOLERANCE_M} m of it that the robot reaches")

@@ -33,8 +33,8 @@ class HeldTick:
     def give_up(self, now_s: float) -> str:
         """Waits no more for what does not come, and says for what; a robot, whose clock runs, goes on as well."""
         words = self._missing() if now_s - self._since_s > _LOST_S else ""
-        if words and self._tick is not None:
-            self._memory.open_sweeps.give_up(self._tick.stamp_s)
+        if words:
+            self._memory.open_sweeps.give_up()
             self._memory.decided_stamp = self.terrain_stamp
         return words
 

@@ -115,9 +115,10 @@ class OpenSweeps:
         """There is a decision about one more of them, whose sweep ended then."""
         self._decided += swept_s > self._given_up_s
 
-    def give_up(self, stamp_s: float) -> None:
-        """Nobody waits any longer for a decision about one that was out by then."""
-        self._decided, self._given_up_s = max(self._decided, len(self._seen_s)), stamp_s
+    def give_up(self) -> None:
+        """Nobody waits any longer for a decision about one that is out."""
+        self._decided = max(self._decided, len(self._seen_s))
+        self._given_up_s = self._seen_s[-1] if self._seen_s else -math.inf
 
     def must_be_decided(self, stamp_s: float) -> bool:
         """Whether a tick may not be answered before the next decision."""

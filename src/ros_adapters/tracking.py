@@ -38,11 +38,14 @@ class LocalMapService:
         `stands`: the robot is where the sweep was placed, so the match tells how well its pose is known.
         """
         covariance = pose_covariance(update).ravel().tolist() if stands and (update.match_used or update.result is None) else []
-        area = self._mapper.surroundings()
-        assert area.normals is not None and area.origins is not None
-        known = np.abs(area.normals).sum(axis=1) > 0.5
-        message = cloud_message(stamp_s, frames().map, area.points[known], area.origins[known], area.normals[known])
         try:
+            area = self._mapper.surroundings()
+            assert area.normals is not None and area.origins is not None
+            known = np.abs(area.normals).sum(axis=1) > 0.5
+            message = cloud_message(stamp_s, frames().map, area.points[known], area.origins[known], area.normals[known])
             self._call(message, pose_message(update.T_map_odom), covariance)
-        except rospy.ServiceException as error:
+        except (
+            rospy.ServiceException,
+            ValueError,
+        ) as error:  # ValueError: the graph is not solvable
             diagnostics.dropped("local map not taken", str(error))

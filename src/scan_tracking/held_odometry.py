@@ -33,7 +33,7 @@ class HeldOdometry:
         It stands where both are exactly 0. An odometry that has never told another v, or another w, does not tell that.
         """
         self._tells_v, self._tells_w = self._tells_v or v != 0.0, self._tells_w or w != 0.0
-        stands = v == w == 0.0 and self._tells_v and self._tells_w and stamp_s - self._slow_s <= _PAUSE_S
+        stands = v == w == 0.0 and self._tells_v and self._tells_w and 0.0 <= stamp_s - self._slow_s <= _PAUSE_S
         T = T_odom_base if self._held_from_told is None else self._held_from_told @ T_odom_base
         if stands and self._newest is not None and translation_distance(T, self._newest) < _JUMP_M:
             self._held_from_told = _level_between(T_odom_base, self._newest)

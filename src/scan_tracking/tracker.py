@@ -183,12 +183,12 @@ class ScanTracker:
         self._due: list[tuple[float, Array]] = []
 
     def _jumped(self, stamp_s: float, pose: Array) -> bool:
-        """Whether odometry moved faster than the robot can, be it that time jumped back."""
+        """Whether odometry moved faster than the robot can, or time jumped back."""
         if self._newest is None:
             return False
         motion, passed_s = inverse(self._newest[1]) @ pose, max(stamp_s - self._newest[0], 0.0)
         too_far = float(np.linalg.norm(motion[:3, 3])) > self._config.most_speed_mps * passed_s
-        return too_far or rotation_angle(motion) > self._config.most_turn_rps * passed_s
+        return stamp_s < self._newest[0] or too_far or rotation_angle(motion) > self._config.most_turn_rps * passed_s
 
     def _begin(self, stamp_s: float, pose: Array) -> None:
         sigmas = np.repeat([self._config.start_sigma_m, self._config.start_sigma_rad], 3)

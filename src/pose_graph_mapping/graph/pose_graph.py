@@ -136,11 +136,13 @@ class PoseGraph:
 
     def relative_covariance(self, i: int, j: int) -> Array:
         """(6, 6) covariance of T_i_j, rotation first, in the body frame of j, by the graph as `optimise` left it."""
-        return self._solved(i, j).relative_covariance(i, j)
+        with self._anew_if_singular():
+            return self._solved(i, j).relative_covariance(i, j)
 
     def relative_covariances(self, ids: Sequence[int], j: int) -> Array:
         """(N, 6, 6) the same of T_i_j for many i."""
-        return self._solved(*ids, j).relative_covariances(ids, j)
+        with self._anew_if_singular():
+            return self._solved(*ids, j).relative_covariances(ids, j)
 
     def optimise(self) -> None:
         """Move all vertices to the likeliest poses; the first keeps position and heading.
@@ -148,7 +150,9 @@ class PoseGraph:
         The last solution grows; where a new loop does not agree with it everything is solved and judged again, as by `solve`.
         """
         new = self._edges[self._solved_edges :]
-        if self._running is None or not self._all_agree(self._running, new):
+        with self._anew_if_singular():
+            agree = self._running is not None and self._all_agree(self._running, new)
+        if self._running is None or not agree:
             self.solve()
             return
         old_vertices = self._running.vertices
@@ -199,6 +203,15 @@ class PoseGraph:
                 raise GraphNotSolvable(f"{path}, line {line}: the information matrix is singular")
             graph.add_edge(edge.i, edge.j, edge.T_i_j, edge.covariance, edge.kind)
         return graph
+
+    @contextlib.contextmanager
+    def _anew_if_singular(self) -> Iterator[None]:
+        """A solution that was found to be singular is not grown on: the next one begins anew."""
+        try:
+            yield
+        except GraphNotSolvable:
+            self._running = None
+            raise
 
     def _solved(self, *vertex_ids: int) -> IncrementalGraph:
         if self._running is None or self._running.vertices <= max(map(self._known, vertex_ids)):
