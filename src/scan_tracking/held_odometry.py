@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rigid_geometry import rotation_from_rpy, translation_distance, yaw_of
+from rigid_geometry import inverse, rotation_angle, rotation_from_rpy, translation_distance, yaw_of
 
 Array = NDArray[np.float64]
 
-_JUMP_M = 0.15  # at once: an odometry that begins anew corrects nothing
+_JUMP_M, _JUMP_RAD = 0.15, 0.1  # at once: an odometry that begins anew, or jumps, corrects nothing
 _PAUSE_S = 0.3  # between two samples: in a longer one the robot may have moved
 _SLOW_MPS, _SLOW_RADPS = 0.02, 0.02  # faster before it stood, it still moved on the way to here
 
@@ -35,11 +35,15 @@ class HeldOdometry:
         self._tells_v, self._tells_w = self._tells_v or v != 0.0, self._tells_w or w != 0.0
         stands = v == w == 0.0 and self._tells_v and self._tells_w and 0.0 <= stamp_s - self._slow_s <= _PAUSE_S
         T = T_odom_base if self._held_from_told is None else self._held_from_told @ T_odom_base
-        if stands and self._newest is not None and translation_distance(T, self._newest) < _JUMP_M:
+        if stands and self._newest is not None and not _jumped(self._newest, T):
             self._held_from_told = _level_between(T_odom_base, self._newest)
             T = self._held_from_told @ T_odom_base
         self._newest, self._slow_s = T, stamp_s if abs(v) < _SLOW_MPS and abs(w) < _SLOW_RADPS else -math.inf
         return T
+
+
+def _jumped(before: Array, after: Array) -> bool:
+    return translation_distance(before, after) > _JUMP_M or rotation_angle(inverse(before) @ after) > _JUMP_RAD
 
 
 def _level_between(a: Array, b: Array) -> Array:

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from rigid_geometry import rpy_from_rotation, transform_from_rpy, yaw_of
 from scan_tracking.held_odometry import HeldOdometry
@@ -56,6 +57,6 @@ def test_odometry_that_tells_not_both_speeds_moves_the_robot(speed: tuple[float,
     assert held.pose(1.0, CORRECTED, *STANDING) is CORRECTED
 
 
-def test_odometry_that_begins_anew_is_told_as_it_is() -> None:
-    origin = np.eye(4)
-    assert driven().pose(1.1, origin, *STANDING) is origin
+@pytest.mark.parametrize("jumped", [np.eye(4), transform_from_rpy([8.0, -3.0, 0.1], [0.02, 0.01, 2.5])])
+def test_odometry_that_begins_anew_or_jumps_is_told_as_it_is(jumped: NDArray[np.float64]) -> None:
+    assert driven().pose(1.1, jumped, *STANDING) is jumped
