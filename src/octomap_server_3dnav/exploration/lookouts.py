@@ -113,7 +113,7 @@ class WayOut:
         known = self.from_inside(terrain)
         if known is not None and terrain.start is not None:
             ahead = rest_from(way, place_of(terrain), terrain.start)
-            way = Passage(way.nodes, np.concatenate([known[::-1], way.line[:0] if ahead is None else ahead.line]))
+            way = Passage(way.nodes, np.concatenate([known[::-1], way.line[:0] if ahead is None else _on_from(known[0], ahead.line)]))
         self._way_in = way
 
     def from_inside(self, terrain: Terrain) -> NDArray[np.float64] | None:
@@ -131,6 +131,13 @@ class WayOut:
             return terrain
         assert terrain.start is not None
         return replace(terrain, passages=(*terrain.passages, Passage((terrain.start, entry), line)))
+
+
+def _on_from(place: NDArray[np.float64], line: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A line (K, 3) without its first points that a robot at a place (3,) would have to go back to."""
+    steps = np.diff(line[:, :2], axis=0)
+    is_ahead = ((line[:-1, :2] - place[:2]) * steps).sum(axis=1) > 0.0
+    return line[int(np.argmax(np.append(is_ahead, True))) :]
 
 
 def _is_far_inside(terrain: Terrain) -> bool:

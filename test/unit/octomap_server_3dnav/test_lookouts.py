@@ -225,3 +225,17 @@ def test_robot_inside_goes_on_from_where_it_stands():
     assert not lookout.is_seen_from(outside, 5.0)
     left = lookout.line[-1, 0] - x
     assert lookout.is_seen_from(inside, left) and not lookout.is_seen_from(inside, left - 0.4)
+
+
+@pytest.mark.parametrize("aside_m", [0.0, 0.03])
+def test_way_out_leads_on_without_going_back_where_the_robot_was_sent_on_inside(aside_m):
+    """The new way begins behind where the robot stands by the old one: the robot would go to and fro there."""
+    states, way_out = dead_end(), WayOut(TerrainSettings())
+    way = lookouts_in(states)[0].way_in(0.4)
+    way_out.enter(way, terrain_of(states, pose(1.2, 2.6)))
+    half = len(way.line) // 2
+    on = Passage(way.nodes, np.concatenate([way.line[half - 1 : half] + [0.05, aside_m, 0.0], way.line[half + 1 :] + [0.0, aside_m, 0.0]]))
+    inside = terrain_of(states, pose(float(way.line[half, 0]) + 0.01, float(way.line[half, 1])))
+    way_out.enter(on, inside)
+    out = way_out.from_inside(terrain_of(states, pose(float(way.line[-1, 0]), float(way.line[-1, 1]))))
+    assert len(out) > half and (np.diff(out[:, 0]) < 0.0).all()
