@@ -42,7 +42,7 @@ def test_a_run_in_bad_hands_ends_as_one_in_which_nothing_happened(seed: int, tmp
 
 def show_what_happened(folder: Path) -> None:
     """For pytest, which keeps it for tests that fail: no two runs are the same."""
-    for name in ("chaos.csv", "roslaunch.log", "../../outcomes.csv"):
+    for name in ("chaos.csv", "roslaunch.log", "outcome.json"):
         if (path := folder / name).exists():
             print(f"{name}:", *path.read_text(errors="replace").splitlines()[-LAST_LINES:], sep="\n")
 
