@@ -10,6 +10,7 @@ import rospy
 
 from node_life import Life
 
+NO_ANSWER = rospy.ServiceException, rospy.exceptions.TransportException, ConnectionError  # what a service that fails raises
 _AGAIN_S = 0.1
 _UNWILLING, _UNKNOWN = (
     "responded with an error",

@@ -19,7 +19,7 @@ from std_msgs.msg import Header
 
 from path_following.patience import PATIENCE_S, Patience
 from rigid_geometry import transform_from_rpy
-from ros_adapters.asking import waiting_for
+from ros_adapters.asking import NO_ANSWER, waiting_for
 from ros_adapters.conversions import header, pose_message, transform_from_pose
 from ros_adapters.frames import frames
 from ros_adapters.service_errors import reason_of
@@ -165,7 +165,7 @@ class GoalAction:
         try:
             with waiting_for(_PLAN_PATH):
                 answer = self._plan_path(start, goal, _TOLERANCE_M)
-        except (rospy.ServiceException, rospy.exceptions.TransportException, ConnectionError) as error:
+        except NO_ANSWER as error:
             raise ValueError(f"no plan to ({at.x:.2f}, {at.y:.2f}): {reason_of(error)}") from error
         if not answer.plan.poses:
             raise ValueError(f"no plan to ({at.x:.2f}, {at.y:.2f}): no ground within {_TOLERANCE_M} m of it that the robot reaches")

@@ -17,6 +17,7 @@ from std_msgs.msg import String
 from node_life import Life
 from robot_body import RobotBody
 from ros_adapters.aliases import ALIASES
+from ros_adapters.asking import NO_ANSWER
 from ros_adapters.at_once import beside
 from ros_adapters.barrier import Barrier, Tick
 from ros_adapters.connections import is_heard
@@ -172,7 +173,7 @@ class Node:
             except ValueError as error:
                 name = getattr(cause if cause is not None else message, "_type", "").rpartition("/")[2]
                 self.diagnostics.dropped(f"bad {name}", str(error))
-            except (rospy.ServiceException, rospy.exceptions.TransportException, ConnectionError) as error:
+            except NO_ANSWER as error:
                 self.diagnostics.dropped("service that failed", str(error))
             except Exception as error:  # noqa: BLE001  # of whatever kind: it is told
                 if not rospy.core.is_shutdown_requested():
