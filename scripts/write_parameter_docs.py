@@ -33,7 +33,9 @@ WAYS_TO_SET = """## How to set them
 A parameter is private to its node. To change it, in the order in which one overrides the other:
 
 - in the node's file in `config/`, which its launch file loads; the values there are the defaults of those that are touched first;
-- in `config/modes/driving.yaml`, which is loaded after them unless it maps by stop and go: it drives at up to 0.7 m/s, for one;
+- in `config/modes/driving.yaml`, which is loaded after them unless it maps by stop and go: it drives at up to 0.7 m/s, for one.
+  `driving_lidar.yaml` beside it is for `sensor:=spinning`, `off.yaml` for `mapping:=off`;
+- in a profile: `./explore --profile FILE`;
 - in a YAML file of your own, by node: `roslaunch explore_3dnav explore.launch overrides:=FILE`;
 - for one run: `./explore --set octomap_server_3dnav_node/resolution=0.05`.
 
@@ -68,7 +70,10 @@ COMMON = (
     Common("octomap_server_3dnav_node/terrain/range_noise_m", "another laser: more noise makes the robot more careful"),
     Common("octomap_server_3dnav_node/terrain/margin_m", "more where ranges or poses are worse than thought, less where room is scarce"),
     Common("octomap_server_3dnav_node/exploration/local_radius_m", "higher: it leaves near frontiers less often; lower: it decides sooner"),
-    Common("move_base_node/follower/max_speed_mps", "lower on rough ground, higher on a floor"),
+    Common(
+        "move_base_node/follower/max_speed_mps",
+        "lower on rough ground, higher on a floor; `config/modes/driving.yaml` sets 0.7 while it maps and drives",
+    ),
     Common("stop_scan_and_go_node/max_distance_m", "lower where odometry slips, higher where time is short"),
 )
 # What the nodes read beside the configuration of their stage; the rest comes from the launch arguments of the same name.

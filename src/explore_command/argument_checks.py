@@ -68,4 +68,4 @@ def check_numbers(a: argparse.Namespace) -> None:
         raise ArgumentProblem(f"--ground {a.ground:g}: expected a height in metres")
     for text in a.set:
         if "/" not in text.partition("=")[0] or "=" not in text:
-            raise ArgumentProblem(f"--set {text}: expected NODE/PARAMETER=VALUE, for example octomap_server_3dnav_node/local_radius_m=8")
+            raise ArgumentProblem(f"--set {text}: expected NODE/PARAMETER=VALUE, for example octomap_server_3dnav_node/resolution=0.05")

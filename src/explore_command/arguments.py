@@ -151,7 +151,7 @@ def parser() -> argparse.ArgumentParser:
         help="at most R times real time, 0: as fast as the machine can; default 0, with --free, --goals 1",
     )
     p.add_argument("--free", action="store_true", help="no lock-step: for a teleop or node of your own beside it")
-    p.add_argument("--record", action="store_true", help="write run.bag: what the mapping and terrain nodes heard")
+    p.add_argument("--record", action="store_true", help="write run.bag: what the robot's drivers sent, and what mapping and terrain heard")
     p.add_argument("--port", type=int, metavar="N", help="port of the ROS master; default 11311, or one near it when that is taken")
     p.add_argument("--max-sim-time", type=float, metavar="S", help="stop after S simulated seconds; default 3600, with --goals never")
     p.add_argument(

@@ -30,7 +30,7 @@ class CostmapConfig:
     keep_s: float = parameter(
         10.0,
         "s",
-        "what lines met is forgotten when they did not meet it again for so long; a mount that nods looks every 2.75 s",
+        "what lines met is forgotten when they did not meet it again for so long; a mount that nods looks at the same tilt every 4 s",
         low=0.1,
         at_runtime=True,
     )

@@ -21,7 +21,7 @@ class MonitorConfig:
     out: str = parameter("", "-", "folder for the results; empty: none")
     required: bool = parameter(False, "-", "the end of the run is the end of all nodes; else they live on, and goals are driven to")
     max_sim_time: float = parameter(3600.0, "s", "seconds by the robot's clock, simulated or not, after which the run ends", low=0.0)
-    watch: str = parameter(_WATCHED, "-", "nodes that end the run when they stay dead; in simulation pybullet_sim_node, too")
+    watch: str = parameter(_WATCHED, "-", "end the run when they stay dead; scan_tracking_node and pybullet_sim_node too, where they are")
     status_period_s: float = parameter(1.0, "s", "wall time between two status lines", low=0.05)
 
     def validate(self) -> list[str]:

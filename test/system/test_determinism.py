@@ -1,4 +1,4 @@
-"""The outcome of a run does not depend on how busy the machine is: lock-step, stamps and serial sums (DESIGN 8)."""
+"""The outcome of a run does not depend on how busy the machine is: lock-step, stamps and serial sums."""
 
 import contextlib
 import subprocess
