@@ -16,7 +16,7 @@ from pose_graph_mapping.graph.mapper import MappingUpdate, PoseGraphMapper
 from pose_graph_mapping.registration.cloud import PointCloud
 from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_store import NotOnDiskError, SessionStore
-from rigid_geometry import inverse, rotation_angle
+from rigid_geometry import JUMP_BACK_S, inverse, rotation_angle
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -123,9 +123,12 @@ class MappingRun:
                 self._last, lost = sweep, False
 
     def _goes_back(self, stamp_s: float) -> bool:
-        """Whether a sweep is older than the one read before it."""
-        before_s, self.account.read_until_s = self.account.read_until_s, stamp_s
-        return before_s is not None and stamp_s < before_s
+        """Whether the clock was set back before a sweep; one that is only late does not change how far was read."""
+        before_s = self.account.read_until_s
+        is_set_back = before_s is not None and stamp_s <= before_s - JUMP_BACK_S
+        if before_s is None or stamp_s > before_s or is_set_back:
+            self.account.read_until_s = stamp_s
+        return is_set_back
 
     def _near(self, sweep: SourceSweep) -> SourceSweep:
         """The sweep with its odometry relative to the origin."""

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import open3d as o3d
@@ -20,6 +21,7 @@ from mapping_tools.bag_sweeps import BagSweeps, BagTopics, gravity_of
 from mapping_tools.recording import Recording
 from mapping_tools.session_sweeps import SessionSweeps
 from pose_graph_mapping.graph.pose_graph import PoseGraph
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from pose_graph_mapping.session.session_store import NotOnDiskError, SessionStore
 from rigid_geometry import inverse, transform_from_rpy, transform_points, translation_distance
 
@@ -512,6 +514,27 @@ def test_cloud_of_a_bad_stamp_is_no_clock_that_was_set_back(tmp_path, clouds, mo
     monkeypatch.setattr(mapping_run, "localise", lambda *_values, **_named: asked.append(1))
     code, summary = mapped(path, tmp_path / "out", *FAST)
     assert (code, summary["vertices"], asked) == (1, 2, [])
+
+
+def refused(_area, _reading, T_guess, _covariance=None):
+    return RegistrationResult(T_guess, np.eye(6), 0.1, 0.1, np.nan, 0, np.zeros((0, 6)), Verdict.REFUSED, "nothing fits")
+
+
+def test_late_sweep_is_left_out_and_the_next_goes_on_by_odometry(tmp_path, clouds, monkeypatch):
+    """A clock that was set back is half a second off or more."""
+    monkeypatch.setattr(map_bag, "create_registration", lambda _: SimpleNamespace(match=refused))
+    poses = [("/odom", odometry_message(t, transform_from_rpy((t, 0.0, 0.0)))) for t in np.arange(0.9, 1.7, 0.1)]
+    stamps_s = [1.0, 1.1, 1.2, 1.18, 1.3, 1.4, 1.5]
+    path = write_bag(
+        tmp_path / "x.bag",
+        [*poses, *(("/sweep_cloud", cloud_message(t, *clouds[0])) for t in stamps_s)],
+        times_s=np.linspace(1.0, 2.0, len(poses) + len(stamps_s)),
+    )
+    code, summary = mapped(path, tmp_path / "out", *FAST)
+    assert (code, summary["vertices"], summary["read_until_s"]) == (1, 6, 1.5)
+    ((name, reason),) = [(entry["sweep"], entry["reason"]) for entry in summary["not_placed"]]
+    assert name == "/sweep_cloud 3" and "is late: it came after that of 1.200 s" in reason
+    assert [entry["stamp_s"] for entry in summary["by_odometry_alone"]] == [1.1, 1.2, 1.3, 1.4, 1.5]
 
 
 @pytest.mark.parametrize("kept", [2, 3, 4, 5])
