@@ -42,10 +42,10 @@ Array = NDArray[np.float64]
 SUMMARY = "map_summary.json"
 MADE_OF_SWEEPS = ("map.ot", "map.bt", "terrain.npz")
 _POSE_FORMS = "; or ".join(FORMS.values())
-_DESCRIPTION = f"""Maps a bag, or a folder of sweeps ({" ".join(SUFFIXES)}) in the order of their names, 9 before 10. A bag is a file of
-ROS 1, a file or folder of ROS 2 (.db3, .mcap), or a folder of bags, which are read as one in the order of time. It holds PointCloud2 sweeps
-and Odometry; or what a robot's drivers sent: LaserScan, or PointCloud2 of a lidar on the tilting mount, with JointState, Imu and Odometry
-of the wheels. Odometry of a robot that moves has to come at 4 Hz or more.
+_DESCRIPTION = f"""Maps a bag, or a folder of sweeps ({" ".join(SUFFIXES)}) in the order of their names, 9 before 10, or of their stamps.
+A bag is a file of ROS 1, a file or folder of ROS 2 (.db3, .mcap), or a folder of bags, which are read as one in the order of time. It holds
+PointCloud2 sweeps and Odometry; or what a robot's drivers sent: LaserScan, or PointCloud2 of a lidar on the tilting mount, with JointState,
+Imu and Odometry of the wheels. Odometry of a robot that moves has to come at 4 Hz or more.
 A folder of sweeps may hold poses.txt with the odometry pose of every sweep, z up: {_POSE_FORMS}.
 Poses with stamps go with files whose names are these stamps, others by their order. Without poses.txt each sweep is looked for around
 the last one. Every sweep should be taken while the sensor stands, or be de-skewed. Where odometry is far from 0 0 0, as in UTM, the map
