@@ -36,10 +36,14 @@ class NotPlaced:
 
 @dataclass
 class Account:
-    """What became of the sweeps: read, known to the session already, passed by as too near to the last, not placed, on odometry alone."""
+    """What became of the sweeps: read, known to the session already, passed by as too near to the last, not placed, on odometry alone.
+
+    `known_until_s`: the stamp of the last that is known, `read_until_s`: of the last that was read.
+    """
 
     read: int = 0
     known: int = 0
+    known_until_s: float | None = None
     passed_by: int = 0
     loop_closures: int = 0
     read_until_s: float | None = None
@@ -113,7 +117,7 @@ class MappingRun:
             if isinstance(sweep, SourceSweep):
                 sweep, lost = self._near(sweep), self._goes_back(sweep.stamp_s) or lost or sweep.lost
             if sweep.stamp_s is not None and known.has(sweep.stamp_s, is_readable=isinstance(sweep, SourceSweep)):
-                self.account.known += 1
+                self.account.known, self.account.known_until_s = self.account.known + 1, sweep.stamp_s
                 lost = moved and goes_on
             elif isinstance(sweep, Unreadable):
                 self._not_placed(sweep.name, sweep.stamp_s, sweep.reason)

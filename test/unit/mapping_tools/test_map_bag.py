@@ -420,6 +420,36 @@ def test_other_recording_of_the_same_place_goes_on_where_it_is_found(tmp_path, b
     assert (code, summary["vertices"]) == (0, 7) and error_of(out, [*TRUTH, *truth]) < 0.05
 
 
+PASSED_OVER = "5 sweeps up to stamp 45.00 s are taken for the session's own, and were passed over"
+
+
+def test_other_recording_whose_clock_began_anew_is_told_of_and_not_taken_for_mapped(tmp_path, bag, clouds, capsys):
+    out, (other,) = tmp_path / "out", [write_bag(tmp_path / "other.bag", drive(clouds[:2], odometry()[:2]))]
+    mapped(bag, out, *FAST)
+    for _ in range(2):  # the second try is no better
+        code, summary = mapped(other, out, "--resume", *FAST)
+        assert (code, summary["complete"], summary["known"], summary["vertices"]) == (1, False, 2, 5)
+        assert PASSED_OVER.replace("5 sweeps up to stamp 45", "2 sweeps up to stamp 15") in capsys.readouterr().err
+        assert "nothing of it was mapped" in summary["problems"][0]
+    code, summary = mapped(bag, out, "--resume", *FAST)
+    assert (code, summary["complete"]) == (0, True) and PASSED_OVER in capsys.readouterr().err
+
+
+def test_recording_that_is_mapped_already_goes_on_wherever_it_is_called_from(tmp_path, bag, monkeypatch):
+    mapped(bag, tmp_path, *FAST)
+    monkeypatch.chdir(bag.parent)
+    assert mapped(bag.name, tmp_path, "--resume", *FAST)[0] == 0
+    (tmp_path / map_bag.SUMMARY).unlink()  # as of a run that was killed at its end
+    assert mapped(bag, tmp_path, "--resume", *FAST)[0] == mapped(bag, tmp_path, "--resume", *FAST)[0] == 0
+
+
+def test_recording_whose_clock_began_anew_is_no_part_of_an_explored_run(tmp_path, bag):
+    mapped(bag, tmp_path, *FAST)
+    (tmp_path / map_bag.SUMMARY).unlink()
+    (tmp_path / "run.json").write_text("{}")
+    assert mapped(bag, tmp_path, "--resume", *FAST)[0] == 1
+
+
 def test_octree_of_an_explored_run_goes_when_sweeps_are_added_and_stays_when_none_is(tmp_path, bag, clouds, capsys):
     """Else ./export_map would believe it."""
     half = write_bag(tmp_path / "half.bag", drive(clouds[:3], odometry()[:3]))
