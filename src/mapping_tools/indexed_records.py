@@ -6,9 +6,12 @@ from collections.abc import Callable, Collection, Iterator
 from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
+from urllib.parse import quote
 
 from rosbags import rosbag1, rosbag2
 from rosbags.interfaces import Connection
+from rosbags.rosbag2.reader import DirectoryReader
+from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
 from rosbags.typesys import Stores, get_typestore
 
 from mapping_tools.bag_records import BagMessage, deserialize_ros1
@@ -57,11 +60,26 @@ class IndexedRecords:
         return self._reader.messages(connections) if connections else iter(())
 
 
+class _Database(Sqlite3Reader):
+    """A .db3 at any path: its reader puts the path into a URI as it is, where #, ? and %41 mean something else."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(Path(quote(bytes(path))))
+
+
+class _Folder(DirectoryReader):
+    STORAGE_PLUGINS = {**DirectoryReader.STORAGE_PLUGINS, "sqlite3": _Database}
+
+
+class _Ros2Reader(rosbag2.Reader):
+    STORAGE_PLUGINS = {**rosbag2.Reader.STORAGE_PLUGINS, "dir": _Folder, ".db3": _Database}
+
+
 def ros2_records(path: Path) -> IndexedRecords:
     """A bag of ROS 2; ValueError when it is none, or a damaged one; OSError when it cannot be opened."""
     unread = _unread_logs(path)
     try:
-        reader = rosbag2.Reader(path)
+        reader = _Ros2Reader(path)
         reader.open()
     except OSError:
         raise

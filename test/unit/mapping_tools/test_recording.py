@@ -116,3 +116,13 @@ def test_bag_all_of_which_its_recorder_had_not_yet_put_in_is_refused_with_that(t
     path.write_bytes(path.read_bytes()[:4096])
     with pytest.raises(ValueError, match="not a ROS 2 bag that can be read.*whole.db3-wal of a recorder"):
         Recording([path])
+
+
+@pytest.mark.parametrize("name", ["run#2", "run?immutable=0", "run%41", "run 100%", "Prüfstand"])
+@pytest.mark.parametrize("named", ["folder", "file"])
+def test_bag_of_ros_2_may_have_any_name(tmp_path: Path, name: str, named: str) -> None:
+    path = raw.write_ros2(tmp_path / "run", raw.poses(raw.ROS2)[:20], StoragePlugin.SQLITE3)
+    (path / "metadata.yaml").write_text((path / "metadata.yaml").read_text().replace("run.db3", f'"{name}.db3"'))
+    (path / "run.db3").rename(path / f"{name}.db3")
+    path = path.rename(tmp_path / name)
+    assert len(read(path / f"{name}.db3" if named == "file" else path)) == 20
