@@ -43,6 +43,25 @@ def test_parts_that_are_not_read_are_named_as_a_problem(tmp_path: Path) -> None:
     assert recording is not None and recording.problem == "not read: a.mcap.zstd, b.db3.zstd, c.bag.gz"
 
 
+def test_folders_of_ros_2_in_a_folder_are_parts_of_one_recording(tmp_path: Path) -> None:
+    messages, whole = raw.poses(raw.ROS2)[:30], tmp_path / "day"
+    for name, storage, part in (
+        ("run_9", StoragePlugin.MCAP, messages[:10]),
+        ("run_10", StoragePlugin.SQLITE3, messages[10:20]),
+        ("run_11", StoragePlugin.SQLITE3, messages[20:]),
+    ):
+        raw.write_ros2(whole / name, part, storage)
+    (whole / "notes").mkdir()
+    (whole / "notes" / "metadata.yaml").write_text("author: nobody")
+    times_s = [time_s for _, time_s in read(whole)]
+    assert len(times_s) == 30 and times_s == sorted(times_s)
+    recording = recording_in(whole)
+    assert recording is not None and recording.problem is None
+    (whole / "run_11" / "metadata.yaml").unlink()  # as of a recorder that was killed
+    recording = recording_in(whole)
+    assert recording is not None and recording.problem == "not read: run_11"
+
+
 def test_files_about_a_bag_are_no_parts_of_a_recording(tmp_path: Path) -> None:
     write_bag(tmp_path / "run.bag", poses(1.0))
     for name in ("run.bag.md5", "x.mcap.sha256", "run.bag.txt", "ramp.bag.png", "run.bag.orig.active", "y.mcap.active"):
