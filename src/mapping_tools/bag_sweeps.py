@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mapping_tools.bag_records import BagMessage
 from mapping_tools.messages import CLOUD_TYPE, ODOMETRY_TYPE, OdometryMessage, Stamped, frame_of, odometry_pose, stamp_s_of
 from mapping_tools.recording import Recording
-from mapping_tools.sweep_sources import Mount, SourceSweep, UnknownWays, Unreadable, never
+from mapping_tools.sweep_sources import LeftOut, Mount, SourceSweep, UnknownWays, Unreadable, never
 from point_cloud2 import read_points
 from rigid_geometry import OdometryHistory
 
@@ -71,15 +71,13 @@ class _Waiting:
 class BagSweeps:
     """See `SweepSource`. A cloud waits for odometry that reaches its stamp; clouds in another frame than its child's need T_base_cloud."""
 
-    notes: tuple[str, ...] = ()
-
     def __init__(self, recording: Recording, topics: BagTopics, T_base_cloud: Array | None, sensor: Array | None) -> None:
         """ValueError when a topic is not there or holds something else."""
         self._bag, self._topics, self._T_base_cloud = recording, topics, T_base_cloud
         self._sensor = np.zeros(3) if sensor is None else sensor
         self._odometry, self._child_frame, self._ways = OdometryHistory[_Gravity](), "", UnknownWays()
         self._odometry_s, self._waiting = -math.inf, list[_Waiting]()  # by their stamps
-        self._clouds, self._joined_one = 0, False
+        self._clouds, self._joined_one, self._left_out = 0, False, LeftOut()
         recording.check(topics.cloud, CLOUD_TYPE)
         if topics.odometry is not None:
             recording.check(topics.odometry, ODOMETRY_TYPE, "; --no-odometry maps without")
@@ -91,6 +89,11 @@ class BagSweeps:
     @property
     def progress(self) -> float:
         return self._bag.progress
+
+    @property
+    def notes(self) -> list[str]:
+        """Odometry that was left out, and why."""
+        return self._left_out.notes
 
     def sweeps(self, is_stopping: Callable[[], bool] = never) -> Iterator[SourceSweep | Unreadable]:
         """As odometry reaches their stamps, and in the order of these where it reaches several at once.
@@ -140,12 +143,13 @@ class BagSweeps:
         yield from (cloud.given_up("the clock was set back before odometry reached its stamp") for cloud in late)
 
     def _take_odometry(self, record: BagMessage) -> Iterator[Unreadable]:
-        """A message that is damaged and a pose that is none are left out, as the node does it."""
+        """A message that is damaged and a pose that is none are left out and counted, as the node does it."""
         try:
             message = cast(OdometryMessage, record.message())
             T_odom_base = odometry_pose(message)
             is_newer = record.topic == self._topics.odometry and self._odometry.add_pose(stamp_s_of(message), T_odom_base)
-        except ValueError:
+        except ValueError as error:
+            self._left_out.add(record.topic, error)
             return
         self._child_frame = message.child_frame_id.lstrip("/")
         if is_newer:

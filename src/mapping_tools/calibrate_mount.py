@@ -16,7 +16,7 @@ from mapping_tools.sweep_sources import Unreadable
 from mapping_tools.tool_errors import code_of
 from mount_calibration import MountCalibrationConfig, Place, estimate_mount, estimate_table, joined_places, write_calibration
 from robot_body import DESCRIPTION, RobotBody, urdf_file
-from whole_files import check_not_read
+from whole_files import check_folder, check_not_read
 
 _DESCRIPTION = """Calibrates the tilting mount from a bag of what a robot's drivers sent, as ./map_bag maps it: the sweeps that were made
 while the robot stood. Sweeps at one place count together; the more headings, the better."""
@@ -65,6 +65,7 @@ def calibrate(a: argparse.Namespace) -> int:
     if not bags:
         raise ArgumentProblem(f"{a.recording}: no bag in this folder")
     robot = robot_of(a.recording, a.robot, "")
+    check_folder("--out", a.out.parent)
     check_not_read("--out", a.out, _read_files(a.recording, bags, a.robot, robot.body))
     try:
         sweeps = RawSweeps(Recording(bags, unread_of(a.recording)), raw_topics(a), robot, SensorConfig())

@@ -1,4 +1,4 @@
-"""Sweeps of a folder: point cloud files in the order that people count them in, and poses.txt, the odometry pose of every file."""
+"""Sweeps of a folder: point cloud files in the order of stamps, or of counting, and poses.txt, the odometry pose of every file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mapping_tools.cloud_files import SUFFIXES, no_return_text, read_cloud
-from mapping_tools.pose_files import FilePose, naturally, paired, read_poses, stamps_of
+from mapping_tools.pose_files import FilePose, in_order, paired, read_poses, stamps_of
 from mapping_tools.sweep_sources import Mount, SourceSweep, StoppedError, Unreadable, never
 
 Array = NDArray[np.float64]
@@ -31,7 +31,7 @@ class FolderSweeps:
         if any((folder / name).is_file() for name in _OF_A_RUN):
             raise ValueError("is the folder of a run or session, whose clouds are finished maps; give its sweeps/, or its run.bag")
         self._T_base_cloud, self._sensor = T_base_cloud, sensor
-        self._files = sorted((path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES), key=naturally)
+        self._files = in_order(path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
         self._read = self._no_returns = 0
         if not self._files:
             raise ValueError(f"no {' or '.join(SUFFIXES)} files in it")
@@ -49,7 +49,7 @@ class FolderSweeps:
         return (no_return_text(self._no_returns),) if self._no_returns else ()
 
     def sweeps(self, is_stopping: Callable[[], bool] = never) -> Iterator[SourceSweep | Unreadable]:
-        """In the order of the names."""
+        """In their order."""
         stamps = stamps_of([path.stem for path in self._files])
         for number, path in enumerate(self._files):
             if is_stopping():

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from explore_command.arguments import NAMED_WORLDS, REALISMS, UPS, ArgumentProblem
-from whole_files import check_not_read
+from whole_files import check_folder, check_not_read
 
 HELP = """usage: ./calibrate_mount [robot_file:=FILE urdf:=FILE] [sweeps:=N] [mount_calibration:=FILE]
        ./calibrate_mount sim:=true [world:=W] [seed:=N] [...]
@@ -107,9 +107,10 @@ def _with_files(found: dict[str, str]) -> dict[str, str]:
 
 
 def _check_written(found: dict[str, str]) -> None:
-    """ValueError where the file that is to be written is a folder, or one that is read."""
+    """ValueError where the file that is to be written is a folder, or one that is read, or cannot be written there."""
     text = found.get("mount_calibration", "")
     if not text:
         return
     read = [Path(found[name]) for name in (*_READ, "world", "movers") if name in found]
+    check_folder("mount_calibration:=", Path(text).parent)
     check_not_read("mount_calibration:=", Path(text), filter(Path.is_file, read))

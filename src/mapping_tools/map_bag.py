@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import signal
 import sys
 import time
@@ -25,6 +24,7 @@ from mapping_tools.number_options import check_finite, check_not_negative
 from mapping_tools.pose_files import FORMS
 from mapping_tools.recorded_sources import Wanted, add_raw_arguments, raw_topics, source_of
 from mapping_tools.sensor_chain import SensorConfig
+from mapping_tools.session_summary import SUMMARY, ended, recordings_of
 from mapping_tools.sweep_sources import SweepSource
 from mapping_tools.tool_errors import code_of
 from mount_calibration import RECORDED_FILE
@@ -33,26 +33,27 @@ from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.methods import create_registration
 from pose_graph_mapping.session.session_resume import resume
 from pose_graph_mapping.session.session_store import SAVED, SessionStore
-from rigid_geometry import origin_text, transform_from_rpy
+from rigid_geometry import transform_from_rpy
 from stage_config import to_mapping
-from whole_files import check_folder, is_same, write_whole
+from whole_files import check_folder, is_same
 
 Array = NDArray[np.float64]
 
-SUMMARY = "map_summary.json"
+_PASSED_OVER = "nothing of it was mapped: its stamps are not after those of the session's recordings; map it on its own, then ./merge_maps"
 MADE_OF_SWEEPS = ("map.ot", "map.bt", "terrain.npz")
 _POSE_FORMS = "; or ".join(FORMS.values())
-_DESCRIPTION = f"""Maps a bag, or a folder of sweeps ({" ".join(SUFFIXES)}) in the order of their names, 9 before 10. A bag is a file of
-ROS 1, a file or folder of ROS 2 (.db3, .mcap), or a folder of bags, which are read as one in the order of time. It holds PointCloud2 sweeps
-and Odometry; or what a robot's drivers sent: LaserScan, or PointCloud2 of a lidar on the tilting mount, with JointState, Imu and Odometry
-of the wheels. Odometry of a robot that moves has to come at 4 Hz or more.
+_DESCRIPTION = f"""Maps a bag, or a folder of sweeps ({" ".join(SUFFIXES)}) in the order of their names, 9 before 10, or of their stamps.
+A bag is a file of ROS 1, a file or folder of ROS 2 (.db3, .mcap), or a folder of bags, which are read as one in the order of time. It holds
+PointCloud2 sweeps and Odometry; or what a robot's drivers sent: LaserScan, or PointCloud2 of a lidar on the tilting mount, with JointState,
+Imu and Odometry of the wheels. Odometry of a robot that moves has to come at 4 Hz or more.
 A folder of sweeps may hold poses.txt with the odometry pose of every sweep, z up: {_POSE_FORMS}.
 Poses with stamps go with files whose names are these stamps, others by their order. Without poses.txt each sweep is looked for around
 the last one. Every sweep should be taken while the sensor stands, or be de-skewed. Where odometry is far from 0 0 0, as in UTM, the map
 gets an origin of its own ({ORIGIN}). Points at 0 0 0, or where their beam starts, are beams without an echo."""
 _EPILOG = f"""DIR then holds sweeps/, graph.g2o, trajectory.txt (TUM), cloud.ply, cloud.pcd and {SUMMARY}. A run that was killed goes on
 with --resume. Example: ./map_bag run.bag --out session. Exit code: 0 mapped, 1 some sweeps could not be placed, a part of the recording
-could not be read, or it was stopped, 2 wrong file or argument, 130 interrupted twice, or before or after mapping."""
+could not be read, all of another one was passed over, or it was stopped, 2 wrong file or argument, 130 interrupted twice, or before or
+after mapping."""
 
 
 def parser() -> argparse.ArgumentParser:
@@ -176,7 +177,7 @@ def map_recording(a: argparse.Namespace) -> int:
     config = configured(a.set, use_gravity=not a.no_gravity)
     source, match = recorded(a, config.sensors), create_registration(config.registration).match
     store, mapper, notes = open_session(a, config, match)
-    origin = _origin(a)
+    origin, before, earlier = _origin(a), len(mapper.stamps_s), recordings_of(a.out) if a.resume else []
     for note in notes:
         _say(note)
     run = MappingRun(mapper, match, store, origin, (lambda _: None) if a.quiet else _say, min_travel_m=a.min_travel)
@@ -185,9 +186,13 @@ def map_recording(a: argparse.Namespace) -> int:
     for note in source.notes:
         _say(note)
     left_out, unsaved = _saved(store, mapper, config)
-    problems = [text for text in (stopped, source.problem, unsaved) if text]
+    this = str(a.recording.resolve())
+    is_own = len(mapper.stamps_s) > before or earlier is None or this in earlier
+    passed_over = None if is_own or run.account.known < run.account.read else _PASSED_OVER
+    problems = [text for text in (stopped, source.problem, unsaved, passed_over) if text]
     summary = {
         "recording": str(a.recording),
+        "recordings": sorted({*(earlier or ()), *([this] if is_own else ())}),
         "complete": not problems and not run.account.not_placed,
         "problems": problems,
         "notes": list(source.notes),
@@ -201,7 +206,7 @@ def map_recording(a: argparse.Namespace) -> int:
         "wall_time_s": round(time.monotonic() - begun, 3),
         "config": {name: to_mapping(getattr(config, name)) for name in ("registration", "mapping")},
     }
-    return _ended(a, summary)
+    return ended(a.out, a.recording, summary)
 
 
 def _remove_stale(folder: Path) -> None:
@@ -254,25 +259,6 @@ def _saved(store: SessionStore, mapper: PoseGraphMapper, config: ToolConfig) -> 
         return store.save(mapper.graph, config.mapping.map_voxel_m, mapper.gone()), None
     except (OSError, ValueError, MemoryError) as error:
         return (), f"graph, trajectory and cloud could not be saved: {error}"
-
-
-def _ended(a: argparse.Namespace, summary: dict[str, object]) -> int:
-    """Writes the summary, says how it ended, and returns the exit code."""
-    problems, missing, origin = summary["problems"], summary["not_placed"], summary["origin_m"]
-    assert isinstance(problems, list) and isinstance(missing, list) and isinstance(origin, list)
-    for text in problems:
-        _say(f"{a.recording}: {text}")
-    if any(origin):
-        _say(f"{a.out}: {origin_text(origin)} ({ORIGIN})")
-    if missing:
-        _say(f"{len(missing)} sweeps could not be placed: {', '.join(str(entry['sweep']) for entry in missing)}")
-    _say(f"{a.out}: {summary['vertices']} vertices, {summary['edges']} edges, {summary['loop_closures']} loops closed")
-    try:
-        write_whole(a.out / SUMMARY, (json.dumps(summary, indent=1, allow_nan=False) + "\n").encode("utf-8"))
-    except OSError as error:
-        _say(f"{SUMMARY} could not be written: {error}")
-        return 1
-    return 0 if summary["complete"] else 1
 
 
 def _say(text: str) -> None:

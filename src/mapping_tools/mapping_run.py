@@ -16,7 +16,7 @@ from pose_graph_mapping.graph.mapper import MappingUpdate, PoseGraphMapper
 from pose_graph_mapping.registration.cloud import PointCloud
 from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_store import NotOnDiskError, SessionStore
-from rigid_geometry import inverse, rotation_angle
+from rigid_geometry import JUMP_BACK_S, inverse, rotation_angle
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -36,10 +36,14 @@ class NotPlaced:
 
 @dataclass
 class Account:
-    """What became of the sweeps: read, known to the session already, passed by as too near to the last, not placed, on odometry alone."""
+    """What became of the sweeps: read, known to the session already, passed by as too near to the last, not placed, on odometry alone.
+
+    `known_until_s`: the stamp of the last that is known, `read_until_s`: of the last that was read.
+    """
 
     read: int = 0
     known: int = 0
+    known_until_s: float | None = None
     passed_by: int = 0
     loop_closures: int = 0
     read_until_s: float | None = None
@@ -113,7 +117,7 @@ class MappingRun:
             if isinstance(sweep, SourceSweep):
                 sweep, lost = self._near(sweep), self._goes_back(sweep.stamp_s) or lost or sweep.lost
             if sweep.stamp_s is not None and known.has(sweep.stamp_s, is_readable=isinstance(sweep, SourceSweep)):
-                self.account.known += 1
+                self.account.known, self.account.known_until_s = self.account.known + 1, sweep.stamp_s
                 lost = moved and goes_on
             elif isinstance(sweep, Unreadable):
                 self._not_placed(sweep.name, sweep.stamp_s, sweep.reason)
@@ -123,9 +127,12 @@ class MappingRun:
                 self._last, lost = sweep, False
 
     def _goes_back(self, stamp_s: float) -> bool:
-        """Whether a sweep is older than the one read before it."""
-        before_s, self.account.read_until_s = self.account.read_until_s, stamp_s
-        return before_s is not None and stamp_s < before_s
+        """Whether the clock was set back before a sweep; one that is only late does not change how far was read."""
+        before_s = self.account.read_until_s
+        is_set_back = before_s is not None and stamp_s <= before_s - JUMP_BACK_S
+        if before_s is None or stamp_s > before_s or is_set_back:
+            self.account.read_until_s = stamp_s
+        return is_set_back
 
     def _near(self, sweep: SourceSweep) -> SourceSweep:
         """The sweep with its odometry relative to the origin."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -90,8 +90,14 @@ def _of_matrix(rows: Array) -> Array:
     return np.asarray(as_transform(T))
 
 
-def naturally(path: Path) -> list[int | str]:
-    """A key that sorts names as people count: 9 before 10."""
+def in_order(files: Iterable[Path]) -> list[Path]:
+    """Files by time where all names are stamps, else as people count: 9 before 10."""
+    counted = sorted(files, key=_naturally)
+    stamps = stamps_of([path.stem for path in counted])
+    return counted if stamps is None else [counted[k] for k in np.argsort(stamps, kind="stable")]
+
+
+def _naturally(path: Path) -> list[int | str]:
     return [int(part) if k % 2 else part for k, part in enumerate(re.split(r"(\d+)", path.name))]
 
 

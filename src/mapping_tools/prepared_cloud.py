@@ -16,7 +16,8 @@ from rigid_geometry import FAR_M
 
 Array = NDArray[np.float64]
 
-_ONE_RANGE_M, _LEAST_AT_IT = 0.02, 0.005  # so large a share of beams that end equally far, and farthest, met nothing
+_ONE_RANGE_M = 0.02
+_LEAST_SHARE, _LEAST_COUNT = 0.005, 20  # so many beams that end equally far, and farthest, met nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +70,8 @@ def met_something(ranges: Array) -> NDArray[np.bool_]:
     if not len(ranges):
         return np.ones(0, dtype=np.bool_)
     at_limit = ranges > ranges.max() - _ONE_RANGE_M
-    return ~at_limit if _LEAST_AT_IT < np.mean(at_limit) < 1.0 else np.ones(len(ranges), dtype=np.bool_)
+    is_limit = _LEAST_SHARE < np.mean(at_limit) < 1.0 and np.count_nonzero(at_limit) >= _LEAST_COUNT
+    return ~at_limit if is_limit else np.ones(len(ranges), dtype=np.bool_)
 
 
 def _averaged(cloud: PointCloud, voxel_m: float) -> PointCloud:

@@ -31,7 +31,7 @@ from mapping_tools.messages import (
 )
 from mapping_tools.recording import Recording
 from mapping_tools.sensor_chain import MeasuredSweep, Pose, SensorChain, SensorConfig
-from mapping_tools.sweep_sources import SourceSweep, Unreadable, never
+from mapping_tools.sweep_sources import LeftOut, SourceSweep, Unreadable, never
 from mount_calibration import TiltCalibration
 from point_cloud2 import read_beams
 from robot_body import FixedFrames, RobotBody, is_fixed, mount_from_urdf
@@ -86,8 +86,7 @@ class RawSweeps:
         self.mount = TiltGeometry(T_base_mount, T_tilt_laser, robot.calibration)
         self._frames = FixedFrames(robot.body, robot.urdf)
         self._chain = SensorChain(config, robot.body, self.mount, self._frames.rotation_in_base, spinning=self._spinning)
-        self._refused: Counter[str] = Counter()
-        self._why: dict[str, str] = {}
+        self._left_out = LeftOut()
         self._read: Counter[str] = Counter()
 
     @property
@@ -101,9 +100,8 @@ class RawSweeps:
     @property
     def notes(self) -> Sequence[str]:
         """What was left out, and why."""
-        refused = [f"{count} messages of {topic} left out, the last one: {self._why[topic]}" for topic, count in self._refused.items()]
         advice = {"sweep_too_long": f" (of a mount that nods: --set {NODS}, or the finished clouds of the bag)"}
-        return refused + [f"{count} x {reason}{advice.get(reason, '')}" for reason, count in self._chain.dropped.items()]
+        return self._left_out.notes + [f"{count} x {reason}{advice.get(reason, '')}" for reason, count in self._chain.dropped.items()]
 
     def sweeps(self, is_stopping: Callable[[], bool] = never) -> Iterator[SourceSweep | Unreadable]:
         """In the order in which the mount turned; ValueError when nothing of it becomes a sweep."""
@@ -120,8 +118,7 @@ class RawSweeps:
                 takes[record.topic](record.message())
                 found = list(self._chain.poll())
             except ValueError as error:
-                self._refused[record.topic] += 1
-                self._why[record.topic] = str(error)
+                self._left_out.add(record.topic, error)
                 continue
             yield from found
             number += len(found)

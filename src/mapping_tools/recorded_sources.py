@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -124,9 +125,17 @@ def robot_of(recording: Path, robot: Path | None, calibration: str | None) -> De
         raise ValueError(f"--robot FILE.yaml has to say how the sensors are mounted: there is no {path}")
     body, beside = load_robot(path), path.parent / DESCRIPTION
     description = beside if beside.is_file() else urdf_file(body)
-    urdf = description.read_text(encoding="utf-8")
+    urdf = _text_of(description)
     if found := contradictions(body, urdf):
         raise ValueError(f"{path} contradicts {description}: {'; '.join(found)}")
     if calibration is None:
         calibration = str(path.parent / RECORDED_FILE) if (path.parent / RECORDED_FILE).exists() else ""
     return DescribedRobot(body, urdf, named_calibration(calibration))
+
+
+def _text_of(description: Path) -> str:
+    """What a URDF says, whose encoding is that of its XML declaration; ValueError, with its name, where it is no XML."""
+    try:
+        return ElementTree.tostring(ElementTree.fromstring(description.read_bytes()), encoding="unicode")
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        raise ValueError(f"{description} cannot be read: {error}") from error

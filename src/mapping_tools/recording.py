@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import os
 import re
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack
@@ -18,16 +19,34 @@ _COMPRESSED = re.compile(r"\.(bag|db3|mcap)\.(zstd|zst|lz4|gz|bz2|xz|zip)$")
 
 
 def bags_of(path: Path) -> list[Path]:
-    """The bags that a path names: itself, or those that a folder holds; empty for a folder without any."""
-    if not path.is_dir() or (path / METADATA).is_file():
+    """The bags that a path names: itself, or those that a folder holds, folders of ROS 2 among them; empty for a folder without any."""
+    if not path.is_dir() or _has_metadata(path):
         return [path]
-    return sorted(file for file in path.iterdir() if file.name.endswith(_READ) and file.is_file())
+    return sorted(
+        part
+        for part in path.iterdir()
+        if (part.name.endswith(_READ) and part.is_file()) or (_has_metadata(part) and _has_files_of_ros2(part))
+    )
 
 
 def unread_of(path: Path) -> list[Path]:
-    """Files of a folder of bags that are bags, but compressed, and are not read."""
-    is_one = path in bags_of(path)
-    return [] if is_one else sorted(file for file in path.iterdir() if _COMPRESSED.search(file.name) and file.is_file())
+    """Parts of a folder of bags that are not read: files that are compressed, and beside folders of ROS 2 those that were never closed."""
+    bags = bags_of(path)
+    if path in bags:
+        return []
+    others, has_folders = [part for part in path.iterdir() if part not in bags], any(bag.is_dir() for bag in bags)
+    return sorted(
+        part for part in others if (_COMPRESSED.search(part.name) and part.is_file()) or (has_folders and _has_files_of_ros2(part))
+    )
+
+
+def _has_metadata(folder: Path) -> bool:
+    """Whether it was closed; False of a folder that may not be looked into."""
+    return os.path.isfile(folder / METADATA)
+
+
+def _has_files_of_ros2(folder: Path) -> bool:
+    return any(any(folder.glob(f"*{suffix}*")) for suffix in SUFFIXES)  # compressed ones, too
 
 
 class Recording:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -84,6 +85,23 @@ class UnknownWays:
         later = [at for at in self._unknown_s if at > stamp_s]
         is_lost, self._unknown_s = len(later) < len(self._unknown_s), later
         return is_lost
+
+
+class LeftOut:
+    """Messages that could not be used: how many of each topic, and why the last of them."""
+
+    def __init__(self) -> None:
+        self._counts, self._why = Counter[str](), dict[str, str]()
+
+    def add(self, topic: str, error: ValueError) -> None:
+        """Counts one of a topic."""
+        self._counts[topic] += 1
+        self._why[topic] = " ".join(str(error).split())
+
+    @property
+    def notes(self) -> list[str]:
+        """A line a topic."""
+        return [f"{count} messages of {topic} left out, the last one: {self._why[topic]}" for topic, count in self._counts.items()]
 
 
 class StoppedError(Exception):

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recordings import cloud_message, odometry_message, write_bag
+from recordings import STORE, cloud_message, odometry_message, write_bag
 
 from mapping_tools import bag_sweeps
 from mapping_tools.bag_sweeps import BagSweeps, BagTopics
@@ -46,6 +46,22 @@ def test_cloud_in_the_midst_of_a_silence_of_the_odometry_is_not_placed(tmp_path:
     assert isinstance(known, SourceSweep) and known.T_odom_base is not None
     assert known.T_odom_base[0, 3] == pytest.approx(1.1 * FORWARD_MPS)
     assert isinstance(unknown, Unreadable) and "for 1.8 s" in unknown.reason
+
+
+def without_attitude(stamp_s: float, x: float) -> Message:
+    """As of a filter that has not begun."""
+    (topic, message), none = poses(stamp_s)[0], STORE.types["geometry_msgs/msg/Quaternion"](x, 0.0, 0.0, 0.0)
+    message.pose.pose.orientation = none
+    return topic, message
+
+
+def test_poses_that_are_none_are_counted_with_the_reason_of_the_last(tmp_path: Path) -> None:
+    none = [without_attitude(1.0, 0.0), without_attitude(1.3, np.nan), without_attitude(1.6, 0.0)]
+    bag = write_bag(tmp_path / "run.bag", [*none[:2], cloud(1.5), none[2], *poses(1.7), cloud(1.8), *poses(1.9)])
+    source = BagSweeps(Recording([bag]), BagTopics(), None, None)
+    unknown, known = source.sweeps()
+    assert isinstance(unknown, Unreadable) and isinstance(known, SourceSweep)
+    assert source.notes == ["3 messages of /odom left out, the last one: not a unit quaternion: (0.0, 0.0, 0.0, 0.0)"]
 
 
 def test_up_that_was_told_later_is_not_that_of_the_cloud(tmp_path: Path) -> None:

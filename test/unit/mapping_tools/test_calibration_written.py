@@ -40,6 +40,16 @@ def test_output_that_is_a_folder_is_refused_before_the_bag_is_read(recording: Pa
     assert "is a folder" in refusal(capsys, recording, recording.parent)
 
 
+def test_output_that_cannot_be_written_is_refused_before_the_bag_is_read(
+    recording: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = recording.parent / "new" / "mount.yaml"
+    assert "not a rosbag" in refusal(capsys, recording, out)  # the folder would be made
+    assert f"{recording} is a file, expected a folder" in refusal(capsys, recording, recording / "mount.yaml")
+    monkeypatch.setattr("whole_files.outputs.os.access", lambda *_: False)
+    assert f"{recording.parent} may not be written to" in refusal(capsys, recording, out)
+
+
 def test_help_stands_behind_from_as_well(capsys: pytest.CaptureFixture[str]) -> None:
     for words in (["--from", "--help"], ["--from", "run.bag", "--help"], ["-h"]):
         with pytest.raises(SystemExit) as ended:

@@ -125,6 +125,7 @@ def test_exit_code_is_by_what_was_said(said: str, interrupted: bool, code: int) 
         (["sim:=true", "realism:=none"], "realism:=none: expected one of hardware, ideal"),
         (["robot_file:=none.yaml"], "robot_file:=none.yaml: no such file"),
         (["mount_calibration:=config"], "config: is a folder"),
+        (["mount_calibration:=README.md/mount.yaml"], "README.md is a file, expected a folder"),
         (["robot_file:=config/robot.yaml", "mount_calibration:=./config/robot.yaml"], "is the input"),
     ],
 )

@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import open3d as o3d
@@ -20,6 +21,7 @@ from mapping_tools.bag_sweeps import BagSweeps, BagTopics, gravity_of
 from mapping_tools.recording import Recording
 from mapping_tools.session_sweeps import SessionSweeps
 from pose_graph_mapping.graph.pose_graph import PoseGraph
+from pose_graph_mapping.registration.matching import RegistrationResult, Verdict
 from pose_graph_mapping.session.session_store import NotOnDiskError, SessionStore
 from rigid_geometry import inverse, transform_from_rpy, transform_points, translation_distance
 
@@ -418,6 +420,36 @@ def test_other_recording_of_the_same_place_goes_on_where_it_is_found(tmp_path, b
     assert (code, summary["vertices"]) == (0, 7) and error_of(out, [*TRUTH, *truth]) < 0.05
 
 
+PASSED_OVER = "5 sweeps up to stamp 45.00 s are taken for the session's own, and were passed over"
+
+
+def test_other_recording_whose_clock_began_anew_is_told_of_and_not_taken_for_mapped(tmp_path, bag, clouds, capsys):
+    out, (other,) = tmp_path / "out", [write_bag(tmp_path / "other.bag", drive(clouds[:2], odometry()[:2]))]
+    mapped(bag, out, *FAST)
+    for _ in range(2):  # the second try is no better
+        code, summary = mapped(other, out, "--resume", *FAST)
+        assert (code, summary["complete"], summary["known"], summary["vertices"]) == (1, False, 2, 5)
+        assert PASSED_OVER.replace("5 sweeps up to stamp 45", "2 sweeps up to stamp 15") in capsys.readouterr().err
+        assert "nothing of it was mapped" in summary["problems"][0]
+    code, summary = mapped(bag, out, "--resume", *FAST)
+    assert (code, summary["complete"]) == (0, True) and PASSED_OVER in capsys.readouterr().err
+
+
+def test_recording_that_is_mapped_already_goes_on_wherever_it_is_called_from(tmp_path, bag, monkeypatch):
+    mapped(bag, tmp_path, *FAST)
+    monkeypatch.chdir(bag.parent)
+    assert mapped(bag.name, tmp_path, "--resume", *FAST)[0] == 0
+    (tmp_path / map_bag.SUMMARY).unlink()  # as of a run that was killed at its end
+    assert mapped(bag, tmp_path, "--resume", *FAST)[0] == mapped(bag, tmp_path, "--resume", *FAST)[0] == 0
+
+
+def test_recording_whose_clock_began_anew_is_no_part_of_an_explored_run(tmp_path, bag):
+    mapped(bag, tmp_path, *FAST)
+    (tmp_path / map_bag.SUMMARY).unlink()
+    (tmp_path / "run.json").write_text("{}")
+    assert mapped(bag, tmp_path, "--resume", *FAST)[0] == 1
+
+
 def test_octree_of_an_explored_run_goes_when_sweeps_are_added_and_stays_when_none_is(tmp_path, bag, clouds, capsys):
     """Else ./export_map would believe it."""
     half = write_bag(tmp_path / "half.bag", drive(clouds[:3], odometry()[:3]))
@@ -512,6 +544,27 @@ def test_cloud_of_a_bad_stamp_is_no_clock_that_was_set_back(tmp_path, clouds, mo
     monkeypatch.setattr(mapping_run, "localise", lambda *_values, **_named: asked.append(1))
     code, summary = mapped(path, tmp_path / "out", *FAST)
     assert (code, summary["vertices"], asked) == (1, 2, [])
+
+
+def refused(_area, _reading, T_guess, _covariance=None):
+    return RegistrationResult(T_guess, np.eye(6), 0.1, 0.1, np.nan, 0, np.zeros((0, 6)), Verdict.REFUSED, "nothing fits")
+
+
+def test_late_sweep_is_left_out_and_the_next_goes_on_by_odometry(tmp_path, clouds, monkeypatch):
+    """A clock that was set back is half a second off or more."""
+    monkeypatch.setattr(map_bag, "create_registration", lambda _: SimpleNamespace(match=refused))
+    poses = [("/odom", odometry_message(t, transform_from_rpy((t, 0.0, 0.0)))) for t in np.arange(0.9, 1.7, 0.1)]
+    stamps_s = [1.0, 1.1, 1.2, 1.18, 1.3, 1.4, 1.5]
+    path = write_bag(
+        tmp_path / "x.bag",
+        [*poses, *(("/sweep_cloud", cloud_message(t, *clouds[0])) for t in stamps_s)],
+        times_s=np.linspace(1.0, 2.0, len(poses) + len(stamps_s)),
+    )
+    code, summary = mapped(path, tmp_path / "out", *FAST)
+    assert (code, summary["vertices"], summary["read_until_s"]) == (1, 6, 1.5)
+    ((name, reason),) = [(entry["sweep"], entry["reason"]) for entry in summary["not_placed"]]
+    assert name == "/sweep_cloud 3" and "is late: it came after that of 1.200 s" in reason
+    assert [entry["stamp_s"] for entry in summary["by_odometry_alone"]] == [1.1, 1.2, 1.3, 1.4, 1.5]
 
 
 @pytest.mark.parametrize("kept", [2, 3, 4, 5])

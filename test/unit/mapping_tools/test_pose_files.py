@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mapping_tools.pose_files import naturally, paired, read_poses, stamps_of
+from mapping_tools.pose_files import in_order, paired, read_poses, stamps_of
 from rigid_geometry import transform_from_rpy
 
 
@@ -15,7 +15,7 @@ def poses_of(tmp_path, text):
 
 
 def files(*names):
-    return sorted((Path(name) for name in names), key=naturally)
+    return in_order(map(Path, names))
 
 
 def tum(*stamps):
@@ -57,6 +57,17 @@ def test_line_that_is_no_pose_is_named(tmp_path, text, said):
 def test_names_are_counted_as_people_count(tmp_path):
     names = ["scan11.pcd", "scan9.pcd", "scan10.pcd", "a2b10.pcd", "a2b9.pcd", "8.pcd"]
     assert [path.name for path in files(*names)] == ["8.pcd", "a2b9.pcd", "a2b10.pcd", "scan9.pcd", "scan10.pcd", "scan11.pcd"]
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["9.35.ply", "12.0.ply", "12.05.ply", "12.1.ply", "12.15.ply", "12.2.ply", "12.25.ply", "100.0.ply"],
+        ["1403636579.9.ply", "1403636580050.ply", "1403636580100000000.ply", "1403636581.ply"],
+    ],
+)
+def test_names_that_are_stamps_are_in_the_order_of_time(names):
+    assert [path.name for path in files(*reversed(names))] == names
 
 
 def test_names_that_are_stamps_find_their_poses_among_more(tmp_path):

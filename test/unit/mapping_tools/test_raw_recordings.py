@@ -15,6 +15,7 @@ import yaml
 from rosbags.rosbag2 import StoragePlugin
 
 from mapping_tools import calibrate_mount, map_bag
+from mapping_tools.recorded_sources import robot_of
 from mapping_tools.recording import Recording
 from mapping_tools.sensor_chain import MeasuredSweep, Pose, SensorChain, SensorConfig
 from mapping_tools.sweep_sources import Unreadable
@@ -175,6 +176,23 @@ def test_robot_is_needed_and_must_not_contradict_its_description(tmp_path: Path,
     robot_beside(tmp_path)
     (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot_mapping(RobotBody()) | {"length_m": 3.0}))
     assert "contradicts" in refusal(capsys, path, "--out", tmp_path / "out")
+
+
+def test_description_is_read_as_its_declaration_says_or_named(tmp_path: Path, one_bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    robot_beside(tmp_path)
+    path, text = (
+        tmp_path / "run.bag",
+        (tmp_path / DESCRIPTION).read_text().partition("?>")[2].replace('<robot name="', '<robot name="prüfstand_'),
+    )
+    for encoding in ("ISO-8859-1", "UTF-16", "UTF-8"):
+        (tmp_path / DESCRIPTION).write_bytes(f'<?xml version="1.0" encoding="{encoding}"?>{text}'.encode(encoding))
+        assert "prüfstand" in robot_of(path, None, "").urdf
+    shutil.copy(one_bag, path)
+    (tmp_path / DESCRIPTION).write_bytes(f'<?xml version="1.0"?>{text}'.encode("ISO-8859-1"))
+    for tool, words in ((map_bag, [path, "--out"]), (calibrate_mount, ["--from", path, "--out"])):
+        assert tool.main([*map(str, words), str(tmp_path / "out")]) == 2
+        said = capsys.readouterr().err
+        assert f"{tmp_path / DESCRIPTION} cannot be read: not well-formed" in said and said.count("\n") == 1
 
 
 def test_messages_that_cannot_be_used_are_counted_with_the_reason(

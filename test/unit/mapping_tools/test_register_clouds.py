@@ -174,10 +174,17 @@ def test_beams_that_met_nothing_are_told_by_the_one_range_they_share(tmp_path, s
 
 
 @pytest.mark.parametrize(
-    "ranges", [np.full(1000, 3.0), np.linspace(1.0, 30.0, 1000), np.zeros(0)], ids=["all alike", "a wall far off", "none"]
+    "ranges",
+    [np.full(1000, 3.0), np.linspace(1.0, 30.0, 1000), np.linspace(1.0, 30.0, 100), np.zeros(0)],
+    ids=["all alike", "a wall far off", "few points", "none"],
 )
 def test_no_range_that_surfaces_may_have_is_taken_for_the_limit(ranges):
     assert met_something(ranges).all()
+
+
+@pytest.mark.parametrize(("count", "are_echoes"), [(19, True), (20, False)])
+def test_limit_is_told_by_twenty_beams_and_more(count, are_echoes):
+    assert met_something(np.append(np.linspace(1.0, 30.0, 100), np.full(count, 32.77)))[100:].all() == are_echoes
 
 
 def test_scan_of_3dtk_is_read(tmp_path, scans):
