@@ -13,7 +13,6 @@ from pathlib import Path
 from types import FrameType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.bag_sweeps import BagTopics
@@ -36,8 +35,6 @@ from pose_graph_mapping.session.session_store import SAVED, SessionStore
 from rigid_geometry import origin_text, transform_from_rpy
 from stage_config import to_mapping
 from whole_files import check_folder, is_same, write_whole
-
-Array = NDArray[np.float64]
 
 SUMMARY = "map_summary.json"
 MADE_OF_SWEEPS = ("map.ot", "map.bt", "terrain.npz")

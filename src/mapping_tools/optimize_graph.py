@@ -21,7 +21,7 @@ from pose_graph_mapping.graph.graph_measurements import GraphNotSolvable
 from whole_files import check_files, write_all, write_whole
 
 _OUTLIER_CHI2 = 30.0
-SOLVED, NOT_SOLVABLE, BAD_INPUT = 0, 1, 2
+SOLVED, NOT_SOLVABLE = 0, 1
 
 
 def parser() -> argparse.ArgumentParser:

@@ -38,7 +38,7 @@ from whole_files import check_files, write_whole
 Array = NDArray[np.float64]
 
 COVARIANCE_ORDER = "rotation about x, y, z (rad), translation along x, y, z (m); in the frame of the reading"
-USABLE, NOT_USABLE, BAD_INPUT = 0, 1, 2
+USABLE, NOT_USABLE = 0, 1
 
 
 def parser() -> argparse.ArgumentParser:

@@ -29,7 +29,7 @@ from whole_files import check_folder
 
 Array = NDArray[np.float64]
 
-FOUND, NOT_FOUND, BAD_INPUT = 0, 1, 2
+FOUND, NOT_FOUND = 0, 1
 _USABLE_SHARE = 0.8  # of the memory that is free
 _FARTHEST_M = 1e8  # what no place on earth is away
 _GOAL_TOLERANCE_M = 0.5
