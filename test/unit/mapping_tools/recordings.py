@@ -13,7 +13,7 @@ from rigid_geometry import inverse, quat_xyzw_from_transform, transform_from_rpy
 
 sys.path.append(str(Path(__file__).parents[1] / "pose_graph_mapping"))
 
-from synthetic_sweeps import furnished_room, pose, sweep, world_of  # noqa: E402
+from synthetic_sweeps import furnished_room, pose, sweep, world_of
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 TYPES = STORE.types

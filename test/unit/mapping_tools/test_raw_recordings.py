@@ -26,7 +26,7 @@ from sweep_assembly import SweepAssemblyConfig
 
 sys.path.append(str(Path(__file__).parents[1] / "sweep_assembly"))
 
-from lidar_in_a_room import LIDAR, TILT, revolution  # noqa: E402
+from lidar_in_a_room import LIDAR, TILT, revolution
 
 
 @pytest.fixture(scope="session")

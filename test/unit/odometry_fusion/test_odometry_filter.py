@@ -1,23 +1,18 @@
 """The fused odometry against exact motions: where it must be exact, how fast it may drift, and whether it knows."""
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from kinematic_robot import Errors, Motion, simulate
 from scipy.spatial.transform import Rotation
 
 from odometry_fusion import OdometryConfig, OdometryFilter
 from odometry_fusion.error_state import POSITION
 from odometry_fusion.track import carried, track_covariance
 from rigid_geometry import LeapWatch, inverse, rotation_from_rpy, rpy_from_rotation, yaw_of
-
-sys.path.insert(0, str(Path(__file__).parent))
-from kinematic_robot import Errors, Motion, simulate  # noqa: E402
-
 from robot_body import RobotBody
 
 REST = Motion(2.0)
