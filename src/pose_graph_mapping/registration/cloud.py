@@ -215,12 +215,12 @@ def _standpoints(origins: Array, radius_m: float, most: int) -> tuple[Array, NDA
     return sums[:found], index
 
 
-def viewpoints(origins: Array, radius_m: float = 0.5, most: int = 64) -> tuple[Array, NDArray[np.int32]]:
-    """The standpoints that beams were sent from: centres (K, 3), and for every origin the index of its standpoint, -1 beyond `most`.
+def viewpoints(origins: Array, radius_m: float = 0.5) -> tuple[Array, NDArray[np.int32]]:
+    """The standpoints that beams were sent from: centres (K, 3), and for every origin the index of its standpoint, -1 beyond the 64th.
 
     Greedy in the order of the origins; a sweep's own origins lie within centimetres, sweeps metres apart.
     """
-    sums, index = _standpoints(origins, radius_m, most)
+    sums, index = _standpoints(origins, radius_m, 64)
     return np.asarray(sums[:, :3] / sums[:, 3:]), index
 
 
