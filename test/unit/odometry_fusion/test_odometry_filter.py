@@ -301,11 +301,10 @@ def test_bag_that_is_played_once_more_gives_the_same_to_the_bit_but_for_how_sure
     _, second, third = (estimates(data, odometry) for _ in range(3))
     for one, other, fresh in zip(second, third, estimates(data), strict=True):
         for found in (one, other):
-            if found is not None:
-                np.testing.assert_array_equal(found.T_odom_base, fresh.T_odom_base)
-                np.testing.assert_array_equal(found.twist, fresh.twist)
-                np.testing.assert_array_equal(found.pose_covariance[3:, 3:], fresh.pose_covariance[3:, 3:])
-                assert found.standing == fresh.standing
+            np.testing.assert_array_equal(found.T_odom_base, fresh.T_odom_base)
+            np.testing.assert_array_equal(found.twist, fresh.twist)
+            np.testing.assert_array_equal(found.pose_covariance[3:, 3:], fresh.pose_covariance[3:, 3:])
+            assert found.standing == fresh.standing
 
 
 def leaps_of(found, watch):
