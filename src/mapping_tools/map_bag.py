@@ -26,6 +26,7 @@ from mapping_tools.recorded_sources import Wanted, add_raw_arguments, raw_topics
 from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.sweep_sources import SweepSource
 from mapping_tools.tool_errors import code_of
+from mapping_tools.tool_errors import say as _say
 from mount_calibration import RECORDED_FILE
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
@@ -270,10 +271,6 @@ def _ended(a: argparse.Namespace, summary: dict[str, object]) -> int:
         _say(f"{SUMMARY} could not be written: {error}")
         return 1
     return 0 if summary["complete"] else 1
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

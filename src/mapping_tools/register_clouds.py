@@ -222,9 +222,5 @@ def main(argv: Sequence[str] | None = None) -> int:
     return code_of("register_clouds", lambda: register(parser().parse_args(argv)))
 
 
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
 if __name__ == "__main__":
     sys.exit(main())

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
-from mapping_tools.tool_errors import code_of
+from mapping_tools.tool_errors import code_of, say
 from octomap_server_3dnav.exploration import first_decision
 from octomap_server_3dnav.terrain.classify import Terrain
 from robot_body import robot_file
@@ -99,7 +99,7 @@ def classify_map(options: argparse.Namespace) -> int:
     for module in (octree_survey, first_decision):
         module.compile_kernels()  # loads them: the times are those of the map
     begun = time.perf_counter()
-    found_map = read_map(options.map, by, options.resolution, options.origins, _allowed_bytes(options.max_memory), _say)
+    found_map = read_map(options.map, by, options.resolution, options.origins, _allowed_bytes(options.max_memory), say)
     read_s = time.perf_counter() - begun
     start, goal = (_near(point, found_map.origin) for point in (options.start, options.goal))
     assert start is not None
@@ -109,7 +109,7 @@ def classify_map(options: argparse.Namespace) -> int:
     if found.terrain is not None:
         print(summary(found, found.terrain))
     if found.problem:
-        _say(f"./classify_map: {found.problem}")
+        say(f"./classify_map: {found.problem}")
     return NOT_FOUND if found.problem else FOUND
 
 
@@ -184,10 +184,6 @@ def summary(found: Analysis, terrain: Terrain) -> str:
 
 def _times(found: Analysis) -> str:
     return ", ".join(f"{step.replace('_', ' ')} {1e3 * seconds:,.0f} ms" for step, seconds in found.time_s.items())
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
