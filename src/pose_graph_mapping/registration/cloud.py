@@ -63,6 +63,11 @@ class PointCloud:
             raise ValueError(f"{len(rows)} {name} for {len(self.points)} points")
         return rows
 
+    def singles(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(N, 3) points and origins, which are known, as they are sent and kept in a map."""
+        assert self.origins is not None
+        return self.points.astype(np.float32), self.origins.astype(np.float32)
+
     @classmethod
     def of_finite(cls, points: ArrayLike, origins: ArrayLike | None = None) -> PointCloud:
         """A cloud of the finite rows; `dropped` counts the others."""
