@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mount_calibration import Place, TiltDirection, TiltedBeams, steady_directions
 from rigid_geometry import (
+    STAMP_TOLERANCE_S,
     StampedBuffer,
     as_transform,
     interpolate_transforms,
@@ -26,7 +27,7 @@ from rigid_geometry import (
     translation_distance,
 )
 from sweep_assembly.assembly_config import SweepAssemblyConfig
-from sweep_assembly.beams import STAMP_TOLERANCE_S, Beams, FreeBeams, Sensor
+from sweep_assembly.beams import Beams, FreeBeams, Sensor
 from sweep_assembly.geometry import FloatArray, TiltGeometry
 from sweep_assembly.stray_points import stray_points
 from sweep_assembly.sweep_window import NodWindowDetector, SweepWindow, SweepWindowDetector, TravelWindowDetector

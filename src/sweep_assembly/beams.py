@@ -7,11 +7,10 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rigid_geometry import STAMP_TOLERANCE_S
 from sweep_assembly.geometry import FloatArray
 from sweep_assembly.revolution import LidarConfig, Revolution, free_directions
 from sweep_assembly.scan import Scan
-
-STAMP_TOLERANCE_S = 1e-6
 
 Reading = TypeVar("Reading")
 """One scan or one revolution."""

@@ -18,6 +18,7 @@ from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.tool_errors import code_of, say
 from octomap_server_3dnav.exploration import first_decision
 from octomap_server_3dnav.terrain.classify import Terrain
+from rigid_geometry import FARTHEST_M
 from robot_body import robot_file
 from terrain_tools import octree_survey
 from terrain_tools.analysis import Analysis, analyse
@@ -31,7 +32,6 @@ Array = NDArray[np.float64]
 
 FOUND, NOT_FOUND = 0, 1
 _USABLE_SHARE = 0.8  # of the memory that is free
-_FARTHEST_M = 1e8  # what no place on earth is away
 _GOAL_TOLERANCE_M = 0.5
 _DEFAULTS = Criteria()
 _DESCRIPTION = f"""Tells the ground that a robot can drive on from obstacles, cliffs and what was not seen, in a map that is a file,
@@ -132,8 +132,8 @@ def _near(point: list[float] | None, origin: Array) -> Point | None:
 def _check(options: argparse.Namespace) -> None:
     for name in ("start", "goal"):
         point = getattr(options, name)
-        if point is not None and not all(abs(v) <= _FARTHEST_M for v in point):
-            raise ArgumentProblem(f"--{name} {' '.join(f'{v:g}' for v in point)}: expected three numbers of at most {_FARTHEST_M:g} m")
+        if point is not None and not all(abs(v) <= FARTHEST_M for v in point):
+            raise ArgumentProblem(f"--{name} {' '.join(f'{v:g}' for v in point)}: expected three numbers of at most {FARTHEST_M:g} m")
     for name, value in (("goal-tolerance", options.goal_tolerance), ("max-memory", options.max_memory)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise ArgumentProblem(f"--{name} {value:g}: expected a positive number")
