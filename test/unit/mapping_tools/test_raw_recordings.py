@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import raw_recordings as raw
 import yaml
+from recordings import refusal
 from rosbags.rosbag2 import StoragePlugin
 
 from mapping_tools import calibrate_mount, map_bag
@@ -50,13 +51,6 @@ def robot_beside(folder: Path, robot: RobotBody | None = None) -> Path:
 def mapped(recording: Path, out: Path, *words: str) -> dict[str, Any]:
     assert map_bag.main([str(recording), "--out", str(out), "--quiet", *words]) == 0
     return json.loads((out / map_bag.SUMMARY).read_text())
-
-
-def refusal(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    assert map_bag.main([str(word) for word in words]) == 2
-    text = capsys.readouterr().err
-    assert text.startswith("./map_bag: ") and text.count("\n") == 1
-    return text
 
 
 @pytest.fixture(scope="session")
