@@ -195,8 +195,9 @@ class PlacedBox:
 
     def is_marked(self, costmap: LocalCostmap) -> bool:
         """Whether something is lethal on it or just beside."""
-        around = np.stack(np.meshgrid(*[np.linspace(-0.2, 0.2, 11)] * 2), axis=-1).reshape(-1, 2)
-        return bool((costmap.master().cost_at(self.middle[:2] + around) == LETHAL).any())
+        view = costmap.master()
+        lethal = view.origin_xy + view.resolution * (np.argwhere(view.cost == LETHAL)[:, ::-1] + 0.5)
+        return bool((np.abs(lethal - self.middle[:2]) < 0.2 + 0.5 * view.resolution).all(axis=1).any())
 
 
 def is_free(costmap: LocalCostmap, T_map_base: Array) -> bool:

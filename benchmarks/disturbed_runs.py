@@ -3,7 +3,7 @@
     python benchmarks/disturbed_runs.py [--worlds rooms] [--seeds 1-5] [--script "push 15 0.5, lift 35 2"] [--keep DIR]
 
 Each sweep's pose in the final graph is compared with the true one, both as seen from the first sweep. A robot is found again when the first
-sweep after a disturbance that is in the map is right. `unnoticed`: it drove on. One that stayed where it was needs no notice.
+sweep after a disturbance that is in the map is right. Noticed `no`: it drove on. One that stayed where it was needs no notice.
 """
 
 import argparse

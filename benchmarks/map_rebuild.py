@@ -112,6 +112,12 @@ def rebuild_row(name: str, beams: list[Beams], poses: Array, moved: Array, round
     )
 
 
+def sweep_bytes(builder: MapBuilder) -> int:
+    """What is kept of the sweeps besides tree and heights, on the shelf or in memory: beams, to trace them anew, and what they saw."""
+    arrays = (array for s in builder._sweeps for part in (s.beams(), s.hits()) for array in vars(part).values())
+    return sum(int(array.nbytes) for array in arrays) + sum(voxels.memory_bytes() for s in builder._sweeps for voxels in s.voxels)
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -129,7 +135,7 @@ def main() -> None:
             print(rebuild_row(name, beams, poses, moved, args.rounds, follower), flush=True)
         builder = follower.builder
         beam_bytes = sum(array.nbytes for sweep in beams for array in vars(sweep).values())
-        kept = [part / 1e6 for part in (beam_bytes, builder.sweep_bytes - beam_bytes, builder.tree.memory_bytes)]
+        kept = [part / 1e6 for part in (beam_bytes, sweep_bytes(builder) - beam_bytes, builder.tree.memory_bytes)]
         print("{} sweeps keep {:.0f} MB of beams and {:.0f} MB of voxels; the tree takes {:.0f} MB".format(count, *kept), flush=True)
 
 

@@ -14,9 +14,9 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "test" / "unit" / "terrain_shapes"))
 
-from shape_judgement import Profile, misses, profile  # noqa: E402
-from shape_picture import draw  # noqa: E402
-from shapes import SHAPES  # noqa: E402
+from shape_judgement import Profile, misses, profile
+from shape_picture import draw
+from shapes import SHAPES
 
 Wrong = dict[str, dict[str, list[str]]]
 

@@ -129,11 +129,6 @@ PYBIND11_MODULE(_octree_binding, m) {
       .def("leaves", &leaves)
       .def("states", &states)
       .def("known_free", &known_free)
-      .def("free_known",
-           [](Tree& self, const Corner& lo, const Corner& hi) {
-             locked(self, [&](OccupancyTree& tree) { tree.free_known(box_of(lo, hi)); });
-           })
-      .def("clear", [](Tree& self) { locked(self, [](OccupancyTree& tree) { tree.clear(); }); })
       .def("node_count", [](Tree& self) { return locked(self, [](const OccupancyTree& tree) { return tree.size(); }); })
       .def("leaf_count", [](Tree& self) { return locked(self, [](const OccupancyTree& tree) { return tree.getNumLeafNodes(); }); })
       .def("memory_bytes", [](Tree& self) { return locked(self, [](const OccupancyTree& tree) { return tree.memoryUsage() + tree.states_bytes(); }); })

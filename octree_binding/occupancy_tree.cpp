@@ -203,24 +203,6 @@ OccupancyTree::Blocks OccupancyTree::known(const VoxelBox& box) const {
   return found.take_sorted();
 }
 
-void OccupancyTree::free_known(const VoxelBox& box) {
-  if (root) free_known(root, kTreeCorner, kTreeSize, box);
-  states_.free_known(box);
-}
-
-void OccupancyTree::free_known(Node* node, const Voxel& corner, int size, const VoxelBox& box) {
-  if (disjoint(corner, size, box)) return;
-  if (!nodeHasChildren(node)) {
-    if (inside(corner, size, box)) return node->setLogOdds(std::min(node->getLogOdds(), clamping_thres_min));
-    if (size == kRegionEdge) region_of(node, corner, false);
-    expandNode(node);
-  }
-  for (unsigned i = 0; i < 8; ++i) {
-    if (nodeChildExists(node, i)) free_known(getNodeChild(node, i), child_corner(corner, size / 2, i), size / 2, box);
-  }
-  finish(node);
-}
-
 // ---- reading the tree
 
 State OccupancyTree::state(const Voxel& v) const {

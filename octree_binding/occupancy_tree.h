@@ -45,7 +45,6 @@ class OccupancyTree : public octomap::OcTree {
   // Leaves in all blocks that `changed` hold what applying `all`, one after the other, to an empty tree leaves there.
   void redraw(const std::vector<const Blocks*>& changed, const std::vector<const Blocks*>& all);
   Blocks known(const VoxelBox& box) const;                      // one miss for every known voxel
-  void free_known(const VoxelBox& box);                         // as octomap_server's clear_bbx
   void clear() override;
   State state(const Voxel& v) const;
   // What overlaps the box as the fewest cubes of one state, whatever their probabilities, in octree order: in every column
@@ -80,7 +79,6 @@ class OccupancyTree : public octomap::OcTree {
   void remove_child(Node* parent, unsigned i);
   void collapse(Node* node);
   void finish(Node* node);
-  void free_known(Node* node, const Voxel& corner, int size, const VoxelBox& box);
   StateRegion* region_of(const Node* node, const Voxel& corner, bool fresh);
   void copy_states(const Node* node, const Voxel& corner, int size, StateRegion* region);
   void add_cubes(const Node* node, const Voxel& corner, int size, const VoxelBox& box, std::vector<StateCube>& out) const;

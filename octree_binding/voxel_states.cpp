@@ -1,7 +1,5 @@
 #include "voxel_states.h"
 
-#include <algorithm>
-
 namespace octree_binding {
 
 static_assert(kKeyOffset % kRegionEdge == 0, "regions are nodes of the octree");
@@ -22,11 +20,6 @@ std::uint32_t VoxelStates::position(const Voxel& v) {
   return region(v.x) << 20 | region(v.y) << 10 | region(v.z);
 }
 
-Voxel VoxelStates::corner(std::uint32_t position) {
-  const auto index = [](std::uint32_t region) { return static_cast<int>(region & 1023) * kRegionEdge - kKeyOffset; };
-  return {index(position >> 20), index(position >> 10), index(position)};
-}
-
 StateRegion* VoxelStates::find(const Voxel& v) {
   const auto found = regions_.find(position(v));
   return found == regions_.end() ? nullptr : &found->second;
@@ -38,17 +31,6 @@ StateRegion& VoxelStates::make(const Voxel& v, State state) {
   const auto [place, is_new] = regions_.try_emplace(position(v));
   if (is_new && state != kUnknown) place->second = StateRegion::uniform(state);
   return place->second;
-}
-
-void VoxelStates::free_known(const VoxelBox& box) {
-  for (auto& [position, region] : regions_) {
-    const Voxel low = corner(position);
-    const int x_end = std::min(box.hi.x, low.x + kRegionEdge - 1), y_end = std::min(box.hi.y, low.y + kRegionEdge - 1);
-    const StateRegion::Word layers = layers_in(box, low.z);
-    for (int x = std::max(box.lo.x, low.x); layers && x <= x_end; ++x) {
-      for (int y = std::max(box.lo.y, low.y); y <= y_end; ++y) region.occupied[StateRegion::word_of({x, y, 0})] &= ~layers;
-    }
-  }
 }
 
 }  // namespace octree_binding

@@ -48,14 +48,12 @@ class VoxelStates {
   StateRegion* find(const Voxel& v);
   const StateRegion* find(const Voxel& v) const;
   StateRegion& make(const Voxel& v, State state);  // the region of v, of one state if it is new
-  void free_known(const VoxelBox& box);            // every occupied voxel of the box is free
   void erase(const Voxel& v) { regions_.erase(position(v)); }
   void clear() { regions_.clear(); }
   std::size_t memory_bytes() const { return regions_.size() * sizeof(StateRegion); }
 
  private:
   static std::uint32_t position(const Voxel& v);
-  static Voxel corner(std::uint32_t position);
 
   std::unordered_map<std::uint32_t, StateRegion> regions_;
 };

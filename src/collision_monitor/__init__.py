@@ -4,6 +4,6 @@
 """
 
 from collision_monitor.config import CollisionMonitorConfig
-from collision_monitor.monitor import CollisionMonitor, Limited, seen_from
+from collision_monitor.monitor import CollisionMonitor, seen_from
 
-__all__ = ["CollisionMonitor", "Limited", "CollisionMonitorConfig", "seen_from"]
+__all__ = ["CollisionMonitor", "CollisionMonitorConfig", "seen_from"]

@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -53,11 +53,11 @@ class Blow:
     lasts_s: float
 
 
-def blows(seed: str, config: ChaosConfig, nodes: Sequence[str] = ROBOT_NODES) -> Iterator[Blow]:
+def blows(seed: str, config: ChaosConfig) -> Iterator[Blow]:
     """Without end; each node has its turn before one has the next."""
     draws = random.Random(seed)
     while True:
-        for node in draws.sample(nodes, len(nodes)):
+        for node in draws.sample(ROBOT_NODES, len(ROBOT_NODES)):
             pause_s, (kind,) = draws.expovariate(1.0 / config.pause_s), draws.choices(KINDS, config.shares)
             yield Blow(pause_s, kind, node, 0.0 if kind == KILL else draws.uniform(0.0, config.longest_s))
 

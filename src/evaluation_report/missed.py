@@ -61,14 +61,14 @@ class _Drive:
     sweeps: Floats
 
 
-def missed_view(run_dir: Path | str, robot: RobotShape | None = None) -> Path:
+def missed_view(run_dir: Path | str) -> Path:
     """Draws map_missed.png into a run folder and returns its path.
 
     ValueError, which names the file, when the folder lacks one of world.ply, trajectory_truth.txt, trajectory.txt and occupied.npz.
     """
     folder = Path(run_dir)
     vertices, triangles = read_mesh(folder / "world.ply")
-    drive = _drive(folder, (vertices, triangles), robot or read_robot(folder))
+    drive = _drive(folder, (vertices, triangles), read_robot(folder))
     figure = _figure(drive, RayScene(vertices, triangles), float(vertices[:, 2].max()), folder.name)
     with written_whole(folder / NAME) as unfinished:
         figure.savefig(unfinished, dpi=_DPI, format="png", facecolor="white")

@@ -12,6 +12,8 @@ from evaluation_report.campaign import Run
 
 Measure = Callable[[Run], float | None]
 
+_CONFIDENCE = 0.95
+
 
 @dataclass(frozen=True)
 class Interval:
@@ -21,11 +23,11 @@ class Interval:
     high: float
 
 
-def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> Interval:
-    """The score interval of a share (Wilson 1927, without continuity correction); ValueError for counts that are none."""
-    if not (0 <= successes <= trials and trials > 0 and 0.0 < confidence < 1.0):
-        raise ValueError(f"{successes} of {trials} at {confidence} is no share of at least one trial at a confidence between 0 and 1")
-    z2 = NormalDist().inv_cdf(0.5 + 0.5 * confidence) ** 2
+def wilson_interval(successes: int, trials: int) -> Interval:
+    """The score interval of a share at 95 % (Wilson 1927, without continuity correction); ValueError for counts that are none."""
+    if not (0 <= successes <= trials and trials > 0):
+        raise ValueError(f"{successes} of {trials} is no share of at least one trial")
+    z2 = NormalDist().inv_cdf(0.5 + 0.5 * _CONFIDENCE) ** 2
     share = successes / trials
     middle = share + 0.5 * z2 / trials
     half = math.sqrt(z2 * (share * (1.0 - share) + 0.25 * z2 / trials) / trials)

@@ -43,6 +43,6 @@ def ranges(numbers: Sequence[int]) -> str:
     return ", ".join(f"{g[0]}–{g[-1]}" if len(g) > 1 else str(g[0]) for g in groups)
 
 
-def counted(n: int, singular: str, plural: str | None = None) -> str:
+def counted(n: int, singular: str) -> str:
     """1 run, 2 runs."""
-    return f"{n} {singular if n == 1 else plural or singular + 's'}"
+    return f"{n} {singular if n == 1 else singular + 's'}"

@@ -29,11 +29,10 @@ class MatchedPoses:
 
 @dataclass(frozen=True)
 class RelativeError:
-    """RMS of the errors of the motions between consecutive poses, over `pairs` of them."""
+    """RMS of the errors of the motions between consecutive poses."""
 
     translation_rms_m: float
     rotation_rms_rad: float
-    pairs: int
 
 
 def matched_poses(stamps: ArrayLike, T_est: ArrayLike, stamps_truth: ArrayLike, T_truth: ArrayLike) -> MatchedPoses:
@@ -63,7 +62,7 @@ def relative_pose_error(T_est: ArrayLike, T_truth: ArrayLike) -> RelativeError:
         raise ValueError(f"a relative error needs two poses or more, and as many true ones, not {len(estimate)} and {len(truth)}")
     error = np.linalg.inv(_motions(truth)) @ _motions(estimate)
     angles = Rotation.from_matrix(error[:, :3, :3]).magnitude()
-    return RelativeError(rms(np.linalg.norm(error[:, :3, 3], axis=1)), rms(angles), len(error))
+    return RelativeError(rms(np.linalg.norm(error[:, :3, 3], axis=1)), rms(angles))
 
 
 def _motions(poses: Floats) -> Floats:

@@ -90,7 +90,7 @@ def read_contacts(path: Path) -> tuple[ContactEpisode, ...]:
             raise ValueError(f"{path.name} has the columns {reader.fieldnames}, not stamp,link,speed_mps,force_n")
         rows = [row for row in reader if not row.get("other") or _number(row["speed_mps"], path) > _OWN_TOUCH_MPS]
     numbers = {key: [_number(row[key], path) for row in rows] for key in ("stamp", "speed_mps", "force_n")}
-    return contact_episodes(numbers["stamp"], tuple(row["link"] for row in rows), numbers["speed_mps"], numbers["force_n"], _CONTACT_GAP_S)
+    return contact_episodes(numbers["stamp"], numbers["speed_mps"], numbers["force_n"], _CONTACT_GAP_S)
 
 
 def read_sweeps(folder: Path, stamps: ArrayLike) -> Iterator[NDArray[np.floating]]:

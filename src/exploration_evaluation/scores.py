@@ -31,11 +31,10 @@ COVERED_VERTICAL_M = 0.10  # the same along z
 
 @dataclass(frozen=True)
 class MapError:
-    """Distances of the map's points to the true surface (accuracy), over `points` measured ones."""
+    """Distances of the map's points to the true surface (accuracy)."""
 
     rms_m: float
     p95_m: float
-    points: int
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class TrajectoryErrors:
 
     ate_rms_m: RMS of the position errors after rigid alignment of all positions (evo's `-a`). origin_rms_m: the same,
     aligned at the first pose only. map_tilt_rad: angle between the map's up and gravity, as `T_world_map` (best fit of all poses)
-    has it; map_tilt_origin_rad: as the first pose has it. poses were compared, unmatched ones have no truth at their stamp.
+    has it; map_tilt_origin_rad: as the first pose has it. unmatched poses have no truth at their stamp.
     """
 
     ate_rms_m: float
@@ -52,7 +51,6 @@ class TrajectoryErrors:
     map_tilt_rad: float
     map_tilt_origin_rad: float
     T_world_map: Floats
-    poses: int
     unmatched: int
 
 
@@ -60,9 +58,6 @@ class TrajectoryErrors:
 class ContactEpisode:
     """One collision: all contacts without a longer pause."""
 
-    start_s: float
-    end_s: float
-    links: tuple[str, ...]
     top_speed_mps: float
     top_force_n: float
 
@@ -73,7 +68,6 @@ class Motion:
 
     distance_m: float
     max_tilt_rad: float
-    top_fall_speed_mps: float
     fell: bool
 
 
@@ -114,7 +108,7 @@ def map_error(cloud_world: ArrayLike, vertices: ArrayLike, triangles: ArrayLike,
         raise ValueError("the map's error needs at least one point, got none")
     chosen = np.unique(np.linspace(0, len(cloud) - 1, min(len(cloud), max_points)).round().astype(np.int64))
     distance = RayScene(*checked_mesh(vertices, triangles)).distances(cloud[chosen])
-    return MapError(rms(distance), float(np.percentile(distance, 95)), len(chosen))
+    return MapError(rms(distance), float(np.percentile(distance, 95)))
 
 
 def align_positions(estimate: ArrayLike, truth: ArrayLike) -> Floats:
@@ -154,28 +148,20 @@ def trajectory_errors(stamps: ArrayLike, T_est: ArrayLike, stamps_truth: ArrayLi
         map_tilt_rad=tilt_angle(T_world_map),
         map_tilt_origin_rad=tilt_angle(T_origin),
         T_world_map=T_world_map,
-        poses=len(poses),
         unmatched=matched.unmatched,
     )
 
 
-def contact_episodes(
-    stamps: ArrayLike, links: tuple[str, ...], speeds_mps: ArrayLike, forces_n: ArrayLike, gap_s: float = 1.0
-) -> tuple[ContactEpisode, ...]:
+def contact_episodes(stamps: ArrayLike, speeds_mps: ArrayLike, forces_n: ArrayLike, gap_s: float) -> tuple[ContactEpisode, ...]:
     """Collisions in order of time: contacts of any links belong together until a pause longer than `gap_s`."""
     at, speeds, forces = (np.asarray(v, dtype=np.float64) for v in (stamps, speeds_mps, forces_n))
-    if not len(at) == len(links) == len(speeds) == len(forces):
-        raise ValueError(f"contacts differ in length: {len(at)} stamps, {len(links)} links, {len(speeds)} speeds, {len(forces)} forces")
+    if not len(at) == len(speeds) == len(forces):
+        raise ValueError(f"contacts differ in length: {len(at)} stamps, {len(speeds)} speeds, {len(forces)} forces")
     if not len(at):
         return ()
     order = np.argsort(at, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(at[order]) > gap_s) + 1)
-    return tuple(
-        ContactEpisode(
-            float(at[g[0]]), float(at[g[-1]]), tuple(sorted({links[k] for k in g})), float(speeds[g].max()), float(forces[g].max())
-        )
-        for g in groups
-    )
+    return tuple(ContactEpisode(float(speeds[g].max()), float(forces[g].max())) for g in groups)
 
 
 def motion(stamps: ArrayLike, T_world_base: ArrayLike) -> Motion:
@@ -190,7 +176,7 @@ def motion(stamps: ArrayLike, T_world_base: ArrayLike) -> Motion:
     steps = np.linalg.norm(np.diff(poses[_every(at, _DISTANCE_STEP_S), :3, 3], axis=0), axis=1)
     tilt = float(np.arccos(np.clip(poses[:, 2, 2], -1.0, 1.0)).max())
     speed = _top_fall_speed(at, poses[:, 2, 3])
-    return Motion(float(steps[steps > _JITTER_M].sum()), tilt, speed, tilt > _FALL_TILT_RAD or speed > _FALL_SPEED_MPS)
+    return Motion(float(steps[steps > _JITTER_M].sum()), tilt, tilt > _FALL_TILT_RAD or speed > _FALL_SPEED_MPS)
 
 
 def divided_voxels(centres: ArrayLike, sizes: ArrayLike, resolution_m: float) -> Floats:

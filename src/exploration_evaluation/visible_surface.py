@@ -70,7 +70,6 @@ class Completeness:
     rms_m: float
     p95_m: float
     seen_share: float
-    visible_area_m2: float
 
 
 def visible_surface(
@@ -109,7 +108,6 @@ def completeness(surface: VisibleSurface, map_points_world: ArrayLike) -> Comple
         rms_m=math.sqrt(float(share @ away**2)),
         p95_m=_weighted_percentile(away, share, 0.95),
         seen_share=float(share[away <= _SEEN_WITHIN_M + 1e-9].sum()),
-        visible_area_m2=surface.area_m2,
     )
 
 

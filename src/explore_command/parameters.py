@@ -4,7 +4,6 @@ What all of them share is the robot: its file, and over it the parameters of "ro
 chooses of the command's arguments.
 """
 
-import difflib
 import importlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -23,7 +22,7 @@ from robot_body import (
     simulation_problems,
     urdf_file,
 )
-from stage_config import ConfigError, load_config, yaml_values
+from stage_config import ConfigError, load_config, nearest, yaml_values
 
 PROFILES = PACKAGE_FOLDER / "config" / "profiles"
 
@@ -146,7 +145,7 @@ def override_problems(overrides: Mapping[str, Mapping[str, object]]) -> list[str
             found += _command_problems(values)
             continue
         if node not in NODE_CONFIGS:
-            found.append(f"unknown node {node}{_nearest(node, {**NODE_CONFIGS, ROBOT: {}, COMMAND: {}})}")
+            found.append(f"unknown node {node}{nearest(node, {**NODE_CONFIGS, ROBOT: {}, COMMAND: {}})}")
             continue
         sections: dict[str, dict[str, object]] = {}
         for path, value in values.items():
@@ -193,14 +192,9 @@ def _section_problems(node: str, section: str, values: Mapping[str, object]) -> 
     """Judges all values of a section together: one may be right only beside another."""
     sections = NODE_CONFIGS[node]
     if section not in sections:
-        return [f"{node} has no section {section!r}{_nearest(section, sections)}"]
+        return [f"{node} has no section {section!r}{nearest(section, sections)}"]
     try:
         load_config(config_class(sections[section]), values)
     except ConfigError as error:
         return [f"{node}: {line.partition(': ')[2]}" for line in str(error).splitlines()]
     return []
-
-
-def _nearest(word: str, known: Mapping[str, object]) -> str:
-    near = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
-    return f", did you mean {near[0]}?" if near else f"; known: {', '.join(filter(None, known))}"

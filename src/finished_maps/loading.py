@@ -8,7 +8,6 @@ import numpy as np
 from octomap_server_3dnav.octree.map_builder import Beams, MapBuilder
 from octomap_server_3dnav.octree.octree import OctreeMap
 from pose_graph_mapping.graph.pose_graph import PoseGraph
-from pose_graph_mapping.registration.cloud import PointCloud
 from pose_graph_mapping.session.session_store import DamagedSweepError, SessionStore
 from rigid_geometry.transforms import Transform
 
@@ -73,9 +72,4 @@ def _of_session(folder: Path, like: MapBuilder) -> LoadedMap:
 
 def _beams(store: SessionStore, vertex_id: int) -> Beams:
     cloud, free = store.load_sweep(vertex_id), store.load_free(vertex_id)
-    return Beams(*_arrays(cloud), *((_NO_BEAMS, _NO_BEAMS) if free is None else _arrays(free)))
-
-
-def _arrays(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:
-    assert cloud.origins is not None
-    return cloud.points.astype(np.float32), cloud.origins.astype(np.float32)
+    return Beams(*cloud.singles(), *((_NO_BEAMS, _NO_BEAMS) if free is None else free.singles()))

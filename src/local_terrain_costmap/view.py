@@ -19,16 +19,3 @@ class CostmapView:
     cost: NDArray[np.uint8]
     origin_xy: tuple[float, float]
     resolution: float
-
-    def cost_at(self, points: NDArray[np.floating]) -> NDArray[np.uint8]:
-        """(N,) costs under (N, 2) map points; NO_INFORMATION outside the window and for points that are not finite."""
-        points = np.asarray(points, dtype=np.float64)
-        if points.ndim != 2 or points.shape[1] != 2:
-            raise ValueError(f"points are (N, 2) map coordinates, not shape {points.shape}")
-        cells = np.floor((points - np.asarray(self.origin_xy)) / self.resolution + 1e-9)
-        ny, nx = self.cost.shape
-        inside = (cells[:, 0] >= 0) & (cells[:, 0] < nx) & (cells[:, 1] >= 0) & (cells[:, 1] < ny)
-        out = np.full(len(points), NO_INFORMATION, dtype=np.uint8)
-        column, row = cells[inside].astype(np.int64).T
-        out[inside] = self.cost[row, column]
-        return out

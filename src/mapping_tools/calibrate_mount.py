@@ -14,6 +14,7 @@ from mapping_tools.recording import Recording, bags_of, unread_of
 from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.sweep_sources import Unreadable
 from mapping_tools.tool_errors import code_of
+from mapping_tools.tool_errors import say as _say
 from mount_calibration import MountCalibrationConfig, Place, estimate_mount, estimate_table, joined_places, write_calibration
 from robot_body import DESCRIPTION, RobotBody, urdf_file
 from whole_files import check_folder, check_not_read
@@ -92,10 +93,6 @@ def _saved(places: Sequence[Place], sweeps: RawSweeps, robot: RobotBody, out: Pa
         raise ArgumentProblem(f"--out {out}: not written: {error.strerror}") from error
     print(f"saved to {out}", flush=True)
     return 0
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

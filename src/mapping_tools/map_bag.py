@@ -12,7 +12,6 @@ from pathlib import Path
 from types import FrameType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.bag_sweeps import BagTopics
@@ -27,6 +26,7 @@ from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.session_summary import SUMMARY, ended, recordings_of
 from mapping_tools.sweep_sources import SweepSource
 from mapping_tools.tool_errors import code_of
+from mapping_tools.tool_errors import say as _say
 from mount_calibration import RECORDED_FILE
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
@@ -36,8 +36,6 @@ from pose_graph_mapping.session.session_store import SAVED, SessionStore
 from rigid_geometry import transform_from_rpy
 from stage_config import to_mapping
 from whole_files import check_folder, is_same
-
-Array = NDArray[np.float64]
 
 _PASSED_OVER = "nothing of it was mapped: its stamps are not after those of the session's recordings; map it on its own, then ./merge_maps"
 MADE_OF_SWEEPS = ("map.ot", "map.bt", "terrain.npz")
@@ -259,10 +257,6 @@ def _saved(store: SessionStore, mapper: PoseGraphMapper, config: ToolConfig) -> 
         return store.save(mapper.graph, config.mapping.map_voxel_m, mapper.gone()), None
     except (OSError, ValueError, MemoryError) as error:
         return (), f"graph, trajectory and cloud could not be saved: {error}"
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

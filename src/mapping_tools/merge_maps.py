@@ -15,7 +15,7 @@ from mapping_tools.configuration import ToolConfig, configured
 from mapping_tools.map_origin import MapOrigin
 from mapping_tools.mapping_run import MappingRun, NotPlaced
 from mapping_tools.session_sweeps import SessionSweeps
-from mapping_tools.tool_errors import code_of
+from mapping_tools.tool_errors import code_of, say
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
 from pose_graph_mapping.registration.methods import create_registration
@@ -78,7 +78,7 @@ def merge(a: argparse.Namespace) -> int:
         _take_back(a.out, is_new)
         if not isinstance(error, NothingFound):
             raise
-        _say(f"./merge_maps: {error}")
+        say(f"./merge_maps: {error}")
         return 1
 
 
@@ -117,7 +117,7 @@ def _merged(a: argparse.Namespace, config: ToolConfig, second: SessionStore) -> 
         "edges_left_out": [[e.i, e.j, e.kind.value] for e in resumed.mapper.graph.rejected()],
     }
     write_whole(a.out / SUMMARY, (json.dumps(summary, indent=1, allow_nan=False) + "\n").encode("utf-8"))
-    _say(f"{a.out}: {before} sweeps of {a.first} and {len(store.sweeps) - before} of {a.second}, {len(not_placed)} not placed")
+    say(f"{a.out}: {before} sweeps of {a.first} and {len(store.sweeps) - before} of {a.second}, {len(not_placed)} not placed")
     return 1 if not_placed else 0
 
 
@@ -128,7 +128,7 @@ def _mapped_onto(
     number = {stored.file: stored.vertex_id for stored in second.sweeps}
     order, not_placed = list(range(len(second.sweeps))), list[NotPlaced]()
     for _ in ("forwards", "backwards"):
-        run = MappingRun(mapper, match, store, MapOrigin(a.out, goes_on=True), (lambda _: None) if a.quiet else _say)
+        run = MappingRun(mapper, match, store, MapOrigin(a.out, goes_on=True), (lambda _: None) if a.quiet else say)
         run.map(SessionSweeps(second, order, mapper.stamps_s[-1] + _PAUSE_S), moved=True)
         not_placed = run.account.not_placed
         order = [number[sweep.sweep] for sweep in reversed(not_placed)]
@@ -143,10 +143,6 @@ def _copied(source: Path, target: Path) -> SessionStore:
         if (source / name).is_file():
             write_whole(target / name, (source / name).read_bytes())
     return store
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

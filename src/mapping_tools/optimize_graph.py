@@ -15,13 +15,13 @@ from explore_command.arguments import ArgumentProblem, OneLineParser
 from mapping_tools.graph_report import remarks, report, summary
 from mapping_tools.graph_solving import NumberedGraph, SolvedGraph, numbered, solve_plain, solve_robust
 from mapping_tools.sesync_error import isotropic
-from mapping_tools.tool_errors import code_of
+from mapping_tools.tool_errors import code_of, say
 from pose_graph_mapping.graph.graph_files import GraphFile, g2o_text, read_graph_file
 from pose_graph_mapping.graph.graph_measurements import GraphNotSolvable
 from whole_files import check_files, write_all, write_whole
 
 _OUTLIER_CHI2 = 30.0
-SOLVED, NOT_SOLVABLE, BAD_INPUT = 0, 1, 2
+SOLVED, NOT_SOLVABLE = 0, 1
 
 
 def parser() -> argparse.ArgumentParser:
@@ -64,13 +64,13 @@ def optimize(options: argparse.Namespace) -> int:
     except ValueError as error:
         raise ValueError(f"{options.graph}: {error}") from error
     for remark in remarks(file, graph):
-        _say(f"{options.graph}: {remark}")
+        say(f"{options.graph}: {remark}")
     if options.isotropic:
         graph = replace(graph, problem=isotropic(graph.problem))
     if options.plain:
         solved = solve_plain(graph.problem)
     else:
-        solved = solve_robust(graph.problem, _OUTLIER_CHI2 if options.outlier_chi2 is None else options.outlier_chi2, _say, graph.freedom)
+        solved = solve_robust(graph.problem, _OUTLIER_CHI2 if options.outlier_chi2 is None else options.outlier_chi2, say, graph.freedom)
     content = report(file, graph, solved, options.plain)
     content["time_s"] = round(time.monotonic() - start, 3)
     files = {options.out: output(file, graph, solved).encode("ascii")}
@@ -99,10 +99,6 @@ def _json_bytes(content: Mapping[str, object]) -> bytes:
     return (json.dumps(content, indent=1) + "\n").encode("ascii")
 
 
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """The program; its exit code."""
     return code_of("optimize_graph", lambda: _optimized_or_told(parser().parse_args(argv)))
@@ -112,7 +108,7 @@ def _optimized_or_told(options: argparse.Namespace) -> int:
     try:
         return optimize(options)
     except GraphNotSolvable as error:
-        _say(f"./optimize_graph: not solvable: {error}")
+        say(f"./optimize_graph: not solvable: {error}")
         if options.json:
             write_whole(options.json, _json_bytes({"solved": False, "reason": str(error)}))
         return NOT_SOLVABLE

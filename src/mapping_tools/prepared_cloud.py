@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem
 from mapping_tools.cloud_files import VIEWPOINT_FIELDS, CloudFile, brought_near, read_cloud
+from mapping_tools.tool_errors import say as _say
 from mapping_tools.uos_scan import SUFFIX as UOS_SUFFIX
 from mapping_tools.uos_scan import read_uos_scan
 from pose_graph_mapping.registration.cloud import PointCloud, merged, viewpoints, voxel_downsample
@@ -84,7 +85,3 @@ def _averaged(cloud: PointCloud, voxel_m: float) -> PointCloud:
 
 def _with_sensor(means: PointCloud, found: CloudFile) -> PointCloud:
     return PointCloud(means.points, np.tile(found.sensor, (len(means), 1)), None, means.dropped)
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mapping_tools.bag_sweeps import gravity_of
 from mapping_tools.messages import (
@@ -36,8 +35,6 @@ from mount_calibration import TiltCalibration
 from point_cloud2 import read_beams
 from robot_body import FixedFrames, RobotBody, is_fixed, mount_from_urdf
 from sweep_assembly import Revolution, Scan, ScanGeometry, TiltGeometry
-
-Array = NDArray[np.float64]
 
 STATIC_TOPIC = "/tf_static"
 NODS = "windows=turning_points"

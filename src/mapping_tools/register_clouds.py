@@ -38,7 +38,7 @@ from whole_files import check_files, write_whole
 Array = NDArray[np.float64]
 
 COVARIANCE_ORDER = "rotation about x, y, z (rad), translation along x, y, z (m); in the frame of the reading"
-USABLE, NOT_USABLE, BAD_INPUT = 0, 1, 2
+USABLE, NOT_USABLE = 0, 1
 
 
 def parser() -> argparse.ArgumentParser:
@@ -220,10 +220,6 @@ def register(options: argparse.Namespace) -> int:
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit code 0: there is a transform to use; 1: refused or ambiguous; 2: a file or argument is wrong."""
     return code_of("register_clouds", lambda: register(parser().parse_args(argv)))
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-import numpy as np
-
 from mapping_tools.sweep_sources import SourceSweep, StoppedError, Unreadable, never
 from pose_graph_mapping.graph.pose_graph import EdgeKind
-from pose_graph_mapping.registration.cloud import PointCloud
 from pose_graph_mapping.session.session_store import DamagedSweepError, SessionStore
 
 
@@ -47,11 +44,11 @@ class SessionSweeps:
         return SourceSweep(
             stored.file,
             stamp_s,
-            *_singles(cloud),
+            *cloud.singles(),
             T_odom_base=None if m is None else m.T_odom_base,
             gravity_base=None if m is None else m.gravity_base,
             gravity_sigma_rad=None if m is None else m.gravity_sigma_rad,
-            free=None if free is None or not len(free) else _singles(free),
+            free=None if free is None or not len(free) else free.singles(),
             lost=before is not None and not self._knows_way(before, vertex_id),
         )
 
@@ -60,8 +57,3 @@ class SessionSweeps:
         first, last = sorted((before, vertex_id))
         changes = [self._store.sweeps[k].change for k in range(first + 1, last + 1)]
         return all(change is None or any(edge.kind is EdgeKind.ODOMETRY for edge in change.added) for change in changes)
-
-
-def _singles(cloud: PointCloud) -> tuple[np.ndarray, np.ndarray]:
-    assert cloud.origins is not None
-    return cloud.points.astype(np.float32), cloud.origins.astype(np.float32)

@@ -1,4 +1,4 @@
-"""What every tool says of a wrong file or argument, and its exit code then."""
+"""How every tool says something, what it says of a wrong file or argument, and its exit code then."""
 
 from __future__ import annotations
 
@@ -8,6 +8,11 @@ from collections.abc import Callable
 from explore_command.arguments import ArgumentProblem
 
 BAD_INPUT = 2
+
+
+def say(text: str) -> None:
+    """A line on stderr."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def code_of(tool: str, run: Callable[[], int]) -> int:
@@ -26,5 +31,5 @@ def code_of(tool: str, run: Callable[[], int]) -> int:
     except ValueError as error:
         lines = [str(error)]
     for line in lines:
-        print(f"./{tool}: {' '.join(line.split())}", file=sys.stderr, flush=True)
+        say(f"./{tool}: {' '.join(line.split())}")
     return BAD_INPUT

@@ -5,13 +5,12 @@ from mount_calibration.config import MountCalibrationConfig, asked_sweeps
 from mount_calibration.estimate import MountEstimate, estimate_mount
 from mount_calibration.geometry import TiltGeometry
 from mount_calibration.report import estimate_table
-from mount_calibration.tilt_calibration import NOMINAL, PARAMETERS, TiltCalibration, TiltDirection, tilt_directions
+from mount_calibration.tilt_calibration import PARAMETERS, TiltCalibration, TiltDirection, tilt_directions
 from mount_calibration.tilted_beams import Place, TiltedBeams, joined_places, steady_directions
 from mount_calibration.watch import MountVerdict, MountWatch, MountWatchConfig
 
 __all__ = [
     "DEFAULT_FILE",
-    "NOMINAL",
     "PARAMETERS",
     "RECORDED_FILE",
     "MountCalibrationConfig",

@@ -7,14 +7,13 @@ covariance, the robot's twist, and whether it stands.
 from odometry_fusion.config import OdometryConfig
 from odometry_fusion.displacement import SET_BACK
 from odometry_fusion.fused_odometry import FusedOdometry
-from odometry_fusion.imu_input import ImuInput, ImuSample
+from odometry_fusion.imu_input import ImuInput
 from odometry_fusion.odometry_filter import OdometryEstimate, OdometryFilter
 
 __all__ = [
     "SET_BACK",
     "FusedOdometry",
     "ImuInput",
-    "ImuSample",
     "OdometryConfig",
     "OdometryEstimate",
     "OdometryFilter",

@@ -7,6 +7,6 @@ recovery that ends with a reason. Any object with `cost`, `origin_xy` and `resol
 
 from path_following.config import FollowerConfig
 from path_following.follower import PathFollower
-from path_following.interface import CostGrid, FollowerObservation, FollowerOutput, FollowerState
+from path_following.interface import FollowerObservation, FollowerOutput, FollowerState
 
-__all__ = ["CostGrid", "FollowerConfig", "FollowerObservation", "FollowerOutput", "FollowerState", "PathFollower"]
+__all__ = ["FollowerConfig", "FollowerObservation", "FollowerOutput", "FollowerState", "PathFollower"]

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from stage_config import check_ranges, parameter
+from stage_config import check_below, check_ranges, parameter
 
 
 @dataclass(frozen=True)
@@ -103,9 +103,7 @@ class RegistrationConfig:
         found = check_ranges(self)
         if self.fine_distance_m > self.coarse_distance_m:
             found.append(f"fine_distance_m = {self.fine_distance_m} is above coarse_distance_m = {self.coarse_distance_m}")
-        if self.chain_min_range_m >= self.chain_max_range_m:
-            found.append(f"chain_min_range_m = {self.chain_min_range_m} is not below chain_max_range_m = {self.chain_max_range_m}")
-        return found
+        return found + check_below(self, "chain_min_range_m", "chain_max_range_m")
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from pybullet_simulation.disturbances import disturbances_of
 from robot_body import LEAST_TILT_RAD
-from stage_config import check_ranges, parameter
+from stage_config import check_below, check_ranges, parameter
 
 
 @dataclass(frozen=True)
@@ -152,8 +152,7 @@ class SimulationConfig:
             problems.append(f"physics_rate_hz = {self.physics_rate_hz} is no multiple of 200")
         if self.sweep_min_rate_rps > self.sweep_max_rate_rps:
             problems.append(f"sweep_min_rate_rps = {self.sweep_min_rate_rps} is above sweep_max_rate_rps = {self.sweep_max_rate_rps}")
-        if self.range_min_m >= self.range_max_m:
-            problems.append(f"range_min_m = {self.range_min_m} is not below range_max_m = {self.range_max_m}")
+        problems += check_below(self, "range_min_m", "range_max_m")
         try:
             disturbances_of(self.disturbances)
         except ValueError as error:

@@ -10,11 +10,10 @@ import math
 import numpy as np
 
 from pybullet_simulation.clutter import Propose, place, plan_bounds
-from pybullet_simulation.solids import Solid, box, cylinder, hull, walls_around
+from pybullet_simulation.solids import BURIED_M, Solid, box, cylinder, hull, walls_around
 
 LOW_XY, HIGH_XY = (-6.0, -4.0), (8.0, 4.0)
 WALL_M, WALL_HEIGHT_M = 0.15, 2.0
-BURIED_M = 0.05
 DOOR_WIDTHS_M = (0.9, 0.95, 1.0)
 HALL_X, MIDDLE_Y = -1.5, 0.0  # the hall's west wall, and the wall between the rooms
 DECK = ((3.0, 1.0), (8.0, 4.0))

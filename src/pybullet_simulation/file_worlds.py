@@ -163,7 +163,7 @@ def _with_floors(mesh: Mesh | None, heights: tuple[float, ...], low: Array, high
 
 def _from_mesh(mesh: Mesh, by: Request) -> Parts:
     """The mesh, or the area of it around a start that is found on the whole: what is cut is closed no more."""
-    bounds = np.array([mesh.vertices[:, :2].min(axis=0), mesh.vertices[:, :2].max(axis=0)])
+    bounds = mesh.bounds_xy
     if by.area_xy is None:
         return Parts([], bounds, [mesh], origin=mesh.origin)
     test = StandingTest(mesh.vertices, mesh.triangles, by.robot, mesh.solid)

@@ -81,7 +81,7 @@ def _can_stand(mesh: Mesh, robot: RobotBody) -> bool:
     size = np.ptp(mesh.vertices, axis=0)
     if size[:2].min() < _LEAST_M or size[:2].max() > LARGEST_M or size[2] > _TALLEST_M:
         return False
-    bounds = np.array([mesh.vertices[:, :2].min(axis=0), mesh.vertices[:, :2].max(axis=0)])
+    bounds = mesh.bounds_xy
     try:
         choose_start(StandingTest(mesh.vertices, mesh.triangles, robot, mesh.solid), bounds, np.random.default_rng(_SEED), tries=_TRIES)
     except NoStartError:

@@ -9,12 +9,11 @@ import math
 import numpy as np
 
 from pybullet_simulation.clutter import Propose, place, plan_bounds
-from pybullet_simulation.solids import Solid, box, cylinder, hull, turned_box, walls_around
+from pybullet_simulation.solids import BURIED_M, Solid, box, cylinder, hull, turned_box, walls_around
 from rigid_geometry import transform_from_rpy
 
 LOW_XY, HIGH_XY = (-10.0, -10.0), (10.0, 10.0)
 WALL_M, WALL_HEIGHT_M = 0.2, 2.5
-BURIED_M = 0.05
 SLOPE_RAD = math.radians(15.0)
 PLATEAU = ((2.0, -2.0), (8.0, 4.0))  # low and high corner
 PLATEAU_HEIGHT_M, PLATE_M = 2.3, 0.18

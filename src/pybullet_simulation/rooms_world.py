@@ -3,11 +3,10 @@
 import numpy as np
 
 from pybullet_simulation.clutter import Propose, place, plan_bounds
-from pybullet_simulation.solids import Solid, box, cylinder, walls_around
+from pybullet_simulation.solids import BURIED_M, Solid, box, cylinder, walls_around
 
 LOW_XY, HIGH_XY = (-5.0, -4.0), (5.0, 4.0)
 WALL_M, WALL_HEIGHT_M = 0.15, 2.0
-BURIED_M = 0.05  # solids reach into the ground, so that no two faces coincide
 DOORWAYS = ((-3.0, 2.1), (-3.0, -2.1), (3.1, 0.0))  # centres
 FREE_GAP_M = 1.6  # between clutter and anything that it does not stand against
 AT_DOORWAY_M = 1.9

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pybullet_simulation.config import SimulationConfig
 from pybullet_simulation.drive import Drive
@@ -21,8 +20,6 @@ from pybullet_simulation.spinning_lidar import SpinningLidar
 from pybullet_simulation.timing_config import SENSOR_TOPICS, TimingConfig
 from pybullet_simulation.trace import Trace
 from pybullet_simulation.world import World
-
-Array = NDArray[np.float64]
 
 SCAN_PERIOD_S = JOINT_PERIOD_S = 0.025
 IMU_PERIOD_S = 0.01

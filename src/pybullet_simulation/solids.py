@@ -10,6 +10,8 @@ from rigid_geometry import transform_from_rpy
 
 Array = NDArray[np.float64]
 
+BURIED_M = 0.05  # solids reach into the ground, so that no two faces coincide
+
 
 @dataclass(frozen=True)
 class BoxShape:

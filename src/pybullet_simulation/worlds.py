@@ -3,7 +3,6 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pybullet_simulation import doors_world, ramp_world, rooms_world
 from pybullet_simulation.file_worlds import FILE_SUFFIXES, from_file, start_advice
@@ -17,7 +16,6 @@ from robot_body import RobotBody
 from simulated_movers import specs_of
 from world_files import MeshFrame, WorldDescription, described
 
-Array = NDArray[np.float64]
 Start = AskedStart
 Size = tuple[float, float, float]
 Area = tuple[float, float]

@@ -6,7 +6,7 @@ fixed-axis x, y, z, and quaternions are x, y, z, w (REP 103).
 """
 
 from rigid_geometry.clock_leap import LONGEST_SILENCE_S, clock_leap_s
-from rigid_geometry.far_origin import FAR_M, lost_digits_m, origin_bytes, origin_near, origin_text, read_origin
+from rigid_geometry.far_origin import FAR_M, FARTHEST_M, lost_digits_m, origin_bytes, origin_near, origin_text, read_origin
 from rigid_geometry.leap_watch import LeapWatch
 from rigid_geometry.odometry_history import OdometryHistory
 from rigid_geometry.polyline import legs_of
@@ -36,6 +36,7 @@ from rigid_geometry.transforms import (
 )
 
 __all__ = [
+    "FARTHEST_M",
     "FAR_M",
     "JUMP_BACK_S",
     "LONGEST_SILENCE_S",

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-FAR_M, FARTHEST_M = 1000.0, 1e8
+FAR_M, FARTHEST_M = 1000.0, 1e8  # UTM's northings go to 1e7
 _TOLD_APART_M = 0.01
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigid_geometry import rotation_angles, transform_from_rpy
+from rigid_geometry import rotation_angles, transform_from_rpy, translation_distance
 from robot_body.body import RobotBody
 from robot_body.mounts import SensorMount
 from robot_body.urdf import BASE, Description, read_description
@@ -85,7 +85,7 @@ def _of_mounts(robot: RobotBody, description: Description) -> Iterator[str]:
 
 
 def _pose_differing(mount: SensorMount, ours: Array, theirs: Array) -> Iterator[str]:
-    off_m = float(np.linalg.norm(ours[:3, 3] - theirs[:3, 3]))
+    off_m = translation_distance(ours, theirs)
     off_rad = float(rotation_angles((ours[:3, :3].T @ theirs[:3, :3])[None])[0])
     if off_m > _SAME_M or off_rad > _SAME_RAD:
         yield f"mounts/{mount.sensor}: {mount.frame} is {off_m:.4g} m and {off_rad:.4g} rad from where the URDF has it"

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from robot_body.body import RobotBody
-from robot_body.shapes import found_mesh, pictures_of
+from robot_body.shapes import box_around, found_mesh, pictures_of
 from robot_body.urdf import Description, read_description, with_mount
 
 _SMALL_M = 0.05  # a sensor's case, a bracket
@@ -47,10 +47,7 @@ def _on_what_is_only_seen(robot: RobotBody, root: ElementTree.Element, descripti
 def _is_large(link: ElementTree.Element, folder: Path) -> bool:
     """Whether its pictures take more than a sensor's case; unknown where one cannot be read, and then they may."""
     try:
-        reaches = [shape.reach(np.eye(4)) for shape in pictures_of(link, folder) if not shape.is_missing]
+        around = box_around([shape.reach(np.eye(4)) for shape in pictures_of(link, folder) if not shape.is_missing])
     except ValueError:
         return True
-    if not reaches:
-        return False
-    low, high = np.min([low for low, _ in reaches], axis=0), np.max([high for _, high in reaches], axis=0)
-    return bool((high - low).max() > _SMALL_M)
+    return around is not None and bool((around[1] - around[0]).max() > _SMALL_M)

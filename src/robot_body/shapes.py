@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,6 +16,13 @@ from rigid_geometry import transform_from_rpy, transform_points
 
 Array = NDArray[np.float64]
 SOLIDS = ("box", "cylinder", "sphere", "mesh")
+
+
+def box_around(reaches: Sequence[tuple[Array, Array]]) -> tuple[Array, Array] | None:
+    """Lower and upper corner (3,) of the box around boxes, each by its own; None of none."""
+    if not reaches:
+        return None
+    return np.min([low for low, _ in reaches], axis=0), np.max([high for _, high in reaches], axis=0)
 
 
 @dataclass(frozen=True, eq=False)

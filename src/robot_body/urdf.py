@@ -15,7 +15,7 @@ from rigid_geometry import transform_from_rpy
 from robot_body.body import RobotBody
 from robot_body.mounts import SensorMount
 from robot_body.package_folder import PACKAGE_FOLDER
-from robot_body.shapes import Shape, origin_of, shapes_of, triple
+from robot_body.shapes import Shape, box_around, origin_of, shapes_of, triple
 
 Array = NDArray[np.float64]
 Read = TypeVar("Read")
@@ -51,10 +51,7 @@ class Description:
 
     def reach(self, link: str) -> tuple[Array, Array] | None:
         """Lower and upper corner (3,) in base_link of what a link's shapes take, all joints at zero; None where it has none."""
-        reaches = [shape.reach(self.T_base_link(link)) for shape in self.shapes.get(link, ()) if not shape.is_missing]
-        if not reaches:
-            return None
-        return np.min([low for low, _ in reaches], axis=0), np.max([high for _, high in reaches], axis=0)
+        return box_around([shape.reach(self.T_base_link(link)) for shape in self.shapes.get(link, ()) if not shape.is_missing])
 
     def hangs_on_base(self, link: str) -> bool:
         """Whether a chain of joints leads from base_link to a link."""

@@ -6,11 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robot_body.urdf import Description, Joint
-
-Array = NDArray[np.float64]
 
 _ALONG = 0.999  # cosine between a wheel's axle and the y axis
 CASTER_M = 0.005  # a ball or roll of the body that comes so near to the ground carries it

@@ -68,7 +68,7 @@ class AskedService:
         def note() -> None:
             try:
                 found.append(ask())
-            except Exception as error:  # noqa: BLE001  # of whoever asked
+            except Exception as error:  # of whoever asked
                 found.append(error)
 
         if not self._asking.is_alive():

@@ -13,7 +13,7 @@ from sensor_msgs.msg import PointCloud2
 from point_cloud2 import read_points
 from rigid_geometry import transform_points
 from rigid_geometry.transforms import Transform
-from ros_adapters.conversions import stamp_of
+from ros_adapters.conversions import singles, stamp_of
 from ros_adapters.frames import frames
 from ros_adapters.node import Node
 from ros_adapters.octomap_server_config import OctomapServerConfig
@@ -84,7 +84,7 @@ class CloudInput:
             origins = np.broadcast_to(sensor_map, table.points.shape)
         points = transform_points(T_map_cloud, table.points)
         kept = self._counts(points, origins)
-        return PlacedCloud(stamp_of(message), _singles(points[kept]), _singles(origins[kept]), self._robot(message))
+        return PlacedCloud(stamp_of(message), singles(points[kept]), singles(origins[kept]), self._robot(message))
 
     def _robot(self, message: PointCloud2) -> Transform | None:
         """At the cloud's stamp, else the newest, half a second older at most: a cloud in the map's own frame waits for nobody."""
@@ -100,7 +100,3 @@ class CloudInput:
         high = (c.pointcloud_max_x, c.pointcloud_max_y, c.pointcloud_max_z)
         inside = ((points >= low) & (points <= high)).all(axis=1)
         return np.asarray(inside & (np.linalg.norm(points - origins, axis=1) >= self._min_range_m))
-
-
-def _singles(vectors: NDArray[np.floating]) -> NDArray[np.float32]:
-    return np.ascontiguousarray(vectors, np.float32)

@@ -13,7 +13,7 @@ from sensor_msgs.msg import JointState, LaserScan, PointCloud2, PointField
 from std_msgs.msg import Header
 
 from point_cloud2 import PointTable, read_points
-from rigid_geometry import quat_xyzw_from_transform, transform_from_quat, transform_from_rpy
+from rigid_geometry import FARTHEST_M, quat_xyzw_from_transform, transform_from_quat, transform_from_rpy
 from sweep_assembly import Scan, ScanGeometry
 
 M = TypeVar("M")
@@ -23,7 +23,7 @@ Singles = NDArray[np.float32]
 
 CLOUD_FIELDS = ("x", "y", "z", "vp_x", "vp_y", "vp_z")
 NORMAL_FIELDS = ("normal_x", "normal_y", "normal_z")
-FARTHEST_M = 1e8  # UTM's northings go to 1e7
+UNTURNED = Quaternion(0.0, 0.0, 0.0, 1.0)
 
 _END_OF_TIME_S = 2.0**32 - 1.0  # seconds are 32 bits
 _LAST_STAMP_S = _END_OF_TIME_S - 3600.0  # no driver means a later one, and what is reckoned from it can still be sent
@@ -98,16 +98,16 @@ def cloud_arrays(message: PointCloud2, expected_frame: str | None = None) -> tup
     if expected_frame is not None and message.header.frame_id != expected_frame:
         raise ValueError(f"cloud in frame {message.header.frame_id!r}, expected {expected_frame!r}")
     table, origins = _hits(message)
-    return _singles(table.points), _singles(origins)
+    return singles(table.points), singles(origins)
 
 
 def cloud_arrays_with_normals(message: PointCloud2) -> tuple[Singles, Singles, Singles | None]:
     """`cloud_arrays`, and (N, 3) normals where the cloud has them; points whose normal is not finite are left out."""
     table, origins = _hits(message)
     if table.normals is None:
-        return _singles(table.points), _singles(origins), None
+        return singles(table.points), singles(origins), None
     known = np.isfinite(table.normals).all(axis=1)
-    return _singles(table.points[known]), _singles(origins[known]), _singles(table.normals[known])
+    return singles(table.points[known]), singles(origins[known]), singles(table.normals[known])
 
 
 def _hits(message: PointCloud2) -> tuple[PointTable, NDArray[np.floating]]:
@@ -120,7 +120,8 @@ def _hits(message: PointCloud2) -> tuple[PointTable, NDArray[np.floating]]:
     return table, table.origins
 
 
-def _singles(vectors: NDArray[np.floating]) -> Singles:
+def singles(vectors: NDArray[np.floating]) -> Singles:
+    """Rows of numbers as they are sent."""
     return np.ascontiguousarray(vectors, np.float32)
 
 

@@ -3,17 +3,16 @@
 from collections.abc import Sequence
 
 import numpy as np
-from geometry_msgs.msg import Point, PoseStamped, Quaternion, Vector3
+from geometry_msgs.msg import Point, PoseStamped, Vector3
 from nav_msgs.msg import Path
 from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from ros_adapters.conversions import header, pose_message
+from ros_adapters.conversions import UNTURNED, header, pose_message
 from ros_adapters.frames import frames
 
 _COLOURS = {"odometry": ColorRGBA(0.6, 0.6, 0.6, 1.0), "match": ColorRGBA(1.0, 1.0, 1.0, 1.0), "loop": ColorRGBA(1.0, 0.2, 0.8, 1.0)}
-_UNTURNED = Quaternion(0.0, 0.0, 0.0, 1.0)
 
 
 def _marker(stamp_s: float, namespace: str, kind: int, size: float, colour: ColorRGBA, points: list[Point]) -> Marker:
@@ -26,7 +25,7 @@ def _marker(stamp_s: float, namespace: str, kind: int, size: float, colour: Colo
         scale=Vector3(size, size, size),
         color=colour,
     )
-    marker.pose.orientation = _UNTURNED
+    marker.pose.orientation = UNTURNED
     marker.points = points
     if not points:
         marker.action = Marker.DELETE

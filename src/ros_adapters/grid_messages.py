@@ -6,8 +6,8 @@ from nav_msgs.msg import MapMetaData, OccupancyGrid
 from numpy.typing import NDArray
 
 from octomap_server_3dnav.navigation.local_grid import TerrainGrid
-from rigid_geometry import transform_from_rpy
-from ros_adapters.conversions import FARTHEST_M, Singles, header, pose_message
+from rigid_geometry import FARTHEST_M, transform_from_rpy
+from ros_adapters.conversions import Singles, header, pose_message
 from ros_adapters.frames import frames
 
 

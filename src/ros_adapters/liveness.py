@@ -17,6 +17,7 @@ import rospy
 from ros_adapters.memory_use import Revived, memory_mb
 
 _TIMEOUT_S = 3.0
+_START_LIMIT_S = 40.0
 _AWAY_S = 60.0  # a process that takes longer to begin does not come
 
 
@@ -35,13 +36,13 @@ def why_it_stays_away(name: str, revived: Revived, away_s: float) -> str:
 class Liveness:
     """Watches nodes from their first registration on; one that has not come after a while counts as gone, too."""
 
-    def __init__(self, names: Sequence[str], start_limit_s: float = 40.0) -> None:
+    def __init__(self, names: Sequence[str]) -> None:
         self._names = list(names)
         self._addresses: dict[str, tuple[str, int]] = {}
         self._away_since_s: dict[str, float] = {}
         self._restarts: dict[str, int] = {}
         self._asking: threading.Thread | None = None
-        self._deadline = time.monotonic() + start_limit_s
+        self._deadline = time.monotonic() + _START_LIMIT_S
         self._master = rosgraph.Master(rospy.get_name())
 
     def gone(self) -> dict[str, str]:

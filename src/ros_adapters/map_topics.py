@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import rospy
-from geometry_msgs.msg import Point, Quaternion, Vector3
+from geometry_msgs.msg import Point, Vector3
 from nav_msgs.msg import OccupancyGrid, Path
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
@@ -16,7 +16,7 @@ from octomap_server_3dnav.navigation.class_colours import CLASS_RGB
 from octomap_server_3dnav.navigation.local_grid import project
 from octomap_server_3dnav.octree.octree import OctreeMap
 from octomap_server_3dnav.terrain.classify import Terrain, TerrainClass
-from ros_adapters.conversions import cloud_message, header, path_message
+from ros_adapters.conversions import UNTURNED, cloud_message, header, path_message
 from ros_adapters.frames import frames
 from ros_adapters.grid_messages import occupancy_grid_message
 from ros_adapters.node import Node
@@ -24,7 +24,6 @@ from ros_adapters.octomap_messages import Octomap, whole_octomap
 
 Voxels = tuple[NDArray[np.float32], NDArray[np.float32]]
 
-_UNTURNED = Quaternion(0.0, 0.0, 0.0, 1.0)
 _LINK_COLOUR = ColorRGBA(0.9, 0.9, 0.9, 0.6)
 _OCCUPIED_COLOUR = ColorRGBA(0.62, 0.65, 0.68, 1.0)
 _FREE_COLOUR = ColorRGBA(0.3, 0.8, 0.3, 0.3)
@@ -39,7 +38,7 @@ def _cubes(stamp_s: float, namespace: str, number: int, centers: NDArray[np.floa
     marker = Marker(
         header=header(stamp_s, frames().map), ns=namespace, id=number, type=Marker.CUBE_LIST, scale=Vector3(size, size, size), color=colour
     )
-    marker.pose.orientation = _UNTURNED
+    marker.pose.orientation = UNTURNED
     marker.points = _points(centers)
     marker.action = Marker.ADD if marker.points else Marker.DELETE
     return marker
@@ -80,7 +79,7 @@ def graph_lines(stamp_s: float, terrain: Terrain) -> MarkerArray:
         scale=Vector3(0.01, 0.0, 0.0),
         color=_LINK_COLOUR,
     )
-    marker.pose.orientation = _UNTURNED
+    marker.pose.orientation = UNTURNED
     marker.points = _points(np.concatenate(ends) + np.array([0.0, 0.0, 0.06]))
     return MarkerArray([marker])
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import rospy
 
-from stage_config import ConfigError, check_ranges, load_config, parameter
+from stage_config import ConfigError, check_below, check_ranges, load_config, parameter
 
 STOP_AND_GO, DRIVING, OFF = MODES = ("stop_and_go", "driving", "off")
 
@@ -22,10 +22,7 @@ class ResultTimes:
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
-        problems = check_ranges(self)
-        if self.cloud_within_s >= self.after_s:
-            problems.append(f"cloud_within_s = {self.cloud_within_s} is not below after_s = {self.after_s}")
-        return problems
+        return check_ranges(self) + check_below(self, "cloud_within_s", "after_s")
 
 
 def result_times(node: str) -> ResultTimes:

@@ -175,7 +175,7 @@ class Node:
                 self.diagnostics.dropped(f"bad {name}", str(error))
             except NO_ANSWER as error:
                 self.diagnostics.dropped("service that failed", str(error))
-            except Exception as error:  # noqa: BLE001  # of whatever kind: it is told
+            except Exception as error:  # of whatever kind: it is told
                 if not rospy.core.is_shutdown_requested():
                     break_off(self.name, self.life, error)
                 elif not isinstance(error, rospy.ROSException):  # for topics are closed then

@@ -9,7 +9,7 @@ import numpy as np
 import rospy
 from explore_3dnav.msg import ZoneList
 from explore_3dnav.srv import SetZones, SetZonesRequest, SetZonesResponse
-from geometry_msgs.msg import Point, Quaternion, Vector3
+from geometry_msgs.msg import Point, Vector3
 from numpy.typing import NDArray
 from std_msgs.msg import ColorRGBA
 from std_srvs.srv import Trigger
@@ -17,7 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from map_zones import Zone, Zones, read_zones, write_zones, zones_from_mapping
 from ros_adapters.asking import waiting_for
-from ros_adapters.conversions import header
+from ros_adapters.conversions import UNTURNED, header
 from ros_adapters.frames import frames
 from ros_adapters.node import Node
 from ros_adapters.zone_messages import zone_list, zones_of
@@ -118,6 +118,6 @@ def _outline(name: str, number: int, zone: Zone, height: float, colour: ColorRGB
     marker = Marker(
         header=header(0.0, frames().map), ns=name, id=number, type=Marker.LINE_STRIP, scale=Vector3(_WIDTH_M, 0.0, 0.0), color=colour
     )
-    marker.pose.orientation = Quaternion(0.0, 0.0, 0.0, 1.0)
+    marker.pose.orientation = UNTURNED
     marker.points = [Point(x, y, height) for x, y in [*zone.polygon.tolist(), zone.polygon[0].tolist()]]
     return marker

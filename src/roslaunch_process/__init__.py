@@ -4,6 +4,6 @@ Below the programs ./explore, ./replay and ./evaluate.
 """
 
 from roslaunch_process.children import descendants, end_with_parent, send
-from roslaunch_process.launch import ROS_PORTS, free_port, hand_on_signals, shown_lines, start_launch
+from roslaunch_process.launch import free_port, hand_on_signals, shown_lines, start_launch
 
-__all__ = ["ROS_PORTS", "descendants", "end_with_parent", "free_port", "hand_on_signals", "send", "shown_lines", "start_launch"]
+__all__ = ["descendants", "end_with_parent", "free_port", "hand_on_signals", "send", "shown_lines", "start_launch"]

@@ -44,7 +44,6 @@ def start_launch(
     port: int | None,
     log_folder: Path | None,
     sigint_timeout_s: int,
-    sigterm_timeout_s: int = 2,
     kept_open: Sequence[int] = (),
 ) -> "subprocess.Popen[str]":
     """roslaunch with name:=value arguments, its output in a pipe, in a process group of its own.
@@ -54,7 +53,7 @@ def start_launch(
     A port of None joins the master that runs; a log folder of None is ROS's.
     """
     of_master = [] if port is None else ["--port", str(port)]
-    timeouts = [f"--sigint-timeout={sigint_timeout_s}", f"--sigterm-timeout={sigterm_timeout_s}"]
+    timeouts = [f"--sigint-timeout={sigint_timeout_s}", "--sigterm-timeout=2"]
     command = [sys.executable, "-m", "roslaunch_process.keeper", "roslaunch", *of_master, *timeouts, _PACKAGE, file]
     return subprocess.Popen(
         [*command, *(f"{name}:={value}" for name, value in arguments.items())],

@@ -59,11 +59,11 @@ def path(stamp_s: float, stamps_s: Sequence[float], poses: Floats) -> object:
     return _new("nav_msgs/Path", _header(stamp_s), posed)
 
 
-def transform(stamp_s: float, T: Transform, child: str = "base_link") -> object:
+def transform(stamp_s: float, T: Transform) -> object:
     """TFMessage of one frame in map."""
     moved = _new("geometry_msgs/Vector3", *map(float, T[:3, 3]))
     turned = _new("geometry_msgs/Quaternion", *map(float, quat_xyzw_from_transform(T)))
-    stamped = _new("geometry_msgs/TransformStamped", _header(stamp_s), child, _new("geometry_msgs/Transform", moved, turned))
+    stamped = _new("geometry_msgs/TransformStamped", _header(stamp_s), "base_link", _new("geometry_msgs/Transform", moved, turned))
     return _new("tf2_msgs/TFMessage", [stamped])
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from stage_config import check_ranges, parameter
+from stage_config import check_below, check_ranges, parameter
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,4 @@ class ScanTrackingConfig:
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
-        found = check_ranges(self)
-        if self.min_range_m >= self.max_range_m:
-            found.append(f"min_range_m = {self.min_range_m} is not below max_range_m = {self.max_range_m}")
-        return found
+        return check_ranges(self) + check_below(self, "min_range_m", "max_range_m")

@@ -3,7 +3,17 @@
 It also reads the YAML in which people write one.
 """
 
-from stage_config.loading import ConfigError, Configuration, check_ranges, documented, load_config, parameter, to_mapping
+from stage_config.loading import (
+    ConfigError,
+    Configuration,
+    check_below,
+    check_ranges,
+    documented,
+    load_config,
+    nearest,
+    parameter,
+    to_mapping,
+)
 from stage_config.runtime import RuntimeParameter, changed_sections, runtime_parameters
 from stage_config.yaml_text import yaml_values
 
@@ -12,9 +22,11 @@ __all__ = [
     "Configuration",
     "RuntimeParameter",
     "changed_sections",
+    "check_below",
     "check_ranges",
     "documented",
     "load_config",
+    "nearest",
     "parameter",
     "runtime_parameters",
     "to_mapping",

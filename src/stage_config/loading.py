@@ -67,6 +67,12 @@ def check_ranges(config: Configuration) -> list[str]:
     return [f"{name} = {value!r} {text}" for name, value, text in found if text]
 
 
+def check_below(config: Configuration, low: str, high: str) -> list[str]:
+    """The violation, as a sentence, of a field whose value has to lie below that of another; none where it does."""
+    a, b = getattr(config, low), getattr(config, high)
+    return [f"{low} = {a} is not below {high} = {b}"] if a >= b else []
+
+
 def _coerce(field: dataclasses.Field[Any], value: Any) -> Any:
     """`value` in the type of the field's default; TypeError when it does not fit without loss."""
     wanted = type(field.default)
@@ -79,9 +85,10 @@ def _coerce(field: dataclasses.Field[Any], value: Any) -> Any:
     return value
 
 
-def _unknown(name: str, known: Collection[str], others: Collection[str]) -> str:
+def nearest(name: str, known: Collection[str], others: Collection[str] = ()) -> str:
+    """What to add to a complaint of a name that nobody knows: the nearest of those that are known or stand beside them, or all known."""
     near = difflib.get_close_matches(name, [*known, *others], n=1, cutoff=0.5)
-    return f"unknown parameter {name}" + (f", did you mean {near[0]}?" if near else f"; known: {', '.join(known)}")
+    return f", did you mean {near[0]}?" if near else f"; known: {', '.join(filter(None, known))}"
 
 
 def load_config(cls: type[C], values: Mapping[str, object], others: Collection[str] = ()) -> C:
@@ -94,7 +101,7 @@ def load_config(cls: type[C], values: Mapping[str, object], others: Collection[s
     known: dict[str, Any] = {}
     for name, value in values.items():
         if name not in fields:
-            problems.append(_unknown(name, fields, others))
+            problems.append(f"unknown parameter {name}{nearest(name, fields, others)}")
             continue
         try:
             known[name] = _coerce(fields[name], value)

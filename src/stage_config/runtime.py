@@ -1,11 +1,10 @@
 """Parameters that may be changed while a stage runs: fields marked `at_runtime`, named as dynamic_reconfigure wants names."""
 
-import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
-from stage_config.loading import ConfigError, Configuration, load_config, to_mapping
+from stage_config.loading import ConfigError, Configuration, load_config, nearest, to_mapping
 
 Value = bool | int | float | str
 
@@ -89,5 +88,4 @@ def _limits(value: Value) -> tuple[Value, Value]:
 def _unknown(name: str, sections: Mapping[str, Configuration], known: Mapping[str, RuntimeParameter]) -> str:
     if name in {_flat(section, f.name) for section, config in sections.items() for f in fields(config)}:
         return f"{name} cannot be changed while the node runs: set it before the start"
-    near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-    return f"unknown parameter {name}" + (f", did you mean {near[0]}?" if near else f"; known: {', '.join(known)}")
+    return f"unknown parameter {name}{nearest(name, known)}"

@@ -7,7 +7,7 @@ _MERGE = "tag:yaml.org,2002:merge"  # <<, of which several add up
 
 def yaml_values(text: str | bytes) -> object:
     """What `yaml.safe_load` makes of a text. yaml.YAMLError, also for a key that stands twice in a mapping, with its lines."""
-    return yaml.load(text, _OnceLoader)  # noqa: S506  # a SafeLoader
+    return yaml.load(text, _OnceLoader)  # a SafeLoader
 
 
 class _OnceLoader(yaml.SafeLoader):

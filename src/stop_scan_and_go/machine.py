@@ -63,11 +63,6 @@ class StopScanAndGo:
         return self._state
 
     @property
-    def sweep_kind(self) -> SweepKind | None:
-        """Why the sweep that is prepared, made or mapped is made; None otherwise."""
-        return self._kind
-
-    @property
     def began_s(self) -> float:
         """When the run began, by the clock as it is set now."""
         return self._began_s

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mount_calibration import Place, TiltDirection, TiltedBeams, steady_directions
 from rigid_geometry import (
+    STAMP_TOLERANCE_S,
     StampedBuffer,
     as_transform,
     interpolate_transforms,
@@ -26,7 +27,7 @@ from rigid_geometry import (
     translation_distance,
 )
 from sweep_assembly.assembly_config import SweepAssemblyConfig
-from sweep_assembly.beams import STAMP_TOLERANCE_S, Beams, FreeBeams, Sensor
+from sweep_assembly.beams import Beams, FreeBeams, Sensor
 from sweep_assembly.geometry import FloatArray, TiltGeometry
 from sweep_assembly.stray_points import stray_points
 from sweep_assembly.sweep_window import NodWindowDetector, SweepWindow, SweepWindowDetector, TravelWindowDetector
@@ -44,7 +45,7 @@ class Sweep:
     `stamp_s`, `start_stamp_s`: the ends of its `SweepWindow`.
     `points`: (N, 3) float32 metres, in the order in which they were measured. `origins`: (N, 3) float32, where the laser was
     for each of them. `free_ends`, `free_origins`: (M, 3) float32, the same for a thinned part of the beams that met nothing, cut at
-    `free_range_m`: what lies along them was seen to be free. `scans`: how many scans or revolutions gave points.
+    `free_range_m`: what lies along them was seen to be free.
     `missing`: share of the readings that are not among them; NaN where a reading does not tell when the next one comes.
     `place`: the same hits as the mount's calibration takes them; None when the robot moved meanwhile, or the mount went one way only.
     """
@@ -55,7 +56,6 @@ class Sweep:
     origins: NDArray[np.float32]
     free_ends: NDArray[np.float32]
     free_origins: NDArray[np.float32]
-    scans: int
     place: Place | None = None
     missing: float = math.nan
 
@@ -185,7 +185,7 @@ class SweepAssembler:
         if not len(points):
             return None
         free_ends, free_origins = along_nodes(*trajectory, beams.free_times_s, beams.free_ends)
-        whole = (window.end_stamp_s, window.start_stamp_s, points, origins, free_ends, free_origins, beams.scans)
+        whole = (window.end_stamp_s, window.start_stamp_s, points, origins, free_ends, free_origins)
         return Sweep(*whole, self._place(window, beams), self._missing(window, stamps, scans))
 
     def _without_strays(self, points: NDArray[np.float32], origins: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

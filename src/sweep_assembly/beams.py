@@ -7,11 +7,10 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rigid_geometry import STAMP_TOLERANCE_S
 from sweep_assembly.geometry import FloatArray
 from sweep_assembly.revolution import LidarConfig, Revolution, free_directions
 from sweep_assembly.scan import Scan
-
-STAMP_TOLERANCE_S = 1e-6
 
 Reading = TypeVar("Reading")
 """One scan or one revolution."""
@@ -19,16 +18,12 @@ Reading = TypeVar("Reading")
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """(N, 3) hits and (M, 3) ends of free beams in `laser`, metres, with their (N,) and (M,) times, in the order of measurement.
-
-    `scans`: how many scans or revolutions gave hits.
-    """
+    """(N, 3) hits and (M, 3) ends of free beams in `laser`, metres, with their (N,) and (M,) times, in the order of measurement."""
 
     times_s: FloatArray
     hits: FloatArray
     free_times_s: FloatArray
     free_ends: FloatArray
-    scans: int
 
 
 @dataclass(frozen=True)
@@ -85,7 +80,7 @@ class LaserScans:
         nothing = np.flatnonzero(inside & np.isposinf(ranges))
         nothing = nothing[nothing % free.stride == 0]
         ends, free_ends = ranges[hits, None] * directions[hits], min(free.range_m, scan.range_max_m) * directions[nothing]
-        return Beams(times[hits], ends, times[nothing], free_ends, int(hits.size > 0))
+        return Beams(times[hits], ends, times[nothing], free_ends)
 
 
 @dataclass(frozen=True)
@@ -118,7 +113,7 @@ class LidarRevolutions:
         thinned &= np.isfinite(directions[:, 0])
         hit, free_times = inside & ~nothing, stamp_s + whole.times_s[nothing][thinned]
         hits = whole.points[hit].astype(np.float64)
-        return Beams(stamp_s + whole.times_s[hit], hits, free_times, free.range_m * directions[thinned], int(hit.any()))
+        return Beams(stamp_s + whole.times_s[hit], hits, free_times, free.range_m * directions[thinned])
 
 
 def _joined(parts: Sequence[Beams]) -> Beams:
@@ -127,7 +122,6 @@ def _joined(parts: Sequence[Beams]) -> Beams:
         np.concatenate([part.hits for part in parts]),
         np.concatenate([part.free_times_s for part in parts]),
         np.concatenate([part.free_ends for part in parts]),
-        sum(part.scans for part in parts),
     )
 
 

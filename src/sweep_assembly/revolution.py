@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from point_cloud2 import BeamCloud
 from point_cloud2.driver_fields import Use, fields_for
-from stage_config import check_ranges, parameter
+from stage_config import check_below, check_ranges, parameter
 
 FloatArray = NDArray[np.float64]
 
@@ -26,10 +26,7 @@ class LidarConfig:
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
-        found = check_ranges(self)
-        if self.lowest_rad >= self.highest_rad:
-            found.append(f"lowest_rad = {self.lowest_rad} is not below highest_rad = {self.highest_rad}")
-        return found
+        return check_ranges(self) + check_below(self, "lowest_rad", "highest_rad")
 
     @property
     def duration_s(self) -> float:

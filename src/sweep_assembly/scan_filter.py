@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from robot_body import RobotBody
-from stage_config import check_ranges, parameter
+from stage_config import check_below, check_ranges, parameter
 from sweep_assembly.geometry import FloatArray, ScanGeometry, TiltGeometry
 from sweep_assembly.scan import Ranges, Scan
 
@@ -38,10 +38,7 @@ class ScanFilterConfig:
 
     def validate(self) -> list[str]:
         """All violations, as sentences."""
-        found = check_ranges(self)
-        if self.min_range_m >= self.max_range_m:
-            found.append(f"min_range_m = {self.min_range_m} is not below max_range_m = {self.max_range_m}")
-        return found
+        return check_ranges(self) + check_below(self, "min_range_m", "max_range_m")
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem, OneLineParser
-from mapping_tools.tool_errors import code_of
+from mapping_tools.tool_errors import code_of, say
 from octomap_server_3dnav.exploration import first_decision
 from octomap_server_3dnav.terrain.classify import Terrain
+from rigid_geometry import FARTHEST_M
 from robot_body import robot_file
 from terrain_tools import octree_survey
 from terrain_tools.analysis import Analysis, analyse
@@ -29,9 +30,8 @@ from whole_files import check_folder
 
 Array = NDArray[np.float64]
 
-FOUND, NOT_FOUND, BAD_INPUT = 0, 1, 2
+FOUND, NOT_FOUND = 0, 1
 _USABLE_SHARE = 0.8  # of the memory that is free
-_FARTHEST_M = 1e8  # what no place on earth is away
 _GOAL_TOLERANCE_M = 0.5
 _DEFAULTS = Criteria()
 _DESCRIPTION = f"""Tells the ground that a robot can drive on from obstacles, cliffs and what was not seen, in a map that is a file,
@@ -99,7 +99,7 @@ def classify_map(options: argparse.Namespace) -> int:
     for module in (octree_survey, first_decision):
         module.compile_kernels()  # loads them: the times are those of the map
     begun = time.perf_counter()
-    found_map = read_map(options.map, by, options.resolution, options.origins, _allowed_bytes(options.max_memory), _say)
+    found_map = read_map(options.map, by, options.resolution, options.origins, _allowed_bytes(options.max_memory), say)
     read_s = time.perf_counter() - begun
     start, goal = (_near(point, found_map.origin) for point in (options.start, options.goal))
     assert start is not None
@@ -109,7 +109,7 @@ def classify_map(options: argparse.Namespace) -> int:
     if found.terrain is not None:
         print(summary(found, found.terrain))
     if found.problem:
-        _say(f"./classify_map: {found.problem}")
+        say(f"./classify_map: {found.problem}")
     return NOT_FOUND if found.problem else FOUND
 
 
@@ -132,8 +132,8 @@ def _near(point: list[float] | None, origin: Array) -> Point | None:
 def _check(options: argparse.Namespace) -> None:
     for name in ("start", "goal"):
         point = getattr(options, name)
-        if point is not None and not all(abs(v) <= _FARTHEST_M for v in point):
-            raise ArgumentProblem(f"--{name} {' '.join(f'{v:g}' for v in point)}: expected three numbers of at most {_FARTHEST_M:g} m")
+        if point is not None and not all(abs(v) <= FARTHEST_M for v in point):
+            raise ArgumentProblem(f"--{name} {' '.join(f'{v:g}' for v in point)}: expected three numbers of at most {FARTHEST_M:g} m")
     for name, value in (("goal-tolerance", options.goal_tolerance), ("max-memory", options.max_memory)):
         if value is not None and not (math.isfinite(value) and value > 0):
             raise ArgumentProblem(f"--{name} {value:g}: expected a positive number")
@@ -184,10 +184,6 @@ def summary(found: Analysis, terrain: Terrain) -> str:
 
 def _times(found: Analysis) -> str:
     return ", ".join(f"{step.replace('_', ' ')} {1e3 * seconds:,.0f} ms" for step, seconds in found.time_s.items())
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

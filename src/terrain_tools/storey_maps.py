@@ -9,11 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from octomap_server_3dnav.navigation.storey import STOREY_M
-from octomap_server_3dnav.terrain.classify import TerrainClass
+from octomap_server_3dnav.navigation.storey import GROUND, LETHAL, STOREY_M
 from terrain_tools.storeys import Classified, storeys
 
-_GROUND, _LETHAL = (TerrainClass.TRAVERSABLE, TerrainClass.INFLATION), (TerrainClass.OBSTACLE, TerrainClass.CLIFF)
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 """Grey values, as map_saver writes them."""
 _PIXEL_SCALE, _TIE_POINT, _GEO_KEYS, _NO_DATA = 33550, 33922, 34735, 42113  # tags of a GeoTIFF
@@ -70,7 +68,7 @@ def storey_maps(voxels: Classified) -> list[StoreyMap]:
 def _map_of(v: Classified, of_storey: NDArray[np.bool_]) -> StoreyMap:
     """What is lethal wins over ground of about its height, as in the costmap."""
     x, y = v.ix - v.ix.min(), v.iy - v.iy.min()
-    ground, lethal = (np.flatnonzero(of_storey & np.isin(v.label, classes)) for classes in (_GROUND, _LETHAL))
+    ground, lethal = (np.flatnonzero(of_storey & np.isin(v.label, classes)) for classes in (GROUND, LETHAL))
     height = np.full((int(y.max()) + 1, int(x.max()) + 1), -np.inf, dtype=np.float32)
     np.maximum.at(height, (y[ground], x[ground]), ((v.z[ground] + 1) * v.resolution).astype(np.float32))
     height[np.isinf(height)] = np.nan

@@ -28,6 +28,11 @@ class Mesh(Surface):
     origin: Array
     missing: tuple[str, ...] = ()
 
+    @property
+    def bounds_xy(self) -> Array:
+        """(2, 2) lowest and highest x, y."""
+        return np.array([self.vertices[:, :2].min(axis=0), self.vertices[:, :2].max(axis=0)])
+
 
 @dataclass(frozen=True)
 class HeightField:

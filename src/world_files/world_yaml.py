@@ -8,14 +8,13 @@ ground: 0.0              # a floor at this height, where the file has none
 """
 
 import dataclasses
-import difflib
 import math
 from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
 
-from stage_config import yaml_values
+from stage_config import nearest, yaml_values
 
 DESCRIPTION_SUFFIXES = (".yaml", ".yml")
 
@@ -66,7 +65,7 @@ def read_description(path: Path) -> WorldDescription:
         raise ValueError(f"{path}: up: {values['up']!r} is no axis")
     known = [field.name for field in dataclasses.fields(WorldDescription)]
     if unknown := [str(key) for key in values if key not in known]:
-        raise ValueError(f"{path}: {'; '.join(_unknown(key, known) for key in unknown)}")
+        raise ValueError(f"{path}: {'; '.join(f'unknown key {key}{nearest(key, known)}' for key in unknown)}")
     return WorldDescription(
         world=_world(values["world"], path.parent),
         start=_floats(path, values, "start", (3, 4)),
@@ -78,11 +77,6 @@ def read_description(path: Path) -> WorldDescription:
         ground=_float(path, values, "ground"),
         movers=values.get("movers"),
     )
-
-
-def _unknown(key: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(key, known, n=1, cutoff=0.5)
-    return f"unknown key {key}" + (f", did you mean {near[0]}?" if near else f"; known: {', '.join(known)}")
 
 
 def _world(text: str, folder: Path) -> str:

@@ -25,7 +25,7 @@ from ros_adapters.conversions import header, pose_message, stamp_of
 from ros_adapters.node import READY_TOPIC
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "system"))
-from slow_machine import slowness  # noqa: E402, F401  # for the tests
+from slow_machine import slowness  # noqa: F401  # for the tests
 
 TIMEOUT_S = 60.0  # what does not come within it does not come on a slow machine either
 QUIET_S = 0.3

@@ -34,7 +34,7 @@ from ros_adapters.conversions import (
 )
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "unit" / "run_replay"))
-from recorded_runs import LAST_S, SWEEP_STAMPS_S, T_WORLD_MAP, true_poses, wall_world, write_run  # noqa: E402
+from recorded_runs import LAST_S, SWEEP_STAMPS_S, T_WORLD_MAP, true_poses, wall_world, write_run
 
 NODE = "run_replay_node"
 LIMIT_S = 160.0

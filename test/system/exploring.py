@@ -5,6 +5,7 @@ import os
 import queue
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -20,6 +21,13 @@ RUN_MARK = "EXPLORE_3DNAV_TEST_RUN"
 REVIVAL = " -m node_revival "  # what stands above a node and starts it again
 GONE_AFTER_KILL_S = 5.0  # promised, of all that a killed parent leaves behind
 _ONE_SWEEP = re.compile(r"\b1 sweeps\b")
+
+
+def free_port() -> int:
+    """A port of localhost that nobody has now."""
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return int(probe.getsockname()[1])
 
 
 def running_with(mark: str) -> dict[int, str]:

@@ -4,7 +4,7 @@ import copy
 import math
 import random
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import genpy
@@ -103,6 +103,3 @@ class _Nowhere:
     def getvalue(self) -> bytes:
         """Nothing."""
         return b""
-
-
-Maker = Callable[[float], Any]

@@ -4,7 +4,6 @@ import os
 import random
 import re
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from exploring import PACKAGE
+from exploring import PACKAGE, free_port
 from message_mutations import can_be_sent, mutated, of_no_numbers
 
 from explore_command.parameters import ROBOT_NODES
@@ -72,12 +71,6 @@ class Nodes:
                 process.wait(max(deadline - time.monotonic(), 0.1))
             except subprocess.TimeoutExpired:
                 process.kill()
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        return int(probe.getsockname()[1])
 
 
 def until(condition: Callable[[], bool], timeout_s: float, what: str) -> None:

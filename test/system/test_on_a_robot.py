@@ -1,22 +1,15 @@
 """`sim:=false`: the robot is another program at the topics, here the simulator by itself, in real time and with today's stamps."""
 
-import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from xmlrpc.client import ServerProxy
 
-from exploring import PACKAGE, ExploreRun, summary
+from exploring import PACKAGE, ExploreRun, free_port, summary
 
 DRIVEN_S = 60
 LIMIT_S = 150.0
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        return int(probe.getsockname()[1])
 
 
 def roslaunch(port: int, arguments: str) -> ExploreRun:

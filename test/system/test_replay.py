@@ -9,7 +9,7 @@ from exploring import PACKAGE, ExploreRun
 from slow_machine import slowness
 
 sys.path.insert(0, str(PACKAGE / "test" / "unit" / "run_replay"))
-from recorded_runs import write_run  # noqa: E402
+from recorded_runs import write_run
 
 LIMIT_S = 90.0
 END_LIMIT_S = 15.0

@@ -1,14 +1,13 @@
 """What the robot is told falls silent while it drives, or a node dies: the wheels stand, /diagnostics names it, and the run goes on."""
 
 import os
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from exploring import PACKAGE, ExploreRun
+from exploring import PACKAGE, ExploreRun, free_port
 from slow_machine import LONGEST_S
 from wheels_watcher import wake_up
 
@@ -31,12 +30,6 @@ MOVE_IT = (  # without any of these no command is sent
     "move_base_node",
     "stop_scan_and_go_node",
 )
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        return int(probe.getsockname()[1])
 
 
 @pytest.fixture(scope="class")

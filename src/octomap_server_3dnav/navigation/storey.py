@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
 
 STOREY_M = 0.5  # ground that differs by less in height is of one storey: between two the robot fits
-_GROUND, _LETHAL = (TerrainClass.TRAVERSABLE, TerrainClass.INFLATION), (TerrainClass.OBSTACLE, TerrainClass.CLIFF)
+GROUND, LETHAL = (TerrainClass.TRAVERSABLE, TerrainClass.INFLATION), (TerrainClass.OBSTACLE, TerrainClass.CLIFF)
 _FAR = np.iinfo(np.int32).max  # steps to where no way leads
 
 
@@ -37,7 +37,7 @@ def robot_storey(terrain: Terrain) -> Storey:
     level = terrain.z[np.where(nodes < terrain.surface_count, nodes, before[nodes])].astype(np.int64)
     is_of_storey = np.abs(level - _level_of_nearest(terrain, nodes, steps[before[nodes]], level)) * terrain.resolution < STOREY_M
     nodes = nodes[is_of_storey]
-    return Storey(nodes[np.isin(terrain.label[nodes], _GROUND)], nodes[np.isin(terrain.label[nodes], _LETHAL)])
+    return Storey(nodes[np.isin(terrain.label[nodes], GROUND)], nodes[np.isin(terrain.label[nodes], LETHAL)])
 
 
 def _level_of_nearest(terrain: Terrain, nodes: NDArray[np.int64], away: NDArray[np.int32], level: NDArray[np.int64]) -> NDArray[np.int64]:

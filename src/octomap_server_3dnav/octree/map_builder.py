@@ -165,12 +165,6 @@ class MapBuilder:
             self._sweeps[-1].cleared += cleared
 
     @property
-    def sweep_bytes(self) -> int:
-        """What is kept of the sweeps besides tree and heights, on the shelf or in memory: beams, to trace them anew, and what they saw."""
-        arrays = (array for s in self._sweeps for part in (s.beams(), s.hits()) for array in vars(part).values())
-        return sum(int(array.nbytes) for array in arrays) + sum(voxels.memory_bytes() for s in self._sweeps for voxels in s.voxels)
-
-    @property
     def tree(self) -> OctreeMap:
         """The octree, with every sweep where it is now; the same object until `configure`."""
         self._redraw(list(self._moved))

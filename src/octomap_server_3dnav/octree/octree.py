@@ -145,21 +145,16 @@ class OctreeMap:
         """
         self._tree.redraw(changed, inserted)
 
-    def clear_box(self, lo: ArrayLike, hi: ArrayLike) -> None:
-        """Make all known voxels in the box free, as octomap_server's `~clear_bbx` does; unknown ones stay unknown."""
-        self._tree.free_known(*self._box(lo, hi))
-
     def trace_clearing(self, lo: ArrayLike, hi: ArrayLike) -> list[SweepVoxels]:
-        """Sweeps that see all known voxels in the box free, as many as make the surest free: inserted, they do what `clear_box` does."""
+        """Sweeps that see all known voxels in the box free, as many as make the surest free; unknown ones stay unknown.
+
+        Inserted, they do what octomap_server's `~clear_bbx` does. ValueError for no box, or a miss of 0.5.
+        """
         model = self._model
         if model.miss == 0.5:
             raise ValueError("sensor_model/miss is 0.5: nothing is ever seen free, so nothing can be cleared")
         low, high, miss = (math.log(p / (1.0 - p)) for p in (model.min, model.max, model.miss))
         return [self._tree.known_free(*self._box(lo, hi))] * math.ceil((high - low) / -miss)
-
-    def reset(self) -> None:
-        """Forget everything, as octomap_server's `~reset` does."""
-        self._tree.clear()
 
     # -- asking it
 

@@ -13,6 +13,8 @@ from octomap_server_3dnav.octree.columns import Columns
 
 UNREACHED, TRAVERSABLE, OBSTACLE, CLIFF, INFLATION, FRONTIER, POTENTIAL_CLIFF = 255, 0, 1, 2, 3, 4, 5
 """Labels of nodes, as the kernels take them; those but the first are of `TerrainClass`."""
+_REACH_M = 0.3  # height between a point and the surface that it lies on
+_SLOPE_RADIUS_M = 0.4
 
 
 class TerrainClass(IntEnum):
@@ -108,8 +110,8 @@ class Terrain:
         """Indices of the nodes of floor that was not seen, of both kinds."""
         return np.flatnonzero((self.label == TerrainClass.FRONTIER) | (self.label == TerrainClass.POTENTIAL_CLIFF))
 
-    def surface_near(self, xyz: NDArray[np.floating] | tuple[float, float, float], reach_m: float = 0.3) -> int | None:
-        """Surface node of the column at a point in map that is nearest in height, within `reach_m`; None when there is none."""
+    def surface_near(self, xyz: NDArray[np.floating] | tuple[float, float, float]) -> int | None:
+        """Surface node of the column at a point in map that is nearest in height, within 0.3 m; None when there is none."""
         wx = math.floor(xyz[0] / self.resolution) - self.window_key[0]
         wy = math.floor(xyz[1] / self.resolution) - self.window_key[1]
         if not (0 <= wx < self.columns.nx and 0 <= wy < self.columns.ny):
@@ -119,12 +121,12 @@ class Terrain:
         if not nodes.size:
             return None
         gaps = np.abs((self.z[nodes] + 0.5) * self.resolution - xyz[2])
-        return int(nodes[np.argmin(gaps)]) if gaps.min() <= reach_m else None
+        return int(nodes[np.argmin(gaps)]) if gaps.min() <= _REACH_M else None
 
-    def slope_near(self, xyz: NDArray[np.floating] | tuple[float, float, float], radius_m: float = 0.4) -> float | None:
+    def slope_near(self, xyz: NDArray[np.floating] | tuple[float, float, float]) -> float | None:
         """Steepest slope in radians of the plane through the surface around a point in map; None when fewer than six voxels are there."""
         centers = self.centers(slice(0, self.surface_count)) - np.asarray(xyz, dtype=np.float64)
-        near = centers[(np.hypot(centers[:, 0], centers[:, 1]) <= radius_m) & (np.abs(centers[:, 2]) <= radius_m)]
+        near = centers[(np.hypot(centers[:, 0], centers[:, 1]) <= _SLOPE_RADIUS_M) & (np.abs(centers[:, 2]) <= _SLOPE_RADIUS_M)]
         if len(near) < 6:
             return None
         gradient = np.linalg.lstsq(np.column_stack([near[:, :2], np.ones(len(near))]), near[:, 2], rcond=None)[0][:2]

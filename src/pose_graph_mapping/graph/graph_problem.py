@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 import heapq
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import gtsam
@@ -121,11 +122,17 @@ def minimised(
     params.setMaxIterations(iterations)
     params.setRelativeErrorTol(relative_tolerance)
     params.setAbsoluteErrorTol(absolute_tolerance)
-    try:
+    with singular_is_told():
         return gtsam.LevenbergMarquardtOptimizer(factors, start, params).optimize()
+
+
+@contextmanager
+def singular_is_told() -> Iterator[None]:
+    """gtsam's word for singular equations as GraphNotSolvable."""
+    try:
+        yield
     except RuntimeError as error:
-        reason = " ".join(str(error).split())[:200]
-        raise GraphNotSolvable(f"the equations of the graph are singular: {reason}") from error
+        raise GraphNotSolvable(f"the equations of the graph are singular: {' '.join(str(error).split())[:200]}") from error
 
 
 def tree_poses(vertices: int, edges: Sequence[Edge], roots: Mapping[int, Array]) -> Array:

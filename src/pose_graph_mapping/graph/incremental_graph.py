@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 
 import gtsam
 import numpy as np
@@ -11,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import SuperLU, splu
 
-from pose_graph_mapping.graph.graph_measurements import Edge, GraphNotSolvable, Gravity
-from pose_graph_mapping.graph.graph_problem import GraphProblem, edge_factor, gravity_factor, poses_of
+from pose_graph_mapping.graph.graph_measurements import Edge, Gravity
+from pose_graph_mapping.graph.graph_problem import GraphProblem, edge_factor, gravity_factor, poses_of, singular_is_told
 
 Array = NDArray[np.float64]
 
@@ -71,7 +70,7 @@ class IncrementalGraph:
 
     def relative_covariance(self, i: int, j: int) -> Array:
         """(6, 6) covariance of T_i_j, rotation first, in the body frame of j, of everything measured."""
-        with _singular_is_told():
+        with singular_is_told():
             joint = self._isam.jointMarginalCovariance([i, j])
         return self._relative(i, j, (joint.at(i, i), joint.at(i, j), joint.at(j, j)))
 
@@ -80,7 +79,7 @@ class IncrementalGraph:
         if not ids:
             return np.empty((0, 6, 6))
         if self._equations is None:
-            with _singular_is_told():
+            with singular_is_told():
                 self._equations = self._factorised()
         unit = np.zeros((6 * self._vertices, 6))
         unit[6 * j : 6 * j + 6] = np.eye(6)
@@ -96,7 +95,7 @@ class IncrementalGraph:
 
     def _covariance(self, i: int) -> Array:
         if i not in self._covariances:
-            with _singular_is_told():
+            with singular_is_told():
                 self._covariances[i] = self._isam.marginalCovariance(i)
         return self._covariances[i]
 
@@ -119,18 +118,10 @@ class IncrementalGraph:
     def _update(self, factors: gtsam.NonlinearFactorGraph, values: gtsam.Values, replaced: Sequence[int] = ()) -> list[int]:
         """Where the new factors are kept, for whoever replaces them."""
         self._equations, self._covariances = None, {}
-        with _singular_is_told():
+        with singular_is_told():
             places = list(self._isam.update(factors, values, list(replaced)).getNewFactorsIndices())
             for _ in range(_MOST_UPDATES):
                 if self._isam.update().getVariablesRelinearized() == 0:
                     break
             self._estimate = self._isam.calculateEstimate()
         return places
-
-
-@contextmanager
-def _singular_is_told() -> Iterator[None]:
-    try:
-        yield
-    except RuntimeError as error:
-        raise GraphNotSolvable(f"the equations of the graph are singular: {' '.join(str(error).split())[:200]}") from error

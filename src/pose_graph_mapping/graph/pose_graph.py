@@ -109,11 +109,6 @@ class PoseGraph:
         """The edges that contradict the others and have no part in the poses."""
         return [edge for edge, kept in zip(self._edges, self._kept, strict=True) if not kept]
 
-    @property
-    def gravity_bias(self) -> Array:
-        """(3,) estimated bias of measured up directions, in the body frame."""
-        return self._bias.copy()
-
     def neighbours(self, vertex_id: int) -> list[int]:
         """Ids of the vertices that share an edge with a vertex, in ascending order."""
         self._known(vertex_id)
@@ -188,12 +183,12 @@ class PoseGraph:
         return g2o_text(dict(enumerate(self._poses[:count])), [e for e in self.measurements() if max(e.i, e.j) < count])
 
     @classmethod
-    def load_g2o(cls, path: str | os.PathLike[str], outlier_chi2: float = 30.0) -> PoseGraph:
+    def load_g2o(cls, path: str | os.PathLike[str]) -> PoseGraph:
         """A graph from a g2o file with SE3 vertices 0, 1, ..; ValueError names the line that cannot be read.
 
         Without comments that tell kinds, an edge to the next vertex is odometry and any other a loop.
         """
-        file, graph = read_graph_file(path), cls(outlier_chi2)
+        file, graph = read_graph_file(path), cls()
         for number, (vertex_id, T) in enumerate(sorted(file.poses.items())):
             if vertex_id != number:
                 raise ValueError(f"{path}: vertex {vertex_id} where {number} is next")

@@ -63,6 +63,11 @@ class PointCloud:
             raise ValueError(f"{len(rows)} {name} for {len(self.points)} points")
         return rows
 
+    def singles(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(N, 3) points and origins, which are known, as they are sent and kept in a map."""
+        assert self.origins is not None
+        return self.points.astype(np.float32), self.origins.astype(np.float32)
+
     @classmethod
     def of_finite(cls, points: ArrayLike, origins: ArrayLike | None = None) -> PointCloud:
         """A cloud of the finite rows; `dropped` counts the others."""
@@ -215,12 +220,12 @@ def _standpoints(origins: Array, radius_m: float, most: int) -> tuple[Array, NDA
     return sums[:found], index
 
 
-def viewpoints(origins: Array, radius_m: float = 0.5, most: int = 64) -> tuple[Array, NDArray[np.int32]]:
-    """The standpoints that beams were sent from: centres (K, 3), and for every origin the index of its standpoint, -1 beyond `most`.
+def viewpoints(origins: Array, radius_m: float = 0.5) -> tuple[Array, NDArray[np.int32]]:
+    """The standpoints that beams were sent from: centres (K, 3), and for every origin the index of its standpoint, -1 beyond the 64th.
 
     Greedy in the order of the origins; a sweep's own origins lie within centimetres, sweeps metres apart.
     """
-    sums, index = _standpoints(origins, radius_m, most)
+    sums, index = _standpoints(origins, radius_m, 64)
     return np.asarray(sums[:, :3] / sums[:, 3:]), index
 
 

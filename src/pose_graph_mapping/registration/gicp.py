@@ -49,7 +49,7 @@ from pose_graph_mapping.registration.placement_search import (
 )
 from pose_graph_mapping.registration.residual_pattern import pattern_covariance, residual_pattern
 from pose_graph_mapping.registration.verdict import Explained, Fit, fit_of, judge, judged_despite_changes, least_surfaces, may_have_changed
-from rigid_geometry import as_covariance, inverse, rotation_angle
+from rigid_geometry import as_covariance, inverse, rotation_angle, translation_distance
 
 Array = NDArray[np.float64]
 
@@ -219,7 +219,7 @@ class GicpRegistration:
         known = known_directions(weak, pair.guess_covariance, DEGENERATE_GUESS_SIGMA_M)
         T = keep_guess(pair.T_guess, found.T, known)
         if pair.guess_covariance is not None and not pair.window.holds(pair.T_guess, T):
-            metres, degrees = np.linalg.norm(T[:3, 3] - pair.T_guess[:3, 3]), math.degrees(rotation_angle(inverse(pair.T_guess) @ T))
+            metres, degrees = translation_distance(T, pair.T_guess), math.degrees(rotation_angle(inverse(pair.T_guess) @ T))
             return refused(pair.T_guess, f"placed {metres:.1f} m and {degrees:.0f} deg from the guess, where it says that the truth is not")
         fit, at, normals = self._fit(pair, target, T)
         bent = self._bend(pair, T, at, normals)

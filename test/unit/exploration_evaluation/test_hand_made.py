@@ -34,7 +34,6 @@ def test_hole_and_raised_plate_are_what_the_coverage_lacks(ground):
 
 def test_raised_plate_and_shifted_wall_are_what_the_accuracy_lacks_and_the_hole_is_not():
     error = map_error(hand_made_map().voxels, *WORLD)
-    assert error.points == 6300
     assert error.rms_m == pytest.approx(math.sqrt((100 * 0.3**2 + 800 * 0.05**2) / 6300), rel=1e-6)
     # The worst 315 voxels are the 100 of the plate and 215 of the wall's 800.
     assert error.p95_m == pytest.approx(0.05, rel=1e-5)

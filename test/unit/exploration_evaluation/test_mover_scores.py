@@ -39,4 +39,4 @@ def test_places_of_movers_are_read_without_half_a_last_line(tmp_path):
 def test_touch_by_a_mover_counts_only_above_the_speed_at_which_a_robot_stands(tmp_path):
     rows = "1.0,deck,0.04,5,Ann\n9.0,deck,0.06,5,Ann\n19.0,deck,0.01,5,\n"
     (tmp_path / "contacts.csv").write_text("stamp,link,speed_mps,force_n,other\n" + rows)
-    assert [e.start_s for e in read_contacts(tmp_path / "contacts.csv")] == [9.0, 19.0]
+    assert [e.top_speed_mps for e in read_contacts(tmp_path / "contacts.csv")] == [0.06, 0.01]

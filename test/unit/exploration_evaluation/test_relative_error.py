@@ -44,7 +44,6 @@ def test_absolute_and_relative_errors_are_those_of_evo(run):
         (PoseRelation.rotation_angle_deg, math.degrees(relative.rotation_rms_rad)),
     ):
         assert ours == pytest.approx(of_evo(RPE(relation, delta=1, delta_unit=Unit.frames), reference, other), abs=1e-6)
-    assert relative.pairs == len(stamps) - 1
     other.align(reference, correct_scale=False)
     assert absolute == pytest.approx(of_evo(APE(PoseRelation.translation_part), reference, other), abs=1e-6)
 

@@ -83,7 +83,6 @@ def test_map_error_is_the_distance_to_the_surface():
     error = map_error(cloud, *plate(0, 0, 4, 4))
     assert error.rms_m == pytest.approx(math.sqrt((0.03**2 + 0.01**2) / 2), rel=1e-4)
     assert error.p95_m == pytest.approx(0.03, rel=1e-4)
-    assert error.points == len(cloud)
 
 
 def test_map_error_of_a_shifted_wall_is_its_shift():
@@ -93,9 +92,9 @@ def test_map_error_of_a_shifted_wall_is_its_shift():
 
 
 def test_large_cloud_is_thinned_evenly():
-    cloud = np.tile([[1.0, 1.0, 0.1], [1.0, 1.0, 0.1]], (5000, 1))
-    error = map_error(cloud, *plate(0, 0, 4, 4), max_points=1000)
-    assert (error.points, error.rms_m) == (1000, pytest.approx(0.1, rel=1e-5))
+    cloud = np.tile([[1.0, 1.0, 9.0]], (9, 1))
+    cloud[[0, 4, 8], 2] = 0.1
+    assert map_error(cloud, *plate(0, 0, 4, 4), max_points=3).rms_m == pytest.approx(0.1, rel=1e-5)
 
 
 def poses_at(positions, yaws=None):
@@ -172,7 +171,7 @@ def test_half_turn_about_the_line_of_driving_is_not_left_open():
 def test_truth_is_interpolated_and_poses_without_it_are_counted():
     truth = poses_at([[0.0, 0, 0], [1, 0, 0]])
     errors = trajectory_errors([0.5, 9.0], poses_at([[0.5, 0, 0], [9.0, 0, 0]]), [0.0, 1.0], truth)
-    assert (errors.poses, errors.unmatched) == (1, 1)
+    assert errors.unmatched == 1
     assert errors.T_world_map[0, 3] == pytest.approx(0.0)
     with pytest.raises(ValueError, match="lies within"):
         trajectory_errors([9.0], truth[:1], [0.0, 1.0], truth)
@@ -180,15 +179,13 @@ def test_truth_is_interpolated_and_poses_without_it_are_counted():
 
 def test_contacts_belong_together_until_a_pause_of_more_than_a_second():
     stamps = [5.0, 5.05, 6.0, 7.05, 20.0]
-    episodes = contact_episodes(stamps, ("base", "wheel", "base", "base", "base"), [0.1, 0.4, 0.0, 0.2, 0.3], [9, 5, 1, 2, 7])
-    assert [(e.start_s, e.end_s) for e in episodes] == [(5.0, 6.0), (7.05, 7.05), (20.0, 20.0)]
-    assert [e.top_speed_mps for e in episodes] == [0.4, 0.2, 0.3]
-    assert (episodes[0].links, episodes[0].top_force_n) == (("base", "wheel"), 9.0)
+    episodes = contact_episodes(stamps, [0.1, 0.4, 0.0, 0.2, 0.3], [9, 5, 1, 2, 7], 1.0)
+    assert [(e.top_speed_mps, e.top_force_n) for e in episodes] == [(0.4, 9.0), (0.2, 2.0), (0.3, 7.0)]
 
 
 def test_no_contact_is_no_episode_and_order_in_the_file_does_not_matter():
-    assert contact_episodes([], (), [], []) == ()
-    assert len(contact_episodes([9.0, 1.0, 1.5], ("a", "a", "a"), [0, 0, 0], [0, 0, 0])) == 2
+    assert contact_episodes([], [], [], 1.0) == ()
+    assert len(contact_episodes([9.0, 1.0, 1.5], [0, 0, 0], [0, 0, 0], 1.0)) == 2
 
 
 def circle_drive(tremble=0.0):
@@ -219,7 +216,6 @@ def test_drop_is_a_fall_and_driving_down_a_ramp_is_none():
     drop = poses_at(np.column_stack([0 * stamps, 0 * stamps, -0.5 * 9.81 * np.clip(stamps - 2, 0, 0.3) ** 2]))
     assert not motion(stamps, ramp_down).fell
     assert motion(stamps, drop).fell
-    assert motion(stamps, drop).top_fall_speed_mps == pytest.approx(9.81 * 0.25, rel=0.01)
 
 
 @pytest.mark.parametrize("bad", [np.zeros((3, 2)), np.full((2, 3), np.nan)])

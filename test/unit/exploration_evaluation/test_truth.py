@@ -25,7 +25,7 @@ def test_flat_room_leaves_the_floor_without_a_margin_of_the_turning_radius():
 def test_covered_ground_includes_every_place_of_the_centre():
     ground = reachable_ground(*room(4, 4), START)
     covered = {tuple(p) for p in ground.covered_points.round(4)}
-    assert all(tuple(p) in covered for p in ground.points.round(4))
+    assert len(ground.points) and all(tuple(p) in covered for p in ground.points.round(4))
 
 
 @pytest.mark.parametrize("divider", [box((4.0, 0, 0), (4.2, 4, 2)), box((4.0, 0, -0.5), (4.2, 4, 2)), wall(4.0, 0, 4.0, 4)])

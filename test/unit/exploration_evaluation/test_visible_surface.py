@@ -74,7 +74,7 @@ def test_perfect_map_is_complete() -> None:
     surface = squares_of_the_hand_made_world()
     found = completeness(surface, surface.points)
     assert (found.rms_m, found.p95_m, found.seen_share) == (0.0, 0.0, pytest.approx(1.0))
-    assert found.visible_area_m2 == pytest.approx(64.0)
+    assert surface.area_m2 == pytest.approx(64.0)
 
 
 def test_hand_made_map_s_missing_square_raised_plate_and_shifted_wall_cost_what_paper_says() -> None:

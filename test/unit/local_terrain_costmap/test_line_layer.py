@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from costs import cost_at
 
 from local_terrain_costmap import FREE, LETHAL, NO_INFORMATION, CostmapConfig, LocalCostmap
 from local_terrain_costmap.line_layer import _pass
@@ -42,7 +43,7 @@ def marks(costmap: LocalCostmap) -> set[tuple[float, float]]:
 
 
 def is_marked(costmap: LocalCostmap, x: float, y: float) -> bool:
-    return bool(costmap.master().cost_at(np.array([[x, y]]))[0] == LETHAL)
+    return cost_at(costmap.master(), x, y) == LETHAL
 
 
 def line(tilt: float, boxes: tuple[Box, ...] = (), floor: float = 0.0, noise: np.random.Generator | None = None) -> tuple:
@@ -148,7 +149,7 @@ def test_beyond_the_known_ground_only_what_no_slope_explains_is_marked_and_far_b
     costmap, (away_m, above_m) = on(level_ground(half_m=1.2)), beyond
     hit = [1.2 + away_m, 0.02, above_m]
     costmap.add_line(1.0, [hit, hit], NOTHING, SENSOR)
-    assert (costmap.master().cost_at(np.array([hit[:2]]))[0] == LETHAL) is np.bool_(marked)
+    assert is_marked(costmap, *hit[:2]) is marked
 
 
 def test_without_any_known_ground_nothing_is_marked_until_there_is_some() -> None:

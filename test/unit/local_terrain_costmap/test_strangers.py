@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from costs import cost_at
 
 from local_terrain_costmap import CostmapConfig, LocalCostmap
 from robot_body import RobotBody
@@ -47,7 +48,7 @@ def test_stranger_is_forgotten_after_its_time_though_the_costmap_still_keeps_it(
     add(found, 1.25, post(-1.0, -1.0))
     assert len(found.strangers(0.3)) == 2
     add(found, 1.35, post(-1.0, -1.0))
-    assert len(found.strangers(0.3)) == 1 and found.master().cost_at(np.array([[1.02, 0.52]]))[0] == 254
+    assert len(found.strangers(0.3)) == 1 and cost_at(found.master(), 1.02, 0.52) == 254
 
 
 def test_person_whom_the_level_scan_meets_is_a_stranger_and_a_known_wall_is_none():
@@ -62,7 +63,7 @@ def test_what_has_stood_at_its_place_for_long_is_left_to_the_follower_and_a_stra
     for stamp_s in np.arange(1.0, 7.0, 0.5):
         add(found, stamp_s, post(1.02, 0.5))
     assert len(found.strangers(1.3)) == 1 and not len(found.strangers(1.3, 5.0))
-    assert found.master().cost_at(np.array([[1.02, 0.52]]))[0] == 254
+    assert cost_at(found.master(), 1.02, 0.52) == 254
     add(found, 7.0, post(0.7, 0.5))
     assert found.strangers(1.3, 5.0) == pytest.approx(np.array([[0.68, 0.52]]), abs=0.05)
 

@@ -5,15 +5,17 @@ from pathlib import Path
 
 import numpy as np
 import open3d as o3d
+import pytest
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_typestore
 
+from mapping_tools import map_bag
 from pose_graph_mapping.session.session_store import tum_text
 from rigid_geometry import inverse, quat_xyzw_from_transform, transform_from_rpy
 
 sys.path.append(str(Path(__file__).parents[1] / "pose_graph_mapping"))
 
-from synthetic_sweeps import furnished_room, pose, sweep, world_of  # noqa: E402
+from synthetic_sweeps import furnished_room, pose, sweep, world_of
 
 STORE = get_typestore(Stores.ROS1_NOETIC)
 TYPES = STORE.types
@@ -123,3 +125,11 @@ def write_folder(folder, clouds, suffix=".pcd", poses=None):
 
 
 __all__ = ["TRUTH", "cloud_message", "drive", "odometry", "odometry_message", "pose", "sweeps", "write_bag", "write_folder"]
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    """The one line that ./map_bag says of arguments that it refuses."""
+    assert map_bag.main([str(word) for word in words]) == 2
+    text = capsys.readouterr().err
+    assert text.startswith("./map_bag: ") and text.count("\n") == 1
+    return text

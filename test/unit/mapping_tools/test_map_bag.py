@@ -12,7 +12,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 import recordings
-from recordings import TRUTH, cloud_message, drive, odometry, odometry_message, pose, write_bag, write_folder
+from recordings import TRUTH, cloud_message, drive, odometry, odometry_message, pose, refusal, write_bag, write_folder
 from rosbags.rosbag1 import Writer
 
 from mapping_tools import map_bag, mapping_run
@@ -50,13 +50,6 @@ def mapped(recording, out, *words):
     code = map_bag.main([str(recording), "--out", str(out), "--quiet", *map(str, words)])
     path = out / map_bag.SUMMARY
     return code, json.loads(path.read_text()) if path.exists() else None
-
-
-def refusal(capsys, *words):
-    assert map_bag.main([str(word) for word in words]) == 2
-    text = capsys.readouterr().err
-    assert text.startswith("./map_bag: ") and text.count("\n") == 1
-    return text
 
 
 TOPICS_OF = {

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import raw_recordings as raw
 import yaml
+from recordings import refusal
 from rosbags.rosbag2 import StoragePlugin
 
 from mapping_tools import calibrate_mount, map_bag
@@ -27,7 +28,7 @@ from sweep_assembly import SweepAssemblyConfig
 
 sys.path.append(str(Path(__file__).parents[1] / "sweep_assembly"))
 
-from lidar_in_a_room import LIDAR, TILT, revolution  # noqa: E402
+from lidar_in_a_room import LIDAR, TILT, revolution
 
 
 @pytest.fixture(scope="session")
@@ -51,13 +52,6 @@ def robot_beside(folder: Path, robot: RobotBody | None = None) -> Path:
 def mapped(recording: Path, out: Path, *words: str) -> dict[str, Any]:
     assert map_bag.main([str(recording), "--out", str(out), "--quiet", *words]) == 0
     return json.loads((out / map_bag.SUMMARY).read_text())
-
-
-def refusal(capsys: pytest.CaptureFixture[str], *words: object) -> str:
-    assert map_bag.main([str(word) for word in words]) == 2
-    text = capsys.readouterr().err
-    assert text.startswith("./map_bag: ") and text.count("\n") == 1
-    return text
 
 
 @pytest.fixture(scope="session")

@@ -282,7 +282,7 @@ def test_what_is_told_of_a_node_stands_in_its_namespace(
     class Server:
         def __init__(self, _address: str) -> None: ...
 
-        def setParam(self, _caller: str, name: str, _value: object) -> None:  # noqa: N802  # the master's name for it
+        def setParam(self, _caller: str, name: str, _value: object) -> None:  # the master's name for it
             told.append(name)
 
     monkeypatch.delenv("ROS_NAMESPACE", raising=False)

@@ -11,6 +11,7 @@ from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import Decision, TerrainWithin
 from octomap_server_3dnav.exploration.observation import Observation, SweepOutcome
 from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
+from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_path
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.terrain.classified_terrain import Terrain, TerrainClass
 from octomap_server_3dnav.terrain.config import TerrainConfig
@@ -120,3 +121,9 @@ def opening(states: NDArray[np.uint8], first: int = 30, last: int = 50) -> NDArr
     """The same with a part of its wall at the end of x that nobody has seen."""
     states[-1, first:last] = UNKNOWN
     return states
+
+
+def way(terrain: Terrain, x: float, y: float) -> Path | None:
+    """The path to the surface at a place on level ground; None where there is none."""
+    node = terrain.surface_near((x, y, 0.04))
+    return None if node is None else plan_path(terrain, node, PlannerConfig())

@@ -4,15 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, decide, grid_of_heights, pose, runs_of, terrain_of
+from terrain_worlds import BELOW, FREE, OCCUPIED, RESOLUTION, UNKNOWN, decide, grid_of_heights, pose, runs_of, terrain_of, way
 from virtual_explorer import explore
 
 from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import DecisionKind
 from octomap_server_3dnav.navigation.passages import TerrainSettings, is_along, navigable_terrain, rest_from, ways_if_floor
-from octomap_server_3dnav.navigation.planner import Path, PlannerConfig, plan_path
+from octomap_server_3dnav.navigation.planner import PlannerConfig
 from octomap_server_3dnav.navigation.straight_lines import PassageConfig
-from octomap_server_3dnav.terrain.classified_terrain import Passage, Terrain, TerrainClass
+from octomap_server_3dnav.terrain.classified_terrain import Passage, TerrainClass
 from octomap_server_3dnav.terrain.config import TerrainConfig
 from rigid_geometry import legs_of
 
@@ -37,8 +37,8 @@ def office(corridor: int, door: int = 12) -> np.ndarray:
     states, low = solid(180, 140), AXIS_Y - corridor // 2
     dig(states, slice(5, 50), slice(AXIS_Y - 22, AXIS_Y + 22))
     dig(states, slice(50, 160), slice(low, low + corridor))
-    for x, room, way in ((80, slice(low + corridor + 2, 132), slice(AXIS_Y, 132)), (125, slice(8, low - 2), slice(8, AXIS_Y))):
-        dig(states, slice(x, x + door), way)
+    for x, room, strip in ((80, slice(low + corridor + 2, 132), slice(AXIS_Y, 132)), (125, slice(8, low - 2), slice(8, AXIS_Y))):
+        dig(states, slice(x, x + door), strip)
         dig(states, slice(x - 15, x + 30), room)
     return states
 
@@ -66,11 +66,6 @@ def posts(seed: int, apart: float) -> np.ndarray:
             placed.append((x, y))
             states[x, y, BELOW + 1 :] = OCCUPIED
     return states
-
-
-def way(terrain: Terrain, x: float, y: float) -> Path | None:
-    node = terrain.surface_near((x, y, 0.04))
-    return None if node is None else plan_path(terrain, node, CONFIG)
 
 
 def legs(passage: Passage) -> np.ndarray:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from octree_planes import insert_plane
+from octree_planes import clear_box, insert_plane
 
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.octree.octree import OctreeMap, SensorModel
@@ -137,7 +137,7 @@ def test_plane_is_overruled_by_what_beams_see_later():
 def test_cleared_box_is_free_where_it_was_known_and_the_rest_is_untouched():
     octree = room_map()
     before = grid_states(octree)
-    octree.clear_box([0.5, 0.5, -1.2], [3.0, 3.0, 0.0])
+    clear_box(octree, [0.5, 0.5, -1.2], [3.0, 3.0, 0.0])
     inside = ((GRID >= [5, 5, -12]) & (GRID < [30, 30, 0])).all(axis=1)
     assert np.array_equal(grid_states(octree), np.where(inside & (before == OCCUPIED), FREE, before))
 
@@ -183,9 +183,8 @@ def test_states_are_unknown_where_nothing_can_be_known():
         octree.states_at([0.0, 0.0, 0.0])
 
 
-def test_reset_map_is_as_good_as_new():
-    octree = room_map()
-    octree.reset()
+def test_new_map_holds_nothing():
+    octree = OctreeMap(RES)
     assert (octree.node_count, octree.leaf_count, octree.to_full()) == (0, 0, b"")
     insert_plane(octree, [0, 0, 0.05], 0.1)
     assert octree.node_count > 0 and octree.memory_bytes > 0

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from odometry_fusion.error_state import exp_rotation
 
 GRAVITY = 9.81
-IMU_S, WHEELS_S = 0.01, 0.05
+IMU_S = 0.01
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,16 @@
 """What a driving robot feels as gravity: the accelerometer less what the motion itself explains."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from kinematic_robot import GRAVITY, Errors, Motion, simulate
 
 from odometry_fusion import OdometryConfig, OdometryFilter
 from odometry_fusion.interval import ImuInterval
 from odometry_fusion.measurements import feel_gravity, level
 from rigid_geometry import rpy_from_rotation
 from robot_body import RobotBody
-
-sys.path.insert(0, str(Path(__file__).parent))
-from kinematic_robot import GRAVITY, Errors, Motion, simulate  # noqa: E402
 
 CONFIG = OdometryConfig()
 UPRIGHT = level(0.0, np.array([0.0, 0.0, GRAVITY]), 1.0, 1.0, True, CONFIG)  # not sure of it: it would take any hint

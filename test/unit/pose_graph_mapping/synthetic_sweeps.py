@@ -6,7 +6,7 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import ArrayLike, NDArray
 
-from rigid_geometry import inverse, transform_from_rpy, transform_points
+from rigid_geometry import transform_from_rpy, transform_points
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]
@@ -96,8 +96,3 @@ def sweep(
 def pose(x: float, y: float, yaw: float = 0.0, z: float = 0.132, roll: float = 0.0, pitch: float = 0.0) -> Array:
     """T_map_base of a robot on a floor at height 0."""
     return transform_from_rpy((x, y, z), (roll, pitch, yaw))
-
-
-def relative(T_map_a: Array, T_map_b: Array) -> Array:
-    """T_a_b."""
-    return inverse(T_map_a) @ T_map_b

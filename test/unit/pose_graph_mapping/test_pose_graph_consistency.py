@@ -180,7 +180,7 @@ def test_relative_covariances_of_many_are_those_of_each_while_the_graph_grows_an
         assert found.shape == (number, 6, 6)
         for k, covariance in enumerate(found):
             np.testing.assert_allclose(covariance, graph.relative_covariance(k, number), rtol=1e-5, atol=1e-10)
-    assert np.linalg.norm(graph.gravity_bias) > 0.001
+    assert np.linalg.norm(graph._bias) > 0.001
 
 
 def test_graph_to_which_nothing_was_added_is_not_solved_again(monkeypatch):

@@ -68,8 +68,8 @@ def test_bias_over_a_loop_with_all_headings_leaves_the_map_level(seed):
     poses = loop_with_a_long_side()
     plain, with_bias = mapped(poses, seed, 0.0), mapped(poses, seed, SIGMA)
     assert tilt_deg(with_bias, poses) < 0.05 < 0.1 < tilt_deg(plain, poses)
-    assert np.linalg.norm(with_bias.gravity_bias - bias_of(seed)) < 0.3 * BIAS
-    assert not plain.gravity_bias.any()
+    assert np.linalg.norm(with_bias._bias - bias_of(seed)) < 0.3 * BIAS
+    assert not plain._bias.any()
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -80,10 +80,10 @@ def test_bias_is_no_worse_than_the_plain_factor_where_all_headings_are_alike(see
 
 def test_running_graph_is_levelled_as_the_whole_one():
     graph = mapped(loop_with_a_long_side(), 1, SIGMA)
-    running, bias = graph.poses(), graph.gravity_bias
+    running, bias = graph.poses(), graph._bias
     graph.solve()
     np.testing.assert_allclose(graph.poses(), running, atol=2e-4)
-    np.testing.assert_allclose(graph.gravity_bias, bias, atol=1e-5)
+    np.testing.assert_allclose(graph._bias, bias, atol=1e-5)
 
 
 def turned_about(axis, angle):

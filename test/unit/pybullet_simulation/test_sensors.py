@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from solid_worlds import world_of
 
 from pybullet_simulation import IDEAL, ScanGeometry, SimulationConfig
 from pybullet_simulation.drive import Drive, SlipModel
@@ -14,7 +15,7 @@ from pybullet_simulation.laser import Laser, Motion
 from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.solids import box
 from pybullet_simulation.sweep_profile import sweep_profile
-from pybullet_simulation.world import World, joined, nearest_hits, raycasting_scene
+from pybullet_simulation.world import nearest_hits, raycasting_scene
 from rigid_geometry import rotation_from_rpy, transform_from_rpy
 from robot_body import RobotBody
 from stage_config import ConfigError, load_config
@@ -22,11 +23,6 @@ from stage_config import ConfigError, load_config
 EXACT = replace(IDEAL, range_sigma_m=0.0, range_sigma_far_m=0.0, veiling_probability=0.0)
 HUSKY = RobotBody()
 ROBOT = read_robot_model(HUSKY)
-
-
-def world_of(*solids):
-    vertices, triangles = joined(solids)
-    return World("test", tuple(solids), (), vertices, triangles, np.array([vertices.min(0), vertices.max(0)]), (0.0, 0.0, 0.0), 0.0)
 
 
 def standing(tilt, steps=10):

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from solid_worlds import world_of
 
 from pybullet_simulation import IDEAL, IDEAL_TIMING, Simulation, SimulationConfig, SpinningLidarConfig, load_world
 from pybullet_simulation.beam_casting import Motion
@@ -13,7 +14,7 @@ from pybullet_simulation.robot_model import read_robot_model
 from pybullet_simulation.solids import box
 from pybullet_simulation.spinning_lidar import SpinningLidar
 from pybullet_simulation.sweep_profile import spinning_sweep_profile, sweep_profile
-from pybullet_simulation.world import World, joined, nearest_hits, raycasting_scene
+from pybullet_simulation.world import nearest_hits, raycasting_scene
 from rigid_geometry import rotation_from_rpy
 from robot_body import DEFAULT_ROBOT_FILE, RobotBody, load_robot
 
@@ -23,11 +24,6 @@ ROBOT = read_robot_model(HUSKY)
 FIXED = load_robot(DEFAULT_ROBOT_FILE.parent / "robots" / "husky_vlp16.yaml")
 HALL = box("hall", (-6.0, -6.0, -0.0), (6.0, 6.0, 4.0))
 LASER_ABOVE_GROUND_M = 0.132 + 0.75 + 0.04
-
-
-def world_of(*solids):
-    vertices, triangles = joined(solids)
-    return World("test", tuple(solids), (), vertices, triangles, np.array([vertices.min(0), vertices.max(0)]), (0.0, 0.0, 0.0), 0.0)
 
 
 def standing(tilt=0.0, steps=20):

@@ -111,7 +111,7 @@ def test_without_a_map_odometry_passes_to_the_bit() -> None:
             tracker.set_map(np.zeros((0, 3)), np.zeros((0, 3)), np.eye(4))
         drive = Drive(pose=bend, slip=slipping)
         poses = drive.into(tracker)
-        assert all(np.array_equal(pose.T_odom_base, drive.odometry(pose.stamp_s)) and pose.refused == "" for pose in poses)
+        assert poses and all(np.array_equal(pose.T_odom_base, drive.odometry(pose.stamp_s)) and pose.refused == "" for pose in poses)
 
 
 def test_surfaces_that_the_map_lacks_are_put_down_and_hold_the_robot_with_a_covariance_that_owns_to_it() -> None:

@@ -41,7 +41,7 @@ def test_drives_on_while_decisions_keep_the_plan_or_bring_a_new_one(script: Driv
 
 def test_stands_where_no_decision_came_for_too_long_and_goes_on_with_the_next(script: DrivingScript) -> None:
     script.drive(6.0)
-    assert script.machine.state is DriveState.LOOKING and script.machine.sweep_kind is SweepKind.INTERMEDIATE
+    assert script.machine.state is DriveState.LOOKING and script.actions[-1].sweep_kind is SweepKind.INTERMEDIATE
     assert script.actions[-1].v == 0.0
     script.t += 1.0
     script.decide("keep")
@@ -103,7 +103,7 @@ def test_way_backward_is_looked_at_by_a_whole_sweep_and_goes_on(script: DrivingS
     backward(script, 0.3)
     assert script.machine.state is DriveState.DRIVING, "0.4 m backward in all"
     backward(script, 0.3)
-    assert script.machine.state is DriveState.SETTLING and script.machine.sweep_kind is SweepKind.INTERMEDIATE
+    assert script.machine.state is DriveState.SETTLING and script.actions[-1].sweep_kind is SweepKind.INTERMEDIATE
     script.until(DriveState.MAPPING)
     script.decide("keep")
     backward(script, 0.4)
@@ -207,7 +207,7 @@ class FixedScript(DrivingScript):
 def test_fixed_lidar_is_never_asked_for_a_sweep_and_the_robot_drives_with_the_first_decision() -> None:
     script = FixedScript()
     script.until(DriveState.LOOKING)
-    assert script.machine.sweep_kind is SweepKind.INITIAL
+    assert script.actions[-1].sweep_kind is SweepKind.INITIAL
     script.decide("goal")
     script.drive(1.0)
     assert script.machine.state is DriveState.DRIVING

@@ -13,8 +13,6 @@ from sdf_files import GROUND, box, collision, model, model_folder, pose, world_f
 
 from world_files import OPEN, ModelPaths, SdfWorld, read_sdf
 
-NOWHERE = ModelPaths()
-
 
 def read(path: Path, *folders: Path) -> SdfWorld:
     return read_sdf(path, ModelPaths(folders))
