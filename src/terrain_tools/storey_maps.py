@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -90,7 +91,8 @@ def pgm_bytes(storey: StoreyMap) -> bytes:
 def yaml_bytes(storey: StoreyMap, image: str) -> bytes:
     """What map_server is started with; `image` is the image's name, beside it."""
     x, y = storey.origin_xy
-    text = f"image: {image}\nmode: trinary\nresolution: {storey.resolution:g}\norigin: [{x:.6g}, {y:.6g}, 0.0]\n"
+    named = json.dumps(image, ensure_ascii=False)  # quoted, for a name may hold what YAML means otherwise
+    text = f"image: {named}\nmode: trinary\nresolution: {storey.resolution:g}\norigin: [{x:.6g}, {y:.6g}, 0.0]\n"
     return (text + "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n").encode("utf-8")
 
 

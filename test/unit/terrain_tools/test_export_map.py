@@ -64,6 +64,14 @@ def test_one_floor_is_one_map_with_ground_where_the_robot_can_drive(tmp_path: Pa
     assert occupied == {OCCUPIED: True, FREE: False, UNKNOWN: False} and free == {OCCUPIED: False, FREE: True, UNKNOWN: False}
 
 
+@pytest.mark.parametrize("name", ["lab", "hall #2", "site: A", "'quoted' \"twice\"", "back\\slash", "Flügel 3 – 東", "- x", "*all"])
+def test_image_is_found_by_its_name_whatever_that_is(tmp_path: Path, name: str) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    assert main([str(tmp_path / "run"), "--out", str(tmp_path / f"{name}.pgm")]) == 0
+    assert value_at(tmp_path, name, 2.0, 2.0) == FREE
+    assert yaml.safe_load((tmp_path / f"{name}.yaml").read_text(encoding="utf-8"))["image"] == f"{name}.pgm"
+
+
 def test_two_floors_are_two_maps_of_the_same_cells_with_heights(tmp_path: Path) -> None:
     terrain = run_folder(tmp_path / "run", two_storeys(), (4, 5, 0))
     assert main([str(tmp_path / "run"), "--out", str(tmp_path / "h.pgm"), str(tmp_path / "h.tif")]) == 0
