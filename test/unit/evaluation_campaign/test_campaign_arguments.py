@@ -1,5 +1,6 @@
 """./evaluate's command line: what it asks for, and what it refuses in one line."""
 
+import errno
 import json
 import signal
 from pathlib import Path
@@ -167,6 +168,26 @@ def test_report_alone_is_of_the_campaign_that_the_folder_holds(reported, capsys)
         assert parse([*alone, *more])[0] == campaign
         assert main([*alone, *more]) == 1 and "missing: " in capsys.readouterr().out
     assert folders == [campaign.out] * 2 and (campaign.out / "campaign.json").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "text"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), 1, "No space left on device; finished runs stay"),
+        (KeyboardInterrupt(), 130, "interrupted; finished runs stay"),
+        (ValueError("outcome.json\ncannot be read"), 2, ": outcome.json cannot be read"),
+    ],
+)
+def test_report_that_cannot_be_written_is_one_line_and_the_exit_code_of_a_run(reported, capsys, monkeypatch, fault, code, text):
+    campaign, _, _ = reported
+
+    def write_report(_out):
+        raise fault
+
+    monkeypatch.setattr("evaluation_report.write_report", write_report)
+    assert main(["--out", str(campaign.out), "--report-only"]) == code
+    said = capsys.readouterr().err.strip()
+    assert said.startswith("./evaluate: ") and text in said and "\n" not in said
 
 
 def test_report_alone_tells_all_that_differs_at_once(reported, capsys):
