@@ -74,6 +74,7 @@ def main(arguments: list[str] | None = None) -> int:
         if not options.report_only:
             open_campaign(campaign, about(options.jobs))
             run_campaign(campaign, options)
+        return _report(campaign, is_soak=bool(options.soak))
     except CampaignProblem as error:
         for line in str(error).splitlines():
             print(f"./evaluate: {line}", file=sys.stderr)
@@ -84,14 +85,17 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("\n./evaluate: interrupted; finished runs stay, the same command goes on", file=sys.stderr)
         return 130
-    try:
-        return _report(campaign, is_soak=bool(options.soak))
-    except ValueError as error:
-        print(f"./evaluate: --out {campaign.out}: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
 
 
 def _report(campaign: Campaign, *, is_soak: bool) -> int:
+    """The exit code. CampaignProblem for a file of the campaign that cannot be read, OSError when the report cannot be written."""
+    try:
+        return _told(campaign, is_soak=is_soak)
+    except ValueError as error:
+        raise CampaignProblem(f"--out {campaign.out}: {' '.join(str(error).split())}") from error
+
+
+def _told(campaign: Campaign, *, is_soak: bool) -> int:
     from evaluation_report import write_report, write_soak
 
     for path in write_report(campaign.out):

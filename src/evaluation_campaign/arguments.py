@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from evaluation_campaign.plan import BY_PROFILE, Campaign, CampaignProblem, Limits, parse_seeds, shown, stored_campaign
+from evaluation_campaign.plan import BY_PROFILE, Campaign, CampaignProblem, Limits, full_profiles, parse_seeds, shown, stored_campaign
 from explore_command.arguments import MAPPINGS, NAMED_WORLDS, REALISMS, SENSORS, ArgumentProblem, OneLineParser, check_movers
 from explore_command.launching import sensor_and_mapping
 from explore_command.parameters import override_problems, profile_names, read_profile, robot_of
@@ -105,12 +105,11 @@ def _option(name: str) -> str:
 
 
 def _asked(a: argparse.Namespace) -> Campaign:
-    profiles = _parts(a.profile)
     for world in _parts(a.worlds):
         _check_world(world)
-    for profile in profiles:
+    for profile in _parts(a.profile):
         _check_profile(profile, a.robot)
-    worlds = _worlds(a.worlds)
+    worlds, profiles = _worlds(a.worlds), _profiles(a.profile)
     _check_names("--profile", profiles)
     _check_names("--worlds", worlds)
     check_movers(a.movers)
@@ -156,6 +155,10 @@ def _worlds(text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(w if w in NAMED_WORLDS else str(Path(w).absolute()) for w in _parts(text)))
 
 
+def _profiles(text: str) -> tuple[str, ...]:
+    return full_profiles(_parts(text))
+
+
 def _movers(text: str) -> str:
     return text if text.isdecimal() or not text else str(Path(text).absolute())
 
@@ -167,7 +170,7 @@ def _full_path(path: Path | None) -> str:
 _OF_CAMPAIGN: dict[str, tuple[Callable[[Any], object], Callable[[Campaign], object]]] = {
     "worlds": (_worlds, lambda c: c.worlds),
     "seeds": (parse_seeds, lambda c: c.seeds),
-    "profile": (_parts, lambda c: c.profiles),
+    "profile": (_profiles, lambda c: c.profiles),
     "robot": (_full_path, lambda c: c.robot),
     "sensor": (str, lambda c: c.sensor),
     "realism": (str, lambda c: c.realism),

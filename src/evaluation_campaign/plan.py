@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from exploration_evaluation import read_json, write_json
+from explore_command.parameters import profile_names
 
 FORMAT = 1
 BY_PROFILE = "by_profile"  # every run maps as its profile and robot say
@@ -119,6 +120,11 @@ def parse_seeds(text: str) -> tuple[int, ...]:
     return tuple(seeds)
 
 
+def full_profiles(profiles: Sequence[object]) -> tuple[str, ...]:
+    """Each once, as a campaign has them: by name, or by the full path of a file, which workers in other folders find."""
+    return tuple(dict.fromkeys(p if p in profile_names() else str(Path(p).absolute()) for p in map(str, profiles)))
+
+
 def open_campaign(campaign: Campaign, about: Mapping[str, object]) -> Campaign:
     """The campaign in its folder, new, gone on with, or extended by worlds, seeds or profiles; `about` (version, machine, jobs) goes into a
     new campaign.json. Each outcome.json has the version of its run.
@@ -157,6 +163,8 @@ def _check_extends(campaign: Campaign, found: Mapping[str, object]) -> None:
     asked, differing = _identity(campaign), []
     for key in _IDENTITY:
         was, now = found.get(key, _SINCE_FORMAT_1.get(key)), asked[key]
+        if key == "profiles" and isinstance(was, list):
+            was = list(full_profiles(was))  # earlier campaigns have them as they were given
         is_extended = key in _EXTENSIBLE and isinstance(was, list) and isinstance(now, list) and set(was) <= set(now)
         if was != now and not is_extended:
             differing.append(f"of {key} {shown(was)}, not {shown(now)}")
@@ -174,7 +182,7 @@ def stored_campaign(out: Path) -> Campaign:
             raise ValueError(f"{CAMPAIGN_FILE} has format {found.get('format')}, not {FORMAT}")
         limits = Limits(**{name: math.nan if value is None else float(value) for name, value in found["limits"].items()})
         others = {key: found[key] for key in _IDENTITY if key in found and key not in ("format", "limits", *_EXTENSIBLE)}
-        return Campaign(out, tuple(found["worlds"]), tuple(found["seeds"]), tuple(found["profiles"]), limits=limits, **others)
+        return Campaign(out, tuple(found["worlds"]), tuple(found["seeds"]), full_profiles(found["profiles"]), limits=limits, **others)
     except (ValueError, OSError) as error:
         raise CampaignProblem(f"--out {out}: {error}") from error
     except (KeyError, TypeError, AttributeError) as error:

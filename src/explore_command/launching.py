@@ -50,7 +50,7 @@ def world_problem(arguments: ExploreArguments, robot: RobotBody) -> str | None:
     except MoverError as error:
         return _mover_problem(error, len(world.movers), arguments)
     if any(world.origin):
-        print(f"{arguments.world}: {origin_text(world.origin)}, which world_origin.json keeps", flush=True)
+        print(f"{arguments.world}: {origin_text(world.origin, 'world.ply and true poses')}, which world_origin.json keeps", flush=True)
     return None
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 from mapping_tools.map_origin import ORIGIN
+from mapping_tools.tool_errors import say
 from rigid_geometry import origin_text
 from whole_files import write_whole
 
@@ -28,22 +28,18 @@ def ended(folder: Path, recording: Path, summary: dict[str, object]) -> int:
     problems, missing, origin = summary["problems"], summary["not_placed"], summary["origin_m"]
     assert isinstance(problems, list) and isinstance(missing, list) and isinstance(origin, list)
     for text in problems:
-        _say(f"{recording}: {text}")
+        say(f"{recording}: {text}")
     if any(origin):
-        _say(f"{folder}: {origin_text(origin)} ({ORIGIN})")
+        say(f"{folder}: {origin_text(origin)} ({ORIGIN})")
     if summary["known"]:
         until = f"{summary['known']} sweeps up to stamp {summary['known_until_s']:.2f} s"
-        _say(f"{until} are taken for the session's own, and were passed over")
+        say(f"{until} are taken for the session's own, and were passed over")
     if missing:
-        _say(f"{len(missing)} sweeps could not be placed: {', '.join(str(entry['sweep']) for entry in missing)}")
-    _say(f"{folder}: {summary['vertices']} vertices, {summary['edges']} edges, {summary['loop_closures']} loops closed")
+        say(f"{len(missing)} sweeps could not be placed: {', '.join(str(entry['sweep']) for entry in missing)}")
+    say(f"{folder}: {summary['vertices']} vertices, {summary['edges']} edges, {summary['loop_closures']} loops closed")
     try:
         write_whole(folder / SUMMARY, (json.dumps(summary, indent=1, allow_nan=False) + "\n").encode("utf-8"))
     except OSError as error:
-        _say(f"{SUMMARY} could not be written: {error}")
+        say(f"{SUMMARY} could not be written: {error}")
         return 1
     return 0 if summary["complete"] else 1
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)

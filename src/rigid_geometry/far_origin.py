@@ -37,10 +37,10 @@ def lost_digits_m(points: ArrayLike, unit_m: float = 1.0) -> float | None:
     return apart if apart > _TOLD_APART_M and (known == known.astype(np.float32)).all() else None
 
 
-def origin_text(origin: ArrayLike) -> str:
-    """What is said of an origin that is not 0 0 0."""
+def origin_text(origin: ArrayLike, of: str = "all results") -> str:
+    """What is said of an origin that is not 0 0 0, and of what is relative to it."""
     x, y, z = (f"{v:.0f}" for v in np.asarray(origin))
-    return f"all results are relative to the origin {x} {y} {z} m"
+    return f"{of} are relative to the origin {x} {y} {z} m"
 
 
 def origin_bytes(origin: ArrayLike) -> bytes:

@@ -39,11 +39,11 @@ def _problems(mount: object) -> list[str]:
     if not isinstance(mount, Mapping):
         return [f"{mount!r} is no mapping; expected 'frame' with 'from: urdf', or with parent, xyz and rpy"]
     found = [f"unknown {key}; known: {', '.join(_KEYS)}" for key in mount if key not in _KEYS]
-    if not isinstance(mount.get("frame"), str) or not mount["frame"]:
+    if not _frame(mount, "frame"):
         found.append("has no frame")
     if "from" in mount:
         return found + _problems_of_source(mount)
-    if not isinstance(mount.get("parent"), str) or not mount["parent"]:
+    if not _frame(mount, "parent"):
         found.append("has no parent, nor 'from: urdf'")
     return found + [f"{key} = {mount.get(key)!r} is not three finite numbers" for key in ("xyz", "rpy") if _triple(mount.get(key)) is None]
 
@@ -61,7 +61,13 @@ def _triple(value: object) -> Triple | None:
     return float(value[0]), float(value[1]), float(value[2])
 
 
+def _frame(mount: Mapping[str, object], key: str) -> str:
+    """A frame's name as tf knows it, without the slash that old drivers write; empty where it is none."""
+    name = mount.get(key)
+    return name.lstrip("/") if isinstance(name, str) else ""
+
+
 def _mount(name: str, mount: Mapping[str, object]) -> SensorMount:
     if "from" in mount:
-        return SensorMount(name, str(mount["frame"]))
-    return SensorMount(name, str(mount["frame"]), str(mount["parent"]), _triple(mount["xyz"]), _triple(mount["rpy"]))
+        return SensorMount(name, _frame(mount, "frame"))
+    return SensorMount(name, _frame(mount, "frame"), _frame(mount, "parent"), _triple(mount["xyz"]), _triple(mount["rpy"]))

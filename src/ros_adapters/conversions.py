@@ -95,7 +95,7 @@ def cloud_arrays(message: PointCloud2, expected_frame: str | None = None) -> tup
 
     Points that are not finite are left out, as PCL does for clouds that are not dense.
     """
-    if expected_frame is not None and message.header.frame_id != expected_frame:
+    if expected_frame is not None and message.header.frame_id.lstrip("/") != expected_frame:
         raise ValueError(f"cloud in frame {message.header.frame_id!r}, expected {expected_frame!r}")
     table, origins = _hits(message)
     return singles(table.points), singles(origins)

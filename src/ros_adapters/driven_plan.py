@@ -122,5 +122,5 @@ class DrivenPlan:
 
 def _check(plan: Path) -> None:
     """ValueError for a plan that cannot be followed."""
-    if plan.poses and plan.header.frame_id != frames().map:
+    if plan.poses and plan.header.frame_id.lstrip("/") != frames().map:
         raise ValueError(f"plan in frame {plan.header.frame_id!r}, expected {frames().map!r}")

@@ -8,11 +8,11 @@ from nav_msgs.msg import Odometry
 from numpy.typing import NDArray
 from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2
 
+from point_cloud2 import read_beams
 from robot_body import RobotBody, contradictions, fixed_laser_problem, laser_mount
-from ros_adapters.conversions import joint_position, odometry_twist
+from ros_adapters.conversions import joint_position, odometry_twist, stamp_of
 from ros_adapters.heard_topic import HeardTopic
 from ros_adapters.mapping_mode import DRIVING
-from ros_adapters.revolution_messages import revolution_of
 from ros_adapters.robot_graph import RobotGraph, TransformWatch
 from ros_adapters.sensor_frames import SensorFrames
 from sensor_checks import NEEDS, CheckLimits, ImuLimits, Level, Row, clock_rows, timing_rows
@@ -38,7 +38,7 @@ class RobotCheck:
             joint, self._joint_fault = "", str(error)
         self._sensor, self._mapping, spinning = sensor, mapping, sensor == "spinning"
         self._scan = HeardTopic("scan", LaserScan, _scan_content) if not spinning else None
-        self._points = HeardTopic("points", PointCloud2, self._revolution, _CLOUDS) if spinning else None
+        self._points = HeardTopic("points", PointCloud2, _revolution, _CLOUDS) if spinning else None
         self._joint = joint or ""
         self._tilt = None if joint is None else HeardTopic("joint_states", JointState, self._tilt_of)
         self._imu = HeardTopic("imu/data", Imu, _imu_content)
@@ -55,9 +55,6 @@ class RobotCheck:
         if self._joint not in message.name:
             return None
         return joint_position(message, self._joint)
-
-    def _revolution(self, message: PointCloud2) -> Revolution:
-        return revolution_of(message, message.header.frame_id)
 
     def wait(self, timeout_s: float) -> None:
         """Until every input has come, and start_sweep is served where a joint tilts the laser, at most so long."""
@@ -183,6 +180,10 @@ def _scan_content(message: LaserScan) -> tuple[ScanLayout, Floats]:
         message.angle_min, message.angle_increment, message.time_increment, len(message.ranges), message.range_min, message.range_max
     )
     return layout, np.asarray(message.ranges, dtype=np.float64)
+
+
+def _revolution(message: PointCloud2) -> Revolution:
+    return Revolution.of(read_beams(message, stamp_of(message)))
 
 
 def _imu_content(message: Imu) -> tuple[str, tuple[float, ...], tuple[float, ...]]:

@@ -4,8 +4,9 @@
 voxels), /occupied and /plan at the end; /events. All in map. Messages are those of ROS 1, whose definitions are in the file.
 """
 
+import heapq
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -44,13 +45,13 @@ def export(folder: Path, target: Path) -> int:
     An older file is replaced when the new one is complete; OSError when it cannot be written.
     """
     run = read_run(folder)
-    found = sorted(_messages(folder, run), key=lambda recorded: recorded.stamp_s)
     with written_whole(target) as unfinished, unfinished.open("wb") as file:
-        _write(Writer(file), found, _about(folder))
-    return len(found)
+        return _write(Writer(file), _messages(folder, run), _about(folder))
 
 
-def _write(writer: Writer, found: list[Recorded], about: dict[str, str]) -> None:
+def _write(writer: Writer, found: Iterable[Recorded], about: dict[str, str]) -> int:
+    """How many messages; each is let go before the next is made, for a sweep's way and graph are those of all before it."""
+    count = 0
     writer.start(profile="ros1", library="explore_3dnav")
     schemas: dict[str, int] = {}
     channels: dict[str, int] = {}
@@ -63,8 +64,10 @@ def _write(writer: Writer, found: list[Recorded], about: dict[str, str]) -> None
             channels[topic] = writer.register_channel(topic, "ros1", schemas[kind])
         time_ns = round(stamp_s * 1e9)
         writer.add_message(channels[topic], time_ns, bytes(ros.TYPES.serialize_ros1(message, kind)), time_ns)
+        count += 1
     writer.add_metadata("run", about)
     writer.finish()
+    return count
 
 
 def _about(folder: Path) -> dict[str, str]:
@@ -77,16 +80,19 @@ def _about(folder: Path) -> dict[str, str]:
 
 
 def _messages(folder: Path, run: RecordedRun) -> Iterator[Recorded]:
+    """In the order of their time, as each of the four is."""
     shown = frames(run.path.stamps_s, run.path.poses, run.sweep_stamps_s, _POSE_EVERY_S)
-    for frame in shown:
-        yield Recorded(frame.stamp_s, "/tf", ros.transform(frame.stamp_s, frame.T_map_base))
-    yield from _sweeps(run)
-    yield from _at_the_end(shown[-1].stamp_s, folder, run)
+    moved = (Recorded(frame.stamp_s, "/tf", ros.transform(frame.stamp_s, frame.T_map_base)) for frame in shown)
+    parts = moved, _sweeps(run), _at_the_end(shown[-1].stamp_s, folder, run), _events(folder, run)
+    return heapq.merge(*parts, key=lambda recorded: recorded.stamp_s)
+
+
+def _events(folder: Path, run: RecordedRun) -> Iterator[Recorded]:
     try:
         stamps, _, states = read_events(folder / "events.csv")
     except ValueError:
         return
-    for stamp_s, state in zip(stamps.tolist(), states, strict=True):
+    for stamp_s, state in sorted(zip(run.shown_time.at(stamps).tolist(), states, strict=True), key=lambda told: told[0]):
         yield Recorded(stamp_s, "/events", ros.event(stamp_s, state))
 
 

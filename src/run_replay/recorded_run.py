@@ -1,7 +1,7 @@
 """A finished run as its folder tells it, all in its map frame. What is not there is None, and said in `notes`."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,6 +14,7 @@ from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session.session_store import SessionStore
 from rigid_geometry import inverse
 from rigid_geometry.transforms import Transform
+from run_replay.timeline import ShownTime
 
 Floats = NDArray[np.float64]
 Edges = list[tuple[int, int, str]]
@@ -64,7 +65,7 @@ class DrivenPath:
 
 @dataclass(frozen=True, eq=False)
 class RecordedRun:
-    """Sweeps at the graph's final (V, 4, 4) poses, the way between them, and the map of the end."""
+    """Sweeps at the graph's final (V, 4, 4) poses, the way between them, and the map of the end; their stamps as of `shown_time`."""
 
     sweep_stamps_s: Floats
     vertex_poses: Floats
@@ -73,6 +74,7 @@ class RecordedRun:
     edges: Edges
     terrain: ClassifiedVoxels | None
     occupied: OccupiedVoxels | None
+    shown_time: ShownTime
     notes: tuple[str, ...]
 
 
@@ -82,11 +84,13 @@ def read_run(folder: Path) -> RecordedRun:
     sweeps, stamps = SessionStore(folder), _going_on(recorded_s)
     _check_sweeps(recorded_s, sweeps)
     path = _way(folder, stamps, poses)
+    shown_time = ShownTime.of(stamps, path.stamps_s)
+    stamps, path = shown_time.at(stamps), replace(path, stamps_s=shown_time.at(path.stamps_s))
     notes = [f"the path is drawn straight from sweep to sweep: {path.why_not_true}"] if path.why_not_true else []
     edges = _optional(notes, "pose graph without its edges", lambda: _edges(folder / "graph.g2o", len(poses)))
     terrain = _optional(notes, "no classified map at the end", lambda: _terrain(folder / "terrain.npz"))
     occupied = _optional(notes, "no occupied voxels at the end", lambda: OccupiedVoxels(*read_occupied(folder / "occupied.npz")))
-    return RecordedRun(stamps, poses, sweeps, path, edges or [], terrain, occupied, tuple(notes))
+    return RecordedRun(stamps, poses, sweeps, path, edges or [], terrain, occupied, shown_time, tuple(notes))
 
 
 def driven_path(folder: Path) -> DrivenPath:

@@ -11,6 +11,7 @@ from rigid_geometry.transforms import Transform
 Floats = NDArray[np.float64]
 
 _UNHURRIED_SPEED = 10.0  # whose frames are shown when nobody waits between them
+_LONGEST_PAUSE_S, _SHOWN_PAUSE_S = 60.0, 1.0  # a longer one, as between two bags that were joined, is shown as so long
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +22,27 @@ class Frame:
     T_map_base: Transform
     sweeps: int
     distance_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class ShownTime:
+    """When what was recorded is shown: of (K,) increasing stamps `known_s` at (K,) `shown_s`, without long pauses between them."""
+
+    known_s: Floats
+    shown_s: Floats
+
+    @classmethod
+    def of(cls, *stamps_s: Floats) -> "ShownTime":
+        """For all of these stamps."""
+        known = np.unique(np.concatenate(stamps_s))
+        steps = np.diff(known, prepend=known[0])
+        return cls(known, known - np.cumsum(np.where(steps > _LONGEST_PAUSE_S, steps - _SHOWN_PAUSE_S, 0.0)))
+
+    def at(self, stamps_s: ArrayLike) -> Floats:
+        """(N,) for (N,) recorded stamps; before the first known one, and after the last, nothing is left out."""
+        stamps = np.asarray(stamps_s, dtype=np.float64)
+        within = np.clip(stamps, self.known_s[0], self.known_s[-1])
+        return np.asarray(np.interp(within, self.known_s, self.shown_s) + (stamps - within))
 
 
 @dataclass

@@ -64,20 +64,20 @@ def imu_rows(topic: str, gyro_base: FloatArray, accel_base: FloatArray, frame: s
 
 
 def scan_rows(topic: str, layouts: Sequence[ScanLayout], ranges: Sequence[FloatArray], limits: CheckLimits) -> list[Row]:
-    """Angles, times and ranges of scans."""
-    first = layouts[0]
+    """Angles, times and ranges of scans; the fullest tells of the layout."""
+    fullest = max(layouts, key=lambda layout: layout.count)
     counts = sorted({layout.count for layout in layouts})
-    seen_rad = abs(first.angle_increment) * (first.count - 1)
+    seen_rad = abs(fullest.angle_increment) * (fullest.count - 1)
     beams = f"{counts[0]}" if len(counts) == 1 else f"{counts[0]} to {counts[-1]}"
-    found = f"{beams} beams, {math.degrees(abs(first.angle_increment)):.3f} deg apart, over {math.degrees(seen_rad):.0f} deg"
+    found = f"{beams} beams, {math.degrees(abs(fullest.angle_increment)):.3f} deg apart, over {math.degrees(seen_rad):.0f} deg"
     layout = judged(
         topic,
         "layout",
         found,
-        (not math.isfinite(seen_rad) or seen_rad == 0.0, Level.ERROR, "a scan needs two beams and an angle_increment"),
+        (not math.isfinite(seen_rad) or seen_rad <= 0.0, Level.ERROR, "a scan needs two beams and an angle_increment"),
         (seen_rad > 2.01 * math.pi, Level.ERROR, "angle_increment is in degrees: let the driver publish radians (REP 103)"),
     )
-    duration_s = first.time_increment * (first.count - 1)
+    duration_s = fullest.time_increment * (fullest.count - 1)
     times = judged(
         topic,
         "beam times",
@@ -86,7 +86,7 @@ def scan_rows(topic: str, layouts: Sequence[ScanLayout], ranges: Sequence[FloatA
         (duration_s > 1.0, Level.ERROR, "time_increment is not in seconds: see the driver"),
         (duration_s == 0.0, Level.WARN, "time_increment is 0: the tilt during a scan is not taken out; set it in the driver"),
     )
-    return [layout, times, _ranges(topic, np.concatenate(ranges) if len(ranges) else np.zeros(0), first, limits)]
+    return [layout, times, _ranges(topic, np.concatenate(ranges) if len(ranges) else np.zeros(0), fullest, limits)]
 
 
 def _ranges(topic: str, ranges: FloatArray, layout: ScanLayout, limits: CheckLimits) -> Row:
@@ -110,10 +110,14 @@ def _ranges(topic: str, ranges: FloatArray, layout: ScanLayout, limits: CheckLim
 
 
 def points_rows(topic: str, points: Sequence[FloatArray], times_s: Sequence[FloatArray], rings: int, limits: CheckLimits) -> list[Row]:
-    """Ranges and beam times of revolutions: (N, 3) points, (N,) seconds after the stamp."""
+    """Ranges and beam times of revolutions: (N, 3) points, (N,) seconds after the stamp. One without points tells nothing."""
+    blind = "the lidar sees nothing: is it covered, or are its range limits wrong?"
+    points, times_s = [p for p in points if len(p)], [t for t in times_s if len(t)]
+    if not points:
+        return [Row(Level.ERROR, topic, "ranges", "no revolution has a point", blind)]
     ranges = np.linalg.norm(np.vstack(points), axis=1)
     hits = ranges[np.isfinite(ranges) & (ranges > 0.0)]
-    share = len(hits) / max(len(ranges), 1)
+    share = len(hits) / len(ranges)
     middle = float(np.median(hits)) if len(hits) else math.nan
     span_s = max(float(np.ptp(t)) for t in times_s)
     end_s = max(float(np.max(t)) for t in times_s)
@@ -121,9 +125,9 @@ def points_rows(topic: str, points: Sequence[FloatArray], times_s: Sequence[Floa
         judged(
             topic,
             "ranges",
-            f"{100.0 * share:.0f} % of {len(ranges) // max(len(points), 1)} beams hit something, half of them nearer than {middle:.2f} m",
+            f"{100.0 * share:.0f} % of {len(ranges) // len(points)} beams hit something, half of them nearer than {middle:.2f} m",
             (middle > _FARTHEST_M, Level.ERROR, "points are in millimetres: let the driver publish metres (REP 103)"),
-            (1.0 - share > limits.blind_share, Level.ERROR, "the lidar sees nothing: is it covered, or are its range limits wrong?"),
+            (1.0 - share > limits.blind_share, Level.ERROR, blind),
         ),
         judged(
             topic,

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from exploration_evaluation import read_sweep_poses, read_trajectory, trajectory_errors
 from explore_command.arguments import ArgumentProblem, OneLineParser
 from finished_maps import SWEEPS, LoadedMap, load_map
 from mapping_tools.cloud_files import read_cloud
@@ -36,7 +37,7 @@ FORMATS = {
     ".pcd": "the merged cloud, without points in free space; of an octree's file, or with --voxels, the centres of its occupied voxels",
     ".ply": "the same",
     ".pgm": "a 2-D map for map_server, with its .yaml",
-    ".tif": "the ground's height as a GeoTIFF of float32, in the world's coordinates",
+    ".tif": "the ground's height as a GeoTIFF of float32, in the world's coordinates where the run has true poses, else in map's",
 }
 _DESCRIPTION = """Writes a finished map as other programs read it. MAP is the folder of a run, or of a session, whose octree and ground are
 made anew of its sweeps; or an octomap octree (.bt .ot) for .bt, .ot, .pcd and .ply. 2-D maps and heights are of classified ground, one a
@@ -101,11 +102,17 @@ class FinishedMap:
         """Whether something of it that was asked for was made of its sweeps, by `by`."""
         return "_session" in self.__dict__
 
-    @property
-    def origin(self) -> NDArray[np.float64]:
-        """(3,) where the map's origin lies in the world."""
-        path = self._first((ORIGIN, MAP_ORIGIN))
-        return np.zeros(3) if path is None else read_origin(path)
+    @cached_property
+    def place(self) -> tuple[NDArray[np.float64], str]:
+        """T_world_map (4, 4), by a run's true poses, and whose coordinates these are; a session without them keeps its own."""
+        try:
+            estimate, truth = read_sweep_poses(self.path / "trajectory.txt"), read_trajectory(self.path / "trajectory_truth.txt")
+            T, origin, whose = trajectory_errors(*estimate, *truth).T_world_map.copy(), ORIGIN, "the world's"
+        except ValueError:
+            T, origin, whose = np.eye(4), MAP_ORIGIN, "the session's own"
+        if (self.path / origin).is_file():
+            T[:3, 3] += read_origin(self.path / origin)
+        return T, whose
 
     @cached_property
     def _session(self) -> LoadedMap:
@@ -167,7 +174,8 @@ def _drawn(source: FinishedMap, storey: StoreyMap, target: Path) -> Files:
     ground = f"ground from {known.min():.2f} to {known.max():.2f} m" if known.size else "no ground"
     what = f"{columns * storey.resolution:.1f} x {rows * storey.resolution:.1f} m, {ground}"
     if target.suffix.lower() == ".tif":
-        return [(target, tif_bytes(storey, source.origin), what)]
+        T_world_map, whose = source.place
+        return [(target, tif_bytes(storey, T_world_map), f"{what} in map; its coordinates are {whose}")]
     description = target.with_suffix(".yaml")
     return [(target, pgm_bytes(storey), what), (description, yaml_bytes(storey, target.name), f"for map_server, of {target.name}")]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from terrain_tools.storeys import Classified, storeys
 
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 """Grey values, as map_saver writes them."""
-_PIXEL_SCALE, _TIE_POINT, _GEO_KEYS, _NO_DATA = 33550, 33922, 34735, 42113  # tags of a GeoTIFF
+_PIXEL_SCALE, _TIE_POINT, _TRANSFORMATION, _GEO_KEYS, _NO_DATA = 33550, 33922, 34264, 34735, 42113  # tags of a GeoTIFF
 _SHORT, _DOUBLE = 3, 12
 _PIXEL_IS_AREA = (1, 1, 0, 1, 1025, 0, 1, 1)
 
@@ -88,19 +89,35 @@ def pgm_bytes(storey: StoreyMap) -> bytes:
 def yaml_bytes(storey: StoreyMap, image: str) -> bytes:
     """What map_server is started with; `image` is the image's name, beside it."""
     x, y = storey.origin_xy
-    text = f"image: {image}\nmode: trinary\nresolution: {storey.resolution:g}\norigin: [{x:.6g}, {y:.6g}, 0.0]\n"
+    named = json.dumps(image, ensure_ascii=False)  # quoted, for a name may hold what YAML means otherwise
+    text = f"image: {named}\nmode: trinary\nresolution: {storey.resolution:g}\norigin: [{x:.6g}, {y:.6g}, 0.0]\n"
     return (text + "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n").encode("utf-8")
 
 
-def tif_bytes(storey: StoreyMap, origin: NDArray[np.float64]) -> bytes:
-    """Heights in metres as a GeoTIFF of float32, NaN where no ground is; `origin` (3,): where the map's own lies in the world."""
+def tif_bytes(storey: StoreyMap, T_world_map: NDArray[np.float64]) -> bytes:
+    """Heights in metres as a GeoTIFF of float32, NaN where no ground is.
+
+    `T_world_map` (4, 4): where the map lies. It moves and turns the image, as at the map's height 0, and is laid on each height.
+    """
     from PIL import Image, TiffImagePlugin  # only where there is something to draw
 
-    tags, size_m = TiffImagePlugin.ImageFileDirectory_v2(), storey.resolution
-    tags.tagtype.update({_PIXEL_SCALE: _DOUBLE, _TIE_POINT: _DOUBLE, _GEO_KEYS: _SHORT})
-    left, top = storey.origin_xy[0] + origin[0], storey.origin_xy[1] + origin[1] + storey.height.shape[0] * size_m
-    tags[_PIXEL_SCALE], tags[_TIE_POINT] = (size_m, size_m, 0.0), (0.0, 0.0, 0.0, float(left), float(top), 0.0)
-    tags[_GEO_KEYS], tags[_NO_DATA] = _PIXEL_IS_AREA, "nan"
+    (ny, nx), size_m, (left, low) = storey.height.shape, storey.resolution, storey.origin_xy
+    x, y = left + (np.arange(nx) + 0.5) * size_m, low + (np.arange(ny) + 0.5) * size_m
+    by_x, by_y, by_z, up_m = T_world_map[2]
+    heights = (by_x * x + by_y * y[:, None] + by_z * storey.height + up_m).astype(np.float32)
+    T_map_pixel = np.diag([size_m, -size_m, 0.0, 1.0])
+    T_map_pixel[:2, 3] = left, low + ny * size_m
+    tags = TiffImagePlugin.ImageFileDirectory_v2()
+    tags.tagtype.update({_PIXEL_SCALE: _DOUBLE, _TIE_POINT: _DOUBLE, _TRANSFORMATION: _DOUBLE, _GEO_KEYS: _SHORT})
+    tags.update({**_placed(T_world_map @ T_map_pixel), _GEO_KEYS: _PIXEL_IS_AREA, _NO_DATA: "nan"})
     file = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(storey.height[::-1] + np.float32(origin[2]))).save(file, "TIFF", tiffinfo=tags)
+    Image.fromarray(np.ascontiguousarray(heights[::-1])).save(file, "TIFF", tiffinfo=tags)
     return file.getvalue()
+
+
+def _placed(T: NDArray[np.float64]) -> dict[int, tuple[float, ...]]:
+    """The tags of an image whose pixels T (4, 4) places: scale and corner, which every program reads, where it is not turned."""
+    T[2] = 0.0  # an image has no height of its own
+    if T[0, 1] or T[1, 0]:
+        return {_TRANSFORMATION: tuple(T.ravel().tolist())}
+    return {_PIXEL_SCALE: (float(T[0, 0]), float(-T[1, 1]), 0.0), _TIE_POINT: (0.0, 0.0, 0.0, float(T[0, 3]), float(T[1, 3]), 0.0)}

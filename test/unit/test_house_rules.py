@@ -83,7 +83,9 @@ ORDER: dict[str, set[str]] = {
     "mapping_tools": BASE
     | MAPPING
     | {"explore_command", "mount_calibration", "odometry_fusion", "point_cloud2", "roslaunch_process", "sensor_checks", "sweep_assembly"},
-    "terrain_tools": BASE | TERRAIN | {"explore_command", "finished_maps", "mapping_tools", "pose_graph_mapping.session"},
+    "terrain_tools": BASE
+    | TERRAIN
+    | {"exploration_evaluation", "explore_command", "finished_maps", "mapping_tools", "pose_graph_mapping.session"},
     "run_replay": BASE | MAPPING | TERRAIN | {"exploration_evaluation", "explore_command", "roslaunch_process"},
     "evaluation_report": BASE | {"exploration_evaluation"},
     "evaluation_campaign": BASE | {"evaluation_report", "exploration_evaluation", "explore_command", "node_life", "roslaunch_process"},

@@ -1,5 +1,6 @@
 """./evaluate's command line: what it asks for, and what it refuses in one line."""
 
+import errno
 import json
 import signal
 from pathlib import Path
@@ -41,7 +42,7 @@ def no_runs(monkeypatch):
     ("arguments", "text"),
     [
         (["--worlds", "romms"], "romms"),
-        (["--profile", "ours,config/profiles/ours.yaml"], "--profile ours and config/profiles/ours.yaml have the same name"),
+        (["--profile", "ours,config/profiles/ours.yaml"], f"--profile ours and {ROOT}/config/profiles/ours.yaml have the same name"),
         (["--profile", "thessis"], f"profiles are {', '.join(profile_names())}"),
         (["--seeds", "5-1"], "runs backwards"),
         (["--worlds", "docs/ramp.png"], "a height map has no size of its own"),
@@ -87,6 +88,29 @@ def test_world_that_is_named_twice_is_one(tmp_path, monkeypatch):
     Path("house.obj").touch()
     campaign, _ = parse(["--worlds", f"house.obj,./house.obj,{tmp_path}/house.obj,rooms", "--seeds", "1", "--out", "c"])
     assert campaign.worlds == (str(tmp_path / "house.obj"), "rooms")
+
+
+def test_profile_of_a_file_is_found_from_every_folder(tmp_path, monkeypatch, no_runs):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text("")
+    words = ["--profile", f"ours,mine.yaml,./mine.yaml,{tmp_path}/mine.yaml", "--seeds", "1", "--out", "c"]
+    campaign, _ = parse(words)
+    assert campaign.profiles == ("ours", str(tmp_path / "mine.yaml"))
+    open_campaign(campaign, {})
+    assert parse([*words, "--report-only"])[0] == campaign
+
+
+def test_campaign_from_before_profiles_had_full_paths_goes_on(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("mine.yaml").write_text("")
+    words = ["--profile", "ours,mine.yaml", "--seeds", "1", "--out", "c"]
+    campaign, _ = parse(words)
+    open_campaign(campaign, {})
+    path = campaign.out / "campaign.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), "profiles": ["ours", "mine.yaml"]}))
+    assert parse([*words, "--report-only"])[0] == campaign
+    open_campaign(campaign, {})
+    assert json.loads(path.read_text())["profiles"] == ["ours", str(tmp_path / "mine.yaml")]
 
 
 def test_profile_with_a_wrong_parameter_is_refused_with_the_nearest_name(tmp_path, capsys):
@@ -167,6 +191,26 @@ def test_report_alone_is_of_the_campaign_that_the_folder_holds(reported, capsys)
         assert parse([*alone, *more])[0] == campaign
         assert main([*alone, *more]) == 1 and "missing: " in capsys.readouterr().out
     assert folders == [campaign.out] * 2 and (campaign.out / "campaign.json").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("fault", "code", "text"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), 1, "No space left on device; finished runs stay"),
+        (KeyboardInterrupt(), 130, "interrupted; finished runs stay"),
+        (ValueError("outcome.json\ncannot be read"), 2, ": outcome.json cannot be read"),
+    ],
+)
+def test_report_that_cannot_be_written_is_one_line_and_the_exit_code_of_a_run(reported, capsys, monkeypatch, fault, code, text):
+    campaign, _, _ = reported
+
+    def write_report(_out):
+        raise fault
+
+    monkeypatch.setattr("evaluation_report.write_report", write_report)
+    assert main(["--out", str(campaign.out), "--report-only"]) == code
+    said = capsys.readouterr().err.strip()
+    assert said.startswith("./evaluate: ") and text in said and "\n" not in said
 
 
 def test_report_alone_tells_all_that_differs_at_once(reported, capsys):

@@ -106,6 +106,13 @@ def test_limits_themselves_are_allowed() -> None:
     assert robot.max_step_m == robot.ground_clearance_m
 
 
+def test_frames_of_mounts_are_meant_without_a_slash() -> None:
+    mount = {"frame": "/velodyne", "parent": "/base_link", "xyz": [0, 0, 0.5], "rpy": [0, 0, 0]}
+    robot = robot_from_mapping(values(mounts={"laser": mount, "imu": {"frame": "/imu_link", "from": "urdf"}}))
+    assert (robot.mount("laser").frame, robot.mount("laser").parent, robot.mount("imu").frame) == ("velodyne", "base_link", "imu_link")
+    assert "mounts/laser: has no frame" in problems(values(mounts={"laser": {"frame": "/", "from": "urdf"}}))[0]
+
+
 def test_all_violations_come_at_once_one_a_line() -> None:
     content = values(width_m=0.5, max_step_m=0.2, colour="red", mounts={"laser": {"from": "urdf"}})
     del content["track_m"]

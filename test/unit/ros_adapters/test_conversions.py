@@ -99,6 +99,12 @@ def test_cloud_that_cannot_be_read_is_refused(what: str) -> None:
         c.cloud_arrays(broken(what), "base_link")
 
 
+def test_frame_s_name_may_begin_with_a_slash() -> None:
+    message, points, _ = cloud()
+    message.header.frame_id = "/base_link"
+    assert len(c.cloud_arrays(message, "base_link")[0]) == len(points)
+
+
 def test_no_free_beams_are_empty_arrays() -> None:
     assert [a.shape for a in c.free_arrays(PointCloud2())] == [(0, 3), (0, 3)]
 

@@ -139,6 +139,13 @@ def test_plan_of_before_new_zones_takes_no_effect_for_a_robot_that_stands(driven
     assert driven._follower.state is FollowerState.FOLLOWING
 
 
+def test_plan_s_frame_may_begin_with_a_slash(driven: DrivenPlan) -> None:
+    node: Any = driven._node
+    request = StorePlanRequest(plan=a_path())
+    request.plan.header.frame_id = "/map"
+    assert node.served["storePlan"](request).accepted
+
+
 def test_clock_that_was_set_back_leaves_no_plan_outdated(driven: DrivenPlan) -> None:
     node: Any = driven._node
     driven.robot_is(100.0, None)

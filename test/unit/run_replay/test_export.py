@@ -1,5 +1,6 @@
 """./replay --export: one file with the whole run, read back by the reader of the format's own library and by rosbags' types."""
 
+import weakref
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,12 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from octomap_server_3dnav.navigation.class_colours import CLASS_RGB
 from octomap_server_3dnav.terrain.classify import TerrainClass
+from pose_graph_mapping.session.session_store import SessionStore, tum_text
 from rigid_geometry import inverse, transform_points
+from run_replay import mcap_messages
 from run_replay.__main__ import main
 from run_replay.export import export
+from run_replay.recorded_run import read_run
 
 TYPES = get_typestore(Stores.EMPTY)
 Read = dict[str, list[tuple[float, Any]]]
@@ -103,6 +107,63 @@ def test_run_that_was_killed_is_exported_without_what_it_lacks(tmp_path: Path) -
     export(folder, tmp_path / "run.mcap")
     found = read_back(tmp_path / "run.mcap")
     assert len(found["/sweep"]) == 5 and "/terrain" not in found and "/events" not in found
+
+
+def paused_run(folder: Path, pause_s: float) -> Path:
+    """A run without truth whose robot stood so long before its third sweep, as two bags that were joined leave it."""
+    moving = read_run(write_run(folder.with_name("moving")))
+    stamps = SWEEP_STAMPS_S + np.where(SWEEP_STAMPS_S > 4.0, pause_s, 0.0)
+    store = SessionStore(folder)
+    for k, stamp_s in enumerate(stamps.tolist()):
+        cloud = moving.sweeps.load_sweep(k)
+        store.add_sweep(k, stamp_s, cloud.points, cloud.origins)
+    (folder / "trajectory.txt").write_text(tum_text(stamps, moving.vertex_poses))
+    events = f"1.0,0.5,sweeping,first,0\n4.0,1.5,paused,a day,2\n{8.0 + pause_s},1.5,driving,goal,4\n{20.0 + pause_s},1.5,saving,,5\n"
+    (folder / "events.csv").write_text("stamp_s,wall_s,state,reason,sweeps\n" + events)
+    return folder
+
+
+def test_day_s_pause_between_two_sweeps_lasts_a_second(tmp_path: Path) -> None:
+    export(paused_run(tmp_path / "run", 86400.0), tmp_path / "run.mcap")
+    found = read_back(tmp_path / "run.mcap")
+    assert [s for s, _ in found["/sweep"]] == [1.0, 3.0, 4.0, 6.0, 8.0] and len(found["/tf"]) == 71
+    assert [s for s, _ in found["/events"]] == pytest.approx([1.0, 3.0, 7.0, 19.0], abs=1e-4)
+
+
+def test_pause_of_half_a_minute_is_kept(tmp_path: Path) -> None:
+    export(paused_run(tmp_path / "run", 30.0), tmp_path / "run.mcap")
+    assert [s for s, _ in read_back(tmp_path / "run.mcap")["/sweep"]] == [1.0, 3.0, 35.0, 37.0, 39.0]
+
+
+def test_sweeps_that_a_later_bag_added_to_a_run_with_truth_follow_it_by_a_second(tmp_path: Path) -> None:
+    folder = write_run(tmp_path / "run")
+    poses, stamps = read_run(folder).vertex_poses, [*SWEEP_STAMPS_S.tolist(), 1.7e9]
+    store = SessionStore(folder)
+    cloud = store.load_sweep(4)
+    store.add_sweep(5, stamps[-1], cloud.points, cloud.origins)
+    (folder / "trajectory.txt").write_text(tum_text(stamps, np.concatenate([poses, poses[-1:]])))
+    run = read_run(folder)
+    assert run.path.T_world_map is not None and run.sweep_stamps_s.tolist() == [*SWEEP_STAMPS_S.tolist(), LAST_S + 1.0]
+
+
+def test_one_sweep_s_way_and_graph_are_held_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They grow with the sweeps: all of them would be their square."""
+    made: list[weakref.ref[Any]] = []
+    alive, path_of, serialized = [0], mcap_messages.path, mcap_messages.TYPES.serialize_ros1
+
+    def path(*given: Any) -> object:
+        message = path_of(*given)
+        made.append(weakref.ref(message))
+        return message
+
+    def serialize(*given: Any) -> Any:
+        alive.append(sum(message() is not None for message in made))
+        return serialized(*given)
+
+    monkeypatch.setattr(mcap_messages, "path", path)
+    monkeypatch.setattr(mcap_messages.TYPES, "serialize_ros1", serialize)
+    export(write_run(tmp_path / "run"), tmp_path / "run.mcap")
+    assert len(made) == 5 and max(alive) <= 2
 
 
 def test_command_writes_the_file_and_says_so(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

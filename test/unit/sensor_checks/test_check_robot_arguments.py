@@ -1,6 +1,7 @@
 """./check_robot's arguments: what is wrong is one line that says which value, before a master is looked for."""
 
 import os
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -36,3 +37,19 @@ def said(*words: str) -> str:
 )
 def test_wrong_argument_is_one_line_that_says_which_value(words: list[str], told: str) -> None:
     assert said(*words).startswith(f"check_robot: {told}")
+
+
+def test_interrupt_is_one_line_and_no_verdict(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """Exit code 1 would say that something is not right, and that a table says what."""
+    monkeypatch.setattr(sys, "argv", ["check_robot"])
+    node = runpy.run_path(str(ROOT / "nodes" / "check_robot_node"))
+
+    def interrupted(_options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rosgraph.is_master_online", lambda: True)
+    monkeypatch.setattr("rospy.init_node", lambda *_, **__: None)
+    monkeypatch.setitem(node["main"].__globals__, "found_rows", interrupted)
+    assert node["main"]() == 130
+    said = capsys.readouterr()
+    assert said.out == "" and said.err == "check_robot: interrupted\n"

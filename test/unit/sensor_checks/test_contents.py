@@ -88,6 +88,27 @@ def test_points(found, asked, level):
     assert found[asked].level is level
 
 
+def turns(*counts):
+    clouds = [np.tile([3.0, 0.0, 0.5], (count, 1)) for count in counts]
+    return by_question(points_rows("/points", clouds, [np.linspace(0.0, 0.1, count) for count in counts], 16, LIMITS))
+
+
+def test_revolution_without_beams_is_passed_over_among_others():
+    found = turns(100, 0, 100)
+    assert worst([*found.values()]) is Level.OK and found["ranges"].found.startswith("100 % of 100 beams")
+
+
+def test_revolutions_that_are_all_without_beams_say_that_the_lidar_sees_nothing():
+    (row,) = turns(0, 0).values()
+    assert row.level is Level.ERROR and "the lidar sees nothing" in row.advice and "nan" not in row.found
+
+
+def test_scan_without_beams_is_passed_over_among_others():
+    layouts = [ScanLayout(**{**UTM.__dict__, "count": count}) for count in (0, UTM.count)]
+    assert worst(scan_rows("/scan", layouts, [np.full(layout.count, 2.0) for layout in layouts], LIMITS)) is Level.OK
+    assert by_question(scan_rows("/scan", layouts[:1], [np.zeros(0)], LIMITS))["layout"].level is Level.ERROR
+
+
 def imu(gyro=0.0, accel=9.81, standing=True, noise=0.003):
     rng = np.random.default_rng(0)
     rates, forces = rng.normal(0.0, noise, (500, 3)) + [0.0, 0.0, gyro], rng.normal(0.0, noise, (500, 3)) + [0.0, 0.0, accel]

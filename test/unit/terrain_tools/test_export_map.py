@@ -19,7 +19,7 @@ from pose_graph_mapping.graph.pose_graph import PoseGraph
 from pose_graph_mapping.session.session_files import pcd_bytes
 from pose_graph_mapping.session.session_record import Measured
 from pose_graph_mapping.session.session_store import SessionStore
-from rigid_geometry import origin_bytes, transform_from_rpy
+from rigid_geometry import origin_bytes, quat_xyzw_from_transform, transform_from_rpy, transform_points
 from robot_body import DEFAULT_ROBOT_FILE, RobotBody
 from terrain_tools.criteria import Criteria
 from terrain_tools.export_map import CLASSES, OCTREES, main
@@ -64,6 +64,14 @@ def test_one_floor_is_one_map_with_ground_where_the_robot_can_drive(tmp_path: Pa
     assert occupied == {OCCUPIED: True, FREE: False, UNKNOWN: False} and free == {OCCUPIED: False, FREE: True, UNKNOWN: False}
 
 
+@pytest.mark.parametrize("name", ["lab", "hall #2", "site: A", "'quoted' \"twice\"", "back\\slash", "Flügel 3 – 東", "- x", "*all"])
+def test_image_is_found_by_its_name_whatever_that_is(tmp_path: Path, name: str) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    assert main([str(tmp_path / "run"), "--out", str(tmp_path / f"{name}.pgm")]) == 0
+    assert value_at(tmp_path, name, 2.0, 2.0) == FREE
+    assert yaml.safe_load((tmp_path / f"{name}.yaml").read_text(encoding="utf-8"))["image"] == f"{name}.pgm"
+
+
 def test_two_floors_are_two_maps_of_the_same_cells_with_heights(tmp_path: Path) -> None:
     terrain = run_folder(tmp_path / "run", two_storeys(), (4, 5, 0))
     assert main([str(tmp_path / "run"), "--out", str(tmp_path / "h.pgm"), str(tmp_path / "h.tif")]) == 0
@@ -84,16 +92,50 @@ def test_what_is_lethal_wins_over_ground_of_its_height_and_not_of_another() -> N
     assert storey.grey[0].tolist() == [FREE, OCCUPIED, FREE, OCCUPIED]
 
 
-def test_height_map_lies_in_the_world(tmp_path: Path) -> None:
-    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+def heights_at(path: Path, xy: np.ndarray) -> np.ndarray:
+    """What a GeoTIFF says of (N, 2) places, by its ModelTransformation, or its scale and its corner of the upper left."""
+    picture = Image.open(path)
+    tags = picture.tag_v2
+    assert tags[42113] == "nan" and (34264 in tags) != (33550 in tags and 33922 in tags)
+    if 34264 in tags:
+        T = np.array(tags[34264]).reshape(4, 4)
+    else:
+        (across, down, _), (_, _, _, left, top, _) = tags[33550], tags[33922]
+        T = np.array([[across, 0, 0, left], [0, -down, 0, top], [0, 0, 0, 0], [0, 0, 0, 1]])
+    columns, rows = np.floor(np.linalg.solve(T[:2, :2], (xy - T[:2, 3]).T)).astype(int)
+    return np.asarray(np.asarray(picture)[rows, columns])
+
+
+def write_poses(path: Path, poses: np.ndarray) -> None:
+    """One a second, as a TUM file."""
+    lines = [(second, *T[:3, 3], *quat_xyzw_from_transform(T)) for second, T in enumerate(poses)]
+    path.write_text("".join(" ".join(f"{number:.9g}" for number in line) + "\n" for line in lines))
+
+
+def test_height_map_lies_in_the_world_wherever_the_robot_started(tmp_path: Path) -> None:
+    terrain = run_folder(tmp_path / "run", two_storeys(), (4, 5, 0))
     (tmp_path / "run" / "world_origin.json").write_bytes(origin_bytes((500000.0, 5400000.0, 300.0)))
+    poses = np.array([transform_from_rpy((x, 5.0, 0.1)) for x in (4.0, 5.0, 6.0)])
+    T_world_map = transform_from_rpy((12.0, 5.0, 7.0), (0.001, -0.002, 1.57))
+    write_poses(tmp_path / "run" / "trajectory.txt", poses)
+    write_poses(tmp_path / "run" / "trajectory_truth.txt", T_world_map @ poses)
     assert main([str(tmp_path / "run"), "--out", str(tmp_path / "a.tif")]) == 0
-    picture = Image.open(tmp_path / "a.tif")
-    heights = np.asarray(picture)
-    _, _, _, left, top, _ = picture.tag_v2[33922]
-    assert picture.tag_v2[33550][:2] == (RESOLUTION, RESOLUTION) and picture.tag_v2[42113] == "nan"
-    row, column = int((top - 5400002.0) / RESOLUTION), int((500002.0 - left) / RESOLUTION)
-    assert heights[row, column] == pytest.approx(300.0 + RESOLUTION, abs=1e-3)
+    ground = terrain.centers()[np.isin(terrain.label, (TerrainClass.TRAVERSABLE, TerrainClass.INFLATION))].astype(np.float64)
+    for number in (1, 2):
+        of_storey = ground[(ground[:, 2] > 1.8) == (number == 2)]
+        tops = transform_points(T_world_map, of_storey + [0.0, 0.0, RESOLUTION / 2]) + [500000.0, 5400000.0, 300.0]
+        assert len(tops) > 100
+        assert heights_at(tmp_path / f"a-{number}.tif", tops[:, :2]) == pytest.approx(tops[:, 2], abs=1e-3)
+
+
+@pytest.mark.parametrize(("name", "added"), [("world_origin.json", 0.0), ("map_origin.json", 300.0)])
+def test_height_map_without_true_poses_has_the_session_s_own_coordinates(tmp_path: Path, name: str, added: float) -> None:
+    run_folder(tmp_path / "run", floor(), (2, 2, 0))
+    (tmp_path / "run" / name).write_bytes(origin_bytes((300.0, 300.0, 300.0)))
+    assert main([str(tmp_path / "run"), "--out", str(tmp_path / "a.tif")]) == 0
+    found = heights_at(tmp_path / "a.tif", np.array([[2.05, 2.05]]) + added)
+    assert found == pytest.approx([added + RESOLUTION], abs=1e-3)
+    assert 33550 in Image.open(tmp_path / "a.tif").tag_v2
 
 
 def test_octrees_and_clouds_are_those_of_the_run(tmp_path: Path) -> None:
