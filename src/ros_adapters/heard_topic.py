@@ -17,10 +17,20 @@ R = TypeVar("R")
 class HeardTopic(Generic[R]):
     """Subscribes from its start on; keeps times of all messages, and of at most `kept` of them what `read` makes of each."""
 
-    def __init__(self, topic: str, message_type: type, read: Callable[[M], R | None], kept: int = 100_000) -> None:
-        """`read` gives None for a message that does not concern it; its ValueError is kept as a fault."""
+    def __init__(
+        self,
+        topic: str,
+        message_type: type,
+        read: Callable[[M], R | None],
+        kept: int = 100_000,
+        duration_of: Callable[[R], float] = lambda _: 0.0,
+    ) -> None:
+        """`read` gives None for a message that does not concern it; its ValueError is kept as a fault.
+
+        `duration_of` what it read: seconds from the stamp to the last beam.
+        """
         self.topic, self.type_name = rospy.resolve_name(topic), str(message_type._type)  # type: ignore[attr-defined]
-        self._read, self._kept, self._lock = read, kept, threading.Lock()
+        self._read, self._kept, self._duration_of, self._lock = read, kept, duration_of, threading.Lock()
         self._heard: list[Heard] = []
         self._contents: list[R] = []
         self._frames: set[str] = set()
@@ -32,6 +42,7 @@ class HeardTopic(Generic[R]):
 
     def _on_message(self, message: Any) -> None:
         arrival_s, clock_s = time.monotonic(), rospy.get_time()
+        duration_s = 0.0
         with self._lock:
             try:
                 content = self._read(message)
@@ -41,10 +52,11 @@ class HeardTopic(Generic[R]):
                 if content is None:
                     self._other_messages += 1
                     return
+                duration_s = self._duration_of(content)
                 if len(self._contents) < self._kept:
                     self._contents.append(content)
             self._frames.add(message.header.frame_id)
-            self._heard.append(Heard(arrival_s, clock_s, message.header.stamp.to_sec()))
+            self._heard.append(Heard(arrival_s, clock_s, message.header.stamp.to_sec(), duration_s))
 
     def forget(self) -> None:
         """Starts afresh: the look begins now."""

@@ -37,8 +37,8 @@ class RobotCheck:
         except ValueError as error:
             joint, self._joint_fault = "", str(error)
         self._sensor, self._mapping, spinning = sensor, mapping, sensor == "spinning"
-        self._scan = HeardTopic("scan", LaserScan, _scan_content) if not spinning else None
-        self._points = HeardTopic("points", PointCloud2, self._revolution, _CLOUDS) if spinning else None
+        self._scan = HeardTopic("scan", LaserScan, _scan_content, duration_of=_scan_duration_s) if not spinning else None
+        self._points = HeardTopic("points", PointCloud2, self._revolution, _CLOUDS, _turn_s) if spinning else None
         self._joint = joint or ""
         self._tilt = None if joint is None else HeardTopic("joint_states", JointState, self._tilt_of)
         self._imu = HeardTopic("imu/data", Imu, _imu_content)
@@ -88,7 +88,9 @@ class RobotCheck:
         """All answers, input by input."""
         graph = RobotGraph()
         rows = self._clock() + self._laser(graph) + self._of_tilt(graph) + self._of_imu(graph) + self._of_wheels(graph)
-        rows += clock_rows({watch.topic: watch.heard for watch in self._watches if self._stamped(watch)}, self._limits)
+        laser = self._scan or self._points
+        tilt = (self._tilt.topic, laser.topic) if self._tilt and laser else None
+        rows += clock_rows({watch.topic: watch.heard for watch in self._watches if self._stamped(watch)}, self._limits, tilt)
         if self._tilt is not None:
             rows += [graph.service_row("start_sweep", "std_srvs/Trigger", "one sweep, ending level")]
         if self._tilt is not None and self._mapping == DRIVING:
@@ -183,6 +185,17 @@ def _scan_content(message: LaserScan) -> tuple[ScanLayout, Floats]:
         message.angle_min, message.angle_increment, message.time_increment, len(message.ranges), message.range_min, message.range_max
     )
     return layout, np.asarray(message.ranges, dtype=np.float64)
+
+
+def _scan_duration_s(content: tuple[ScanLayout, Floats]) -> float:
+    layout = content[0]
+    duration_s = layout.time_increment * (layout.count - 1)
+    return duration_s if 0.0 < duration_s < 1.0 else 0.0  # what is no duration has a row of its own
+
+
+def _turn_s(turn: Revolution) -> float:
+    end_s = float(turn.times_s.max(initial=0.0))
+    return end_s if end_s < 1.0 else 0.0
 
 
 def _imu_content(message: Imu) -> tuple[str, tuple[float, ...], tuple[float, ...]]:
