@@ -17,7 +17,8 @@ from ros_adapters.robot_graph import RobotGraph, TransformWatch
 from ros_adapters.sensor_frames import SensorFrames
 from sensor_checks import NEEDS, CheckLimits, ImuLimits, Level, Row, clock_rows, timing_rows
 from sensor_checks.contents import ScanLayout, frame_row, imu_rows, points_rows, scan_rows, stands, tilt_rows, wheel_rows
-from sweep_assembly import Revolution
+from sensor_checks.lidar import lidar_rows
+from sweep_assembly import LidarConfig, Revolution
 
 Floats = NDArray[np.float64]
 _POLL_S = 0.05
@@ -27,9 +28,11 @@ _CLOUDS = 10  # as many tell of layout and units
 class RobotCheck:
     """Subscribes when it is made; then `wait`, `look`, `rows`."""
 
-    def __init__(self, robot: RobotBody, urdf: str, sensor: str, mapping: str, limits: tuple[CheckLimits, ImuLimits]) -> None:
+    def __init__(
+        self, robot: RobotBody, urdf: str, sensor: str, mapping: str, limits: tuple[CheckLimits, ImuLimits], lidar: LidarConfig
+    ) -> None:
         """`urdf`: the text of the robot's description, `sensor` and `mapping` as in the launch file. ValueError when it cannot be read."""
-        self._robot, self._urdf, (self._limits, self._imu_limits) = robot, urdf, limits
+        self._robot, self._urdf, (self._limits, self._imu_limits), self._lidar = robot, urdf, limits, lidar
         self._frames = SensorFrames(robot, urdf)
         self._laser_frame = robot.mount("laser").frame
         try:
@@ -128,12 +131,13 @@ class RobotCheck:
             layouts, ranges = zip(*self._scan.contents, strict=True)
             rows += scan_rows(watch.topic, layouts, ranges, self._limits)
         if self._points and self._points.contents:
-            turns = self._points.contents
-            rings = len(np.unique(np.concatenate([turn.rings for turn in turns])))
-            rows += points_rows(
-                watch.topic, [turn.points.astype(np.float64) for turn in turns], [turn.times_s for turn in turns], rings, self._limits
-            )
+            rows += self._of_turns(self._points.topic, self._points.contents, np.array([h.stamp_s for h in self._points.heard]))
         return rows
+
+    def _of_turns(self, topic: str, turns: list[Revolution], stamps_s: Floats) -> list[Row]:
+        points, rings = [turn.points.astype(np.float64) for turn in turns], np.concatenate([turn.rings for turn in turns])
+        rows = points_rows(topic, points, [turn.times_s for turn in turns], len(np.unique(rings)), self._limits)
+        return rows + lidar_rows(topic, stamps_s, (np.vstack(points), rings), self._lidar.elevations, self._lidar.rate_hz)
 
     def _of_tilt(self, graph: RobotGraph) -> list[Row]:
         if self._tilt is None:

@@ -263,6 +263,33 @@ def test_revolution_whose_times_are_not_of_a_turn_around_its_stamp_is_refused(sh
         chain().add_revolution(1.0, Revolution(one.points, one.rings, stretch * one.times_s + shift_s))
 
 
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+@pytest.mark.parametrize("staggered_deg", [0.0, 3.0])
+@pytest.mark.parametrize(("rate_hz", "said"), [(10.0, ""), (10.4, ""), (12.0, "12"), (20.0, "20"), (40.0, "40")])
+def test_revolution_that_turns_faster_than_configured_is_refused(rate_hz, said, sense, staggered_deg):
+    """With 20 Hz in place of 10 its free beams would be placed up to half a turn off."""
+    directions, rings, times = beams(900, sense)
+    aside = math.radians(staggered_deg) * (rings.astype(float) % 2.0 * 2.0 - 1.0)  # of two rings one looks ahead, the other behind
+    x, y = (
+        np.cos(aside) * directions[:, 0] - np.sin(aside) * directions[:, 1],
+        np.sin(aside) * directions[:, 0] + np.cos(aside) * directions[:, 1],
+    )
+    points = (4.0 * np.stack([x, y, directions[:, 2]], axis=1)).astype(np.float32)
+    points[(times > 0.02) & (times < 0.05)] = np.nan
+    one = Revolution(points, rings, times * LIDAR.rate_hz / rate_hz)
+    if not said:
+        return chain().add_revolution(1.0, one)
+    with pytest.raises(ValueError, match=rf"turns {said}\.?\d* times a second, .* 10: set lidar/rate_hz"):
+        chain().add_revolution(1.0, one)
+
+
+def test_few_echoes_do_not_tell_how_fast_a_lidar_turns():
+    directions, rings, times = beams(900)
+    points = np.full(directions.shape, np.nan, np.float32)
+    points[5:50] = directions[5:50]
+    chain().add_revolution(1.0, Revolution(points, rings, times * 0.5))
+
+
 def test_rings_that_count_downwards_are_turned_round():
     one = revolution(1.0, still, level)
     downwards = Revolution(one.points, (LIDAR.rings - 1 - one.rings).astype(np.uint16), one.times_s)
