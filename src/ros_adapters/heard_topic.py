@@ -8,6 +8,7 @@ from typing import Any, Generic, TypeVar
 import rospy
 from rospy.numpy_msg import numpy_msg
 
+from ros_adapters.conversions import sender_of
 from sensor_checks import Heard
 
 M = TypeVar("M")
@@ -34,6 +35,7 @@ class HeardTopic(Generic[R]):
         self._heard: list[Heard] = []
         self._contents: list[R] = []
         self._frames: set[str] = set()
+        self._senders: set[str] = set()
         self._faults: dict[str, int] = {}
         self._other_messages = 0
         self._subscriber = rospy.Subscriber(
@@ -56,12 +58,14 @@ class HeardTopic(Generic[R]):
                 if len(self._contents) < self._kept:
                     self._contents.append(content)
             self._frames.add(message.header.frame_id)
+            self._senders.add(sender_of(message))
             self._heard.append(Heard(arrival_s, clock_s, message.header.stamp.to_sec(), duration_s))
 
     def forget(self) -> None:
         """Starts afresh: the look begins now."""
         with self._lock:
             self._heard, self._contents, self._frames, self._faults, self._other_messages = [], [], set(), {}, 0
+            self._senders = set()
 
     def stop(self) -> None:
         """Listens no more."""
@@ -81,6 +85,11 @@ class HeardTopic(Generic[R]):
     def frames(self) -> set[str]:
         """Their frames."""
         return self._frames
+
+    @property
+    def senders(self) -> set[str]:
+        """The nodes that sent them."""
+        return self._senders
 
     @property
     def faults(self) -> dict[str, int]:

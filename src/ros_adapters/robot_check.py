@@ -16,7 +16,7 @@ from ros_adapters.revolution_messages import revolution_of
 from ros_adapters.robot_graph import RobotGraph, TransformWatch
 from ros_adapters.sensor_frames import SensorFrames
 from sensor_checks import NEEDS, CheckLimits, ImuLimits, Level, Row, clock_rows, timing_rows
-from sensor_checks.contents import ScanLayout, frame_row, imu_rows, points_rows, scan_rows, stands, tilt_rows, wheel_rows
+from sensor_checks.contents import ScanLayout, frame_row, imu_rows, points_rows, scan_rows, senders_row, stands, tilt_rows, wheel_rows
 from sensor_checks.lidar import lidar_rows
 from sweep_assembly import LidarConfig, Revolution
 
@@ -147,6 +147,8 @@ class RobotCheck:
             return [*rows, Row(Level.ERROR, "robot_description", "tilt", self._joint_fault, "give the laser one joint that tilts about y")]
         if self._tilt.heard or self._tilt.other_messages:
             rows += tilt_rows(self._tilt.topic, np.array(self._tilt.contents), self._joint, self._limits)
+        if self._tilt.senders:
+            rows.append(senders_row(self._tilt.topic, self._tilt.senders, self._joint))
         return rows
 
     def _of_fixed(self) -> Row:
