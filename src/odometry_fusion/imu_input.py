@@ -25,11 +25,16 @@ class ImuSample:
 
 @dataclass(eq=False)
 class _Imu:
-    """What is known of the IMU of one frame: its mounting, and the samples that are held until gravity speaks for it."""
+    """What is known of the IMU of one frame: its mounting, and the samples that are held until gravity speaks for it.
+
+    `last` is its newest sample, and `turned_rad` how far the wheels had turned the robot when another came last.
+    """
 
     R_base_imu: FloatArray
     held: deque[ImuSample] = field(default_factory=lambda: deque(maxlen=_MOST_HELD))
     trusted: bool = False
+    last: bytes = b""
+    turned_rad: float = 0.0
 
 
 class ImuInput:
@@ -45,7 +50,8 @@ class ImuInput:
         """The samples that may be used now, oldest first: this one, none, or with it those that were held.
 
         `gyro` and `accel` in rad/s and m/s^2, in `frame`. ValueError, one line with advice: an unknown frame, units or mounting that
-        contradict gravity for as long as they are judged, or rates that contradict the wheels. Numbers that are not finite go through.
+        contradict gravity for as long as they are judged, rates that contradict the wheels, or a sample that stays the same while these
+        turn the robot. Numbers that are not finite go through.
         """
         imu = self._imu(frame.lstrip("/"))
         rows = np.array([gyro, accel], dtype=np.float64)
@@ -53,13 +59,22 @@ class ImuInput:
             return [ImuSample(stamp_s, *rows)]
         sample = ImuSample(stamp_s, *rows @ imu.R_base_imu.T)
         self._turning.add_imu(stamp_s, float(sample.gyro[2]))
-        if fault := self._turning.fault():
+        if fault := self._turning.fault() or self._frozen(imu, rows.tobytes()):
             raise ValueError(fault)
         return [sample] if imu.trusted else self._judged(imu, sample, frame)
 
     def add_wheels(self, stamp_s: float, yaw_rate: float) -> None:
         """Takes the wheels' yaw rate in rad/s, by which the unit of the IMU's rates is judged."""
         self._turning.add_wheels(stamp_s, yaw_rate)
+
+    def _frozen(self, imu: _Imu, sample: bytes) -> str | None:
+        """What it says against the IMU that it sends the very sample that it sent before; None where the robot has hardly turned since."""
+        if sample != imu.last:
+            imu.last, imu.turned_rad = sample, self._turning.all_rad
+        if self._turning.all_rad - imu.turned_rad < self._limits.frozen_rad:
+            return None
+        turned = f"while the wheels turned by {self._limits.frozen_rad:g} rad"
+        return f"the IMU sends the same sample again and again {turned}: its driver reads it no more; see its cable, and start it again"
 
     def _imu(self, frame: str) -> _Imu:
         if frame not in self._imus:
@@ -83,6 +98,7 @@ class ImuInput:
         raise ValueError(fault)
 
 
+_LONGEST_S = 0.5  # so long the wheels turn as they said last
 _TURNS_RPS = 0.1  # slower, wheels that slip and noise say as much as the turn
 
 
@@ -95,15 +111,19 @@ class _Turning:
         self._wheel_stamp_s = self._imu_stamp_s = -math.inf
         self._turned = self._together = self._squared = 0.0
         self._fault: str | None = None
+        self.all_rad = 0.0
+        """How far the wheels have turned the robot, to either side."""
 
     def add_wheels(self, stamp_s: float, yaw_rate: float) -> None:
         if math.isfinite(stamp_s) and math.isfinite(yaw_rate):
+            if 0.0 < stamp_s - self._wheel_stamp_s < _LONGEST_S:
+                self.all_rad += abs(yaw_rate) * (stamp_s - self._wheel_stamp_s)
             self._wheel_stamp_s, self._wheel_rate = stamp_s, yaw_rate
 
     def add_imu(self, stamp_s: float, yaw_rate: float) -> None:
         duration_s, self._imu_stamp_s = stamp_s - self._imu_stamp_s, stamp_s
         turns = abs(self._wheel_rate) >= _TURNS_RPS
-        if not (turns and 0.0 < duration_s < 0.2 and abs(stamp_s - self._wheel_stamp_s) < 0.5):
+        if not (turns and 0.0 < duration_s < 0.2 and abs(stamp_s - self._wheel_stamp_s) < _LONGEST_S):
             return
         self._turned += abs(self._wheel_rate) * duration_s
         self._together += self._wheel_rate * yaw_rate * duration_s

@@ -159,6 +159,11 @@ def joint_position(message: JointState, joint: str) -> float | None:
     return float(message.position[index])
 
 
+def sender_of(message: object) -> str:
+    """The node that sent a message that was received; "somebody" where it is not told."""
+    return str((getattr(message, "_connection_header", None) or {}).get("callerid", "somebody"))
+
+
 def transform_from_pose(pose: Pose) -> Floats:
     """(4, 4) transform of a pose; ValueError when it is not finite, off the Earth, or its quaternion is no rotation."""
     p, q = pose.position, pose.orientation

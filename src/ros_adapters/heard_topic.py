@@ -8,6 +8,7 @@ from typing import Any, Generic, TypeVar
 import rospy
 from rospy.numpy_msg import numpy_msg
 
+from ros_adapters.conversions import sender_of
 from sensor_checks import Heard
 
 M = TypeVar("M")
@@ -17,13 +18,24 @@ R = TypeVar("R")
 class HeardTopic(Generic[R]):
     """Subscribes from its start on; keeps times of all messages, and of at most `kept` of them what `read` makes of each."""
 
-    def __init__(self, topic: str, message_type: type, read: Callable[[M], R | None], kept: int = 100_000) -> None:
-        """`read` gives None for a message that does not concern it; its ValueError is kept as a fault."""
+    def __init__(
+        self,
+        topic: str,
+        message_type: type,
+        read: Callable[[M], R | None],
+        kept: int = 100_000,
+        duration_of: Callable[[R], float] = lambda _: 0.0,
+    ) -> None:
+        """`read` gives None for a message that does not concern it; its ValueError is kept as a fault.
+
+        `duration_of` what it read: seconds from the stamp to the last beam.
+        """
         self.topic, self.type_name = rospy.resolve_name(topic), str(message_type._type)  # type: ignore[attr-defined]
-        self._read, self._kept, self._lock = read, kept, threading.Lock()
+        self._read, self._kept, self._duration_of, self._lock = read, kept, duration_of, threading.Lock()
         self._heard: list[Heard] = []
         self._contents: list[R] = []
         self._frames: set[str] = set()
+        self._senders: set[str] = set()
         self._faults: dict[str, int] = {}
         self._other_messages = 0
         self._subscriber = rospy.Subscriber(
@@ -32,6 +44,7 @@ class HeardTopic(Generic[R]):
 
     def _on_message(self, message: Any) -> None:
         arrival_s, clock_s = time.monotonic(), rospy.get_time()
+        duration_s = 0.0
         with self._lock:
             try:
                 content = self._read(message)
@@ -41,15 +54,18 @@ class HeardTopic(Generic[R]):
                 if content is None:
                     self._other_messages += 1
                     return
+                duration_s = self._duration_of(content)
                 if len(self._contents) < self._kept:
                     self._contents.append(content)
             self._frames.add(message.header.frame_id)
-            self._heard.append(Heard(arrival_s, clock_s, message.header.stamp.to_sec()))
+            self._senders.add(sender_of(message))
+            self._heard.append(Heard(arrival_s, clock_s, message.header.stamp.to_sec(), duration_s))
 
     def forget(self) -> None:
         """Starts afresh: the look begins now."""
         with self._lock:
             self._heard, self._contents, self._frames, self._faults, self._other_messages = [], [], set(), {}, 0
+            self._senders = set()
 
     def stop(self) -> None:
         """Listens no more."""
@@ -69,6 +85,11 @@ class HeardTopic(Generic[R]):
     def frames(self) -> set[str]:
         """Their frames."""
         return self._frames
+
+    @property
+    def senders(self) -> set[str]:
+        """The nodes that sent them."""
+        return self._senders
 
     @property
     def faults(self) -> dict[str, int]:

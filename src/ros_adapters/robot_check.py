@@ -16,8 +16,9 @@ from ros_adapters.mapping_mode import DRIVING
 from ros_adapters.robot_graph import RobotGraph, TransformWatch
 from ros_adapters.sensor_frames import SensorFrames
 from sensor_checks import NEEDS, CheckLimits, ImuLimits, Level, Row, clock_rows, timing_rows
-from sensor_checks.contents import ScanLayout, frame_row, imu_rows, points_rows, scan_rows, stands, tilt_rows, wheel_rows
-from sweep_assembly import Revolution
+from sensor_checks.contents import ScanLayout, frame_row, imu_rows, points_rows, scan_rows, senders_row, stands, tilt_rows, wheel_rows
+from sensor_checks.lidar import lidar_rows
+from sweep_assembly import LidarConfig, Revolution
 
 Floats = NDArray[np.float64]
 _POLL_S = 0.05
@@ -27,9 +28,11 @@ _CLOUDS = 10  # as many tell of layout and units
 class RobotCheck:
     """Subscribes when it is made; then `wait`, `look`, `rows`."""
 
-    def __init__(self, robot: RobotBody, urdf: str, sensor: str, mapping: str, limits: tuple[CheckLimits, ImuLimits]) -> None:
+    def __init__(
+        self, robot: RobotBody, urdf: str, sensor: str, mapping: str, limits: tuple[CheckLimits, ImuLimits], lidar: LidarConfig
+    ) -> None:
         """`urdf`: the text of the robot's description, `sensor` and `mapping` as in the launch file. ValueError when it cannot be read."""
-        self._robot, self._urdf, (self._limits, self._imu_limits) = robot, urdf, limits
+        self._robot, self._urdf, (self._limits, self._imu_limits), self._lidar = robot, urdf, limits, lidar
         self._frames = SensorFrames(robot, urdf)
         self._laser_frame = robot.mount("laser").frame
         try:
@@ -37,8 +40,8 @@ class RobotCheck:
         except ValueError as error:
             joint, self._joint_fault = "", str(error)
         self._sensor, self._mapping, spinning = sensor, mapping, sensor == "spinning"
-        self._scan = HeardTopic("scan", LaserScan, _scan_content) if not spinning else None
-        self._points = HeardTopic("points", PointCloud2, _revolution, _CLOUDS) if spinning else None
+        self._scan = HeardTopic("scan", LaserScan, _scan_content, duration_of=_scan_duration_s) if not spinning else None
+        self._points = HeardTopic("points", PointCloud2, _revolution, _CLOUDS, _turn_s) if spinning else None
         self._joint = joint or ""
         self._tilt = None if joint is None else HeardTopic("joint_states", JointState, self._tilt_of)
         self._imu = HeardTopic("imu/data", Imu, _imu_content)
@@ -85,7 +88,9 @@ class RobotCheck:
         """All answers, input by input."""
         graph = RobotGraph()
         rows = self._clock() + self._laser(graph) + self._of_tilt(graph) + self._of_imu(graph) + self._of_wheels(graph)
-        rows += clock_rows({watch.topic: watch.heard for watch in self._watches if self._stamped(watch)}, self._limits)
+        laser = self._scan or self._points
+        tilt = (self._tilt.topic, laser.topic) if self._tilt and laser else None
+        rows += clock_rows({watch.topic: watch.heard for watch in self._watches if self._stamped(watch)}, self._limits, tilt)
         if self._tilt is not None:
             rows += [graph.service_row("start_sweep", "std_srvs/Trigger", "one sweep, ending level")]
         if self._tilt is not None and self._mapping == DRIVING:
@@ -123,12 +128,13 @@ class RobotCheck:
             layouts, ranges = zip(*self._scan.contents, strict=True)
             rows += scan_rows(watch.topic, layouts, ranges, self._limits)
         if self._points and self._points.contents:
-            turns = self._points.contents
-            rings = len(np.unique(np.concatenate([turn.rings for turn in turns])))
-            rows += points_rows(
-                watch.topic, [turn.points.astype(np.float64) for turn in turns], [turn.times_s for turn in turns], rings, self._limits
-            )
+            rows += self._of_turns(self._points.topic, self._points.contents, np.array([h.stamp_s for h in self._points.heard]))
         return rows
+
+    def _of_turns(self, topic: str, turns: list[Revolution], stamps_s: Floats) -> list[Row]:
+        points, rings = [turn.points.astype(np.float64) for turn in turns], np.concatenate([turn.rings for turn in turns])
+        rows = points_rows(topic, points, [turn.times_s for turn in turns], len(np.unique(rings)), self._limits)
+        return rows + lidar_rows(topic, stamps_s, (np.vstack(points), rings), self._lidar.elevations, self._lidar.rate_hz)
 
     def _of_tilt(self, graph: RobotGraph) -> list[Row]:
         if self._tilt is None:
@@ -138,6 +144,8 @@ class RobotCheck:
             return [*rows, Row(Level.ERROR, "robot_description", "tilt", self._joint_fault, "give the laser one joint that tilts about y")]
         if self._tilt.heard or self._tilt.other_messages:
             rows += tilt_rows(self._tilt.topic, np.array(self._tilt.contents), self._joint, self._limits)
+        if self._tilt.senders:
+            rows.append(senders_row(self._tilt.topic, self._tilt.senders, self._joint))
         return rows
 
     def _of_fixed(self) -> Row:
@@ -184,6 +192,17 @@ def _scan_content(message: LaserScan) -> tuple[ScanLayout, Floats]:
 
 def _revolution(message: PointCloud2) -> Revolution:
     return Revolution.of(read_beams(message, stamp_of(message)))
+
+
+def _scan_duration_s(content: tuple[ScanLayout, Floats]) -> float:
+    layout = content[0]
+    duration_s = layout.time_increment * (layout.count - 1)
+    return duration_s if 0.0 < duration_s < 1.0 else 0.0  # what is no duration has a row of its own
+
+
+def _turn_s(turn: Revolution) -> float:
+    end_s = float(turn.times_s.max(initial=0.0))
+    return end_s if end_s < 1.0 else 0.0
 
 
 def _imu_content(message: Imu) -> tuple[str, tuple[float, ...], tuple[float, ...]]:

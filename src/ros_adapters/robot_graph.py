@@ -8,6 +8,7 @@ import rospy
 import rosservice
 from tf2_msgs.msg import TFMessage
 
+from ros_adapters.conversions import sender_of
 from ros_adapters.frames import frames
 from ros_adapters.mapping_mode import is_tracking
 from ros_adapters.sensor_frames import SensorFrames
@@ -100,7 +101,7 @@ class TransformWatch:
         )
 
     def _on_moving(self, message: Any) -> None:
-        sender = message._connection_header.get("callerid", "somebody")
+        sender = sender_of(message)
         for t in message.transforms:
             edge = t.header.frame_id.lstrip("/"), t.child_frame_id.lstrip("/")
             if edge[1] in (frames().base, frames().odom) and our_senders().get(edge) != sender:

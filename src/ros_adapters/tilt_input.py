@@ -4,8 +4,10 @@ from collections.abc import Callable
 
 from sensor_msgs.msg import JointState
 
-from ros_adapters.conversions import joint_position, stamp_of
+from ros_adapters.conversions import joint_position, sender_of, stamp_of
 from ros_adapters.node import SILENT_AFTER_S, Node
+
+_BOTH_S = 2.0  # who sent within so long sends still
 
 
 class TiltInput:
@@ -15,7 +17,8 @@ class TiltInput:
         self, node: Node, joint: str | None, take: Callable[[float, float], object], silent_after_s: float = SILENT_AFTER_S
     ) -> None:
         """`take(stamp_s, tilt_rad)` hears every tilt; `joint` is the tilting joint's name, None where the laser is fixed."""
-        self._joint, self._take = joint, take
+        self._node, self._joint, self._take = node, joint, take
+        self._sent_s: dict[str, float] = {}
         self.topics = () if joint is None else ("joint_states",)
         if joint is not None:
             node.subscribe("joint_states", JointState, self._on_joints, silent_after_s=silent_after_s)
@@ -35,5 +38,12 @@ class TiltInput:
         assert self._joint is not None
         tilt_rad = joint_position(message, self._joint)
         if tilt_rad is not None:
+            self._look_for_others(stamp_of(message), sender_of(message))
             self._take(stamp_of(message), tilt_rad)
         return tilt_rad is not None
+
+    def _look_for_others(self, stamp_s: float, sender: str) -> None:
+        """Of two senders, a driver and a joint_state_publisher for example, the tilts are mixed: it is told for as long as both send."""
+        self._sent_s[sender] = stamp_s
+        self._sent_s = {name: s for name, s in self._sent_s.items() if abs(stamp_s - s) < _BOTH_S}
+        self._node.diagnostics.holds(f"{self._joint} has two senders", ", ".join(sorted(self._sent_s)) if len(self._sent_s) > 1 else "")

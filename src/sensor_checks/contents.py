@@ -167,6 +167,12 @@ def tilt_rows(topic: str, tilts: FloatArray, joint: str, limits: CheckLimits) ->
     ]
 
 
+def senders_row(topic: str, senders: set[str], joint: str) -> Row:
+    """Whether one node alone sends the tilting joint."""
+    advice = "the tilts of both are mixed: end the others, or take the joint from them (source_list of a joint_state_publisher)"
+    return judged(topic, "sender", f"{joint} by {', '.join(sorted(senders))}", (len(senders) > 1, Level.ERROR, advice))
+
+
 def wheel_rows(topic: str, velocities: FloatArray, robot: RobotBody) -> list[Row]:
     """(N, 2) forward velocity and yaw rate by the wheels."""
     if not np.isfinite(velocities).all():

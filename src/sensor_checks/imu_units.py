@@ -24,6 +24,9 @@ class ImuLimits:
         0.785, "rad", "the robot may lean by this; an axis that is mounted wrong leans by 1.57", low=0.3, high=1.2
     )
     judged_s: float = parameter(1.0, "s", "time over which gravity is judged, before and while an IMU is refused", low=0.1, high=10.0)
+    frozen_rad: float = parameter(
+        0.2, "rad", "turning of the wheels during which a right IMU's sample changes: noise alone changes it", low=0.05, high=10.0
+    )
     turned_rad: float = parameter(1.0, "rad", "turning of the wheels by which the unit of the rates is judged", low=0.2, high=10.0)
 
     def validate(self) -> list[str]:

@@ -37,6 +37,9 @@ class CheckLimits:
 
     ahead_s: float = parameter(0.02, "s", "stamps may be ahead of the clock by this: a millisecond of chrony, and some jitter", low=0.0)
     apart_s: float = parameter(0.1, "s", "stamps of two inputs may be apart by this beyond their latencies", low=0.0)
+    tilt_apart_s: float = parameter(
+        0.02, "s", "those of tilt and laser by this beyond their jitter: at 1 rad/s they tilt a beam by as many rad", low=0.0
+    )
     blind_share: float = parameter(
         0.98, "-", "a laser of which more beams hit nothing is covered, or its limits are wrong", low=0.0, high=1.0
     )

@@ -16,11 +16,15 @@ _MOST_REPEATED = 0.02  # share of messages that may come twice or late
 
 @dataclass(frozen=True)
 class Heard:
-    """When a message came, by the steady clock and by the robot's, and the stamp that it bears; seconds."""
+    """When a message came, by the steady clock and by the robot's, and the stamp that it bears; seconds.
+
+    `duration_s`: how long after the stamp its last beam was fired, as it says itself.
+    """
 
     arrival_s: float
     clock_s: float
     stamp_s: float
+    duration_s: float = 0.0
 
 
 def timing_rows(topic: str, heard: Sequence[Heard], needs: Needs, looked_s: float, limits: CheckLimits) -> list[Row]:
@@ -31,21 +35,41 @@ def timing_rows(topic: str, heard: Sequence[Heard], needs: Needs, looked_s: floa
     if not (stamps > 0.0).all():
         found = f"{int((stamps <= 0.0).sum())} of {len(stamps)} are zero"
         return [Row(Level.ERROR, topic, "stamps", found, "the driver must stamp each message with the time of its measurement")]
-    ages = np.array([h.clock_s for h in heard]) - stamps
-    rows = [_rate(topic, stamps, arrivals, needs, looked_s), _age(topic, ages, needs, limits), _order(topic, stamps)]
+    rows = [_rate(topic, stamps, arrivals, needs, looked_s), _age(topic, heard, needs, limits), _order(topic, stamps)]
     return rows + _pauses(topic, stamps, needs)
 
 
-def clock_rows(heard: Mapping[str, Sequence[Heard]], limits: CheckLimits) -> list[Row]:
-    """Whether the inputs' stamps are of one clock: the least age of each, by which its latency is taken out as far as it can be."""
-    least = {topic: min(h.clock_s - h.stamp_s for h in found) for topic, found in heard.items() if found}
-    if len(least) < 2:
+def clock_rows(heard: Mapping[str, Sequence[Heard]], limits: CheckLimits, tilt: tuple[str, str] | None = None) -> list[Row]:
+    """Whether the inputs' stamps are of one clock: the least age of each, by which its latency is taken out as far as it can be.
+
+    `tilt`: topics of the tilt and of the laser that it tilts. These two are compared more strictly, as far as their jitter allows.
+    """
+    ages = {topic: _latencies(found) for topic, found in heard.items() if found}
+    if len(ages) < 2:
         return []
+    found, apart_s = _apart(ages, limits)
+    advice = "give their computers one clock (chrony), or let the drivers stamp with the host's time"
+    rows = [judged("clocks", "of inputs", found, (apart_s > limits.apart_s, Level.ERROR, advice))]
+    if tilt is None or not all(topic in ages for topic in tilt):
+        return rows
+    found, apart_s = _apart({topic: ages[topic] for topic in tilt}, limits)
+    sure_s = limits.tilt_apart_s + sum(_deviation(ages[topic]) for topic in tilt)
+    advice = "a beam is tilted as the mount stood then: let both drivers stamp with the time of measurement"
+    return [*rows, judged("clocks", "of tilt and laser", found, (apart_s > sure_s, Level.WARN, advice))]
+
+
+def _latencies(heard: Sequence[Heard]) -> FloatArray:
+    """(N,) ages at the last beam, s; of readings that come before it, and hence bear another stamp than the first beam's, at the stamp."""
+    ages, durations = np.array([(h.clock_s - h.stamp_s, h.duration_s) for h in heard]).T
+    return np.asarray(ages - durations if np.median(ages - durations) >= 0.0 else ages)
+
+
+def _apart(ages: Mapping[str, FloatArray], limits: CheckLimits) -> tuple[str, float]:
+    """How far the oldest is behind the newest, in words and in seconds."""
+    least = {topic: float(found.min()) for topic, found in ages.items()}
     oldest, newest = max(least, key=least.__getitem__), min(least, key=least.__getitem__)
     apart_s = least[oldest] - least[newest]
-    found = f"{oldest} is {_seconds(apart_s)} behind {newest}" if apart_s > limits.ahead_s else f"agree within {_seconds(apart_s)}"
-    advice = "give their computers one clock (chrony), or let the drivers stamp with the host's time"
-    return [judged("clocks", "of inputs", found, (apart_s > limits.apart_s, Level.ERROR, advice))]
+    return f"{oldest} is {_seconds(apart_s)} behind {newest}" if apart_s > limits.ahead_s else f"agree within {_seconds(apart_s)}", apart_s
 
 
 def _rate(topic: str, stamps: FloatArray, arrivals: FloatArray, needs: Needs, looked_s: float) -> Row:
@@ -64,13 +88,19 @@ def _rate(topic: str, stamps: FloatArray, arrivals: FloatArray, needs: Needs, lo
 
 
 def _spread(steps: FloatArray) -> float:
-    """Half the middle two thirds of the steps, over their median: a standard deviation that lost messages do not raise."""
-    low, middle, high = np.percentile(steps, [16, 50, 84])
-    return float((high - low) / 2.0 / middle)
+    """Their deviation over their median."""
+    return _deviation(steps) / float(np.median(steps))
 
 
-def _age(topic: str, ages: FloatArray, needs: Needs, limits: CheckLimits) -> Row:
-    middle, late = float(np.median(ages)), float(np.percentile(ages, 95))
+def _deviation(values: FloatArray) -> float:
+    """Half the middle two thirds: a standard deviation that lost messages do not raise."""
+    low, high = np.percentile(values, [16, 84])
+    return float((high - low) / 2.0)
+
+
+def _age(topic: str, heard: Sequence[Heard], needs: Needs, limits: CheckLimits) -> Row:
+    ages, durations = np.array([(h.clock_s - h.stamp_s, h.duration_s) for h in heard]).T
+    middle, late, after_last = float(np.median(ages)), float(np.percentile(ages, 95)), float(np.median(ages - durations))
     other_clock = "its clock is not the robot's: synchronise it (chrony), or let the driver stamp with the host's time"
     return judged(
         topic,
@@ -81,6 +111,12 @@ def _age(topic: str, ages: FloatArray, needs: Needs, limits: CheckLimits) -> Row
         (abs(middle) > 10.0, Level.ERROR, other_clock),
         (middle < -limits.ahead_s, Level.ERROR, other_clock),
         (middle > needs.max_age_s, Level.ERROR, f"at most {needs.max_age_s:g} s are usable: {other_clock}"),
+        (
+            float(np.median(durations)) > 0.0 > after_last,
+            Level.WARN,
+            f"it comes {_seconds(-after_last)} before its last beam: its stamp is not that of the first beam, or its clock is ahead; "
+            "set the driver to that of the first beam",
+        ),
         (late > needs.max_age_s, Level.WARN, f"at most {needs.max_age_s:g} s are usable: the network or the computer is busy"),
     )
 

@@ -13,6 +13,9 @@ from stage_config import check_below, check_ranges, parameter
 FloatArray = NDArray[np.float64]
 
 ENOUGH_TO_FIT = 500  # beams tell well enough how a revolution turned
+LEAST_TO_TELL = 100  # pairs of beams tell how fast it turned
+APART_TURNS = 0.03, 0.09  # of such a pair: rings of one instant look up to 0.02 turns aside, and a turn ten times as fast is told
+FASTEST_TURNS = 1.1  # a motor's speed is not exact
 
 
 @dataclass(frozen=True)
@@ -91,6 +94,23 @@ def counted_from_below(revolution: Revolution, config: LidarConfig) -> Revolutio
     if not len(seen) or ((rings - rings.mean()) * heights).sum() >= 0.0:
         return revolution
     return Revolution(revolution.points, config.rings - 1 - revolution.rings, revolution.times_s)
+
+
+def check_rate(revolution: Revolution, config: LidarConfig) -> None:
+    """ValueError for beams that turn faster than the lidar: their times are no whole turn of it, and free beams would be placed wrong."""
+    seen = np.flatnonzero(~revolution.met_nothing)
+    seen = seen[:: 1 + seen.size // ENOUGH_TO_FIT]
+    azimuths, times_s = np.arctan2(revolution.points[seen, 1], revolution.points[seen, 0]).astype(np.float64), revolution.times_s[seen]
+    least_s, most_s = (turns * config.duration_s for turns in APART_TURNS)
+    later = np.minimum(np.searchsorted(times_s, times_s + least_s), len(seen) - 1)
+    apart_s = times_s[later] - times_s
+    pairs = (apart_s >= least_s) & (apart_s <= most_s)
+    if pairs.sum() < LEAST_TO_TELL:
+        return
+    turned = np.angle(np.exp(1j * (azimuths[later] - azimuths)))[pairs] / (2.0 * math.pi)
+    rate_hz = abs(float(np.median(turned / apart_s[pairs])))
+    if rate_hz > FASTEST_TURNS * config.rate_hz:
+        raise ValueError(f"lidar that turns {rate_hz:.1f} times a second, and is told to turn {config.rate_hz:g}: set lidar/rate_hz")
 
 
 def free_directions(revolution: Revolution, config: LidarConfig) -> FloatArray:

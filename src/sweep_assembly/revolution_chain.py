@@ -15,7 +15,7 @@ from rigid_geometry import STAMP_TOLERANCE_S, StampedBuffer, as_transform, inter
 from robot_body import RobotBody
 from sweep_assembly.assembler import along_nodes
 from sweep_assembly.geometry import FloatArray, TiltGeometry
-from sweep_assembly.revolution import LidarConfig, Revolution, counted_from_below, free_directions
+from sweep_assembly.revolution import LidarConfig, Revolution, check_rate, counted_from_below, free_directions
 from sweep_assembly.revolution_filter import RevolutionFilter
 from sweep_assembly.scan_filter import ScanFilterConfig
 from sweep_assembly.tilt_history import TiltHistory
@@ -79,6 +79,7 @@ class RevolutionChain:
 
         What is late is dropped and counted.
         """
+        check_rate(revolution, self._lidar)
         stamp_s, turn = self._from_first_beam(stamp_s, counted_from_below(revolution, self._lidar))
         if self._waiting.takes(stamp_s, self._reset):
             self._waiting.append(stamp_s, turn)

@@ -18,6 +18,7 @@ VEILING_STEP_RAD = math.radians(
 )  # angle and jump of veiling are set for beams so far apart: along one surface, ranges of wider ones differ more
 MOST_WIDENED = 4.0
 NEIGHBOURS_RAD = 0.05  # beams of a ring farther apart, because those between are missing, are no neighbours
+DIRECTION_RAD = math.radians(1.0)  # beams of all rings that are fired while the lidar turns so far look the same way
 
 
 class RevolutionFilter:
@@ -35,13 +36,20 @@ class RevolutionFilter:
         """The beams that ended on a surface, or met nothing; `tilts_rad` is (N,), NaN where the tilt is not known.
 
         Farther than `max_range_m` nothing was met. Beams that met nothing and point through the robot are left out: what swallowed
-        them was its body, too near for an echo.
+        them was its body, too near for an echo. So are those in whose direction no ring met anything: it may be too near as well.
         """
         limited = self._limited(revolution)
         ranges = _ranges(limited)
         dropped = (ranges < self._config.min_range_m) | self._veiled(limited, ranges) | self._on_body(limited, ranges, tilts_rad)
         dropped[limited.met_nothing] |= self._through_body(limited, tilts_rad)
+        dropped |= limited.met_nothing & ~self._echo_beside(revolution, ~revolution.met_nothing & ~dropped)
         return limited.kept(~dropped)
+
+    def _echo_beside(self, revolution: Revolution, echo: Mask) -> Mask:
+        """(N,) whether one of the beams of the same direction, of any ring, has an `echo` (N,)."""
+        turned = 2.0 * math.pi * self._lidar.rate_hz * revolution.times_s
+        column = np.floor((turned - turned.min(initial=0.0)) / DIRECTION_RAD).astype(np.intp)
+        return np.asarray(np.bincount(column, echo)[column] > 0.0)
 
     def _limited(self, revolution: Revolution) -> Revolution:
         points = revolution.points.copy()

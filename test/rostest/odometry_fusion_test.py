@@ -38,7 +38,7 @@ class OdometryFusionTest(unittest.TestCase):
         for _ in range(round(seconds / TICK_S)):
             start_s, OdometryFusionTest.clock_s = self.clock_s, round(self.clock_s + TICK_S, 3)
             for k in range(1, 6):
-                self.imu.publish(imu(round(start_s + 0.01 * k, 3), gyro=(0.0, 0.0, w)))
+                self.imu.publish(imu(round(start_s + 0.01 * k, 3), gyro=(1e-9 * k, 0.0, w)))
             self.wheels.publish(wheels(self.clock_s, v, w))
         return self.odometry.wait_for_stamp(self.clock_s)
 
@@ -115,7 +115,7 @@ class OdometryFusionTest(unittest.TestCase):
         for _ in range(40):
             OdometryFusionTest.clock_s = round(self.clock_s + TICK_S, 3)
             for k in range(4, -1, -1):
-                self.imu.publish(imu(round(self.clock_s - 0.01 * k, 3), (0.0, 0.0, -0.5), (0.0, 0.0, -9.81), "imu_below"))
+                self.imu.publish(imu(round(self.clock_s - 0.01 * k, 3), (1e-9 * k, 0.0, -0.5), (0.0, 0.0, -9.81), "imu_below"))
             self.wheels.publish(wheels(self.clock_s, 0.0, 0.5))
         after = self.odometry.wait_for_stamp(self.clock_s).pose.pose
         turned = transform_from_pose(before)[:3, :3].T @ transform_from_pose(after)[:3, :3]

@@ -21,14 +21,14 @@ def imu_input(**limits):
     return ImuInput(ImuLimits(**limits), rotation_of)
 
 
-def feed(imu, frame="imu_link", accel=(0.0, 0.0, G), gyro=(0.0, 0.0, 0.0), start_s=10.0, count=200, dt=0.01, wheel_rate=None):
-    """What came out, and the faults that were told."""
+def feed(imu, frame="imu_link", accel=(0.0, 0.0, G), gyro=(0.0, 0.0, 0.0), start_s=10.0, count=200, dt=0.01, wheel_rate=None, noise=1e-13):
+    """What came out, and the faults that were told; `noise` of the rates in rad/s."""
     out, faults = [], []
     for i in range(count):
         if wheel_rate is not None:
             imu.add_wheels(start_s + i * dt, wheel_rate)
         try:
-            out += imu.add(start_s + i * dt, frame, gyro, accel)
+            out += imu.add(start_s + i * dt, frame, (gyro[0] + noise * (i % 2), *gyro[1:]), accel)
         except ValueError as error:
             faults.append(str(error))
     return out, faults
@@ -132,3 +132,31 @@ def test_wheels_that_slip_on_a_long_straight_way_say_nothing_of_the_imu():
     """The robot bends slowly to one side while its wheels, which slip, seem to bend to the other."""
     out, faults = feed(imu_input(), gyro=(0.0, 0.0, -0.05), count=6000, wheel_rate=0.04)
     assert not faults and len(out) == 6000
+
+
+def test_sample_that_is_sent_again_and_again_while_the_wheels_turn_the_robot_is_refused():
+    imu = imu_input()
+    assert not feed(imu, noise=0.0, count=500, wheel_rate=0.0)[1], "of a robot that stands it says nothing"
+    out, faults = feed(imu, start_s=15.0, noise=0.0, count=300, wheel_rate=-0.5)
+    assert "the same sample" in faults[0] and "turned by 0.2 rad" in faults[0]
+    assert len(out) == pytest.approx(40, abs=2) and len(out) + len(faults) == 300
+    assert len(feed(imu, start_s=18.0, gyro=(0.0, 0.0, -0.5), count=300, wheel_rate=-0.5)[0]) >= 299, "one that changes is believed at once"
+
+
+def test_samples_that_come_twice_or_of_a_frame_each_are_not_frozen():
+    imu, faults = imu_input(), []
+    for i in range(600):
+        imu.add_wheels(10.0 + 0.01 * i, 0.5)
+        for frame in ("imu_link", "imu_link", "sideways"):
+            gyro = (1e-6 * (i % 2), 0.0, 0.5)
+            try:
+                imu.add(10.0 + 0.01 * i, frame, tuple(MOUNTS[frame].T @ gyro), tuple(MOUNTS[frame].T @ (0.0, 0.0, G)))
+            except ValueError as error:
+                faults.append(str(error))
+    assert not faults
+
+
+def test_leap_of_the_wheels_stamps_is_no_turn():
+    imu = imu_input()
+    feed(imu, noise=0.0, count=10, wheel_rate=0.2)
+    assert not feed(imu, start_s=90.0, noise=0.0, count=10, wheel_rate=0.2)[1]

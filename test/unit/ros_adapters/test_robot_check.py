@@ -14,6 +14,7 @@ from ros_adapters.conversions import header
 from ros_adapters.revolution_messages import revolution_message
 from ros_adapters.robot_check import RobotCheck
 from sensor_checks import CheckLimits, ImuLimits
+from sweep_assembly import LidarConfig
 
 
 @pytest.fixture
@@ -34,7 +35,9 @@ def heard(monkeypatch: pytest.MonkeyPatch) -> dict[str, Callable[[Any], None]]:
 
 def look() -> RobotCheck:
     robot = RobotBody()
-    return RobotCheck(robot, urdf_file(robot).read_text(encoding="utf-8"), "spinning", "driving", (CheckLimits(), ImuLimits()))
+    return RobotCheck(
+        robot, urdf_file(robot).read_text(encoding="utf-8"), "spinning", "driving", (CheckLimits(), ImuLimits()), LidarConfig()
+    )
 
 
 @pytest.mark.parametrize("frame", ["velodyne", "/velodyne"])

@@ -12,8 +12,14 @@ from ros_adapters.tilt_input import TiltInput
 
 
 class PlayedNode:
+    """Also its own diagnostics: of conditions it keeps the text."""
+
     def __init__(self) -> None:
         self.callbacks: dict[str, Callable[[Any], object]] = {}
+        self.diagnostics, self.held = self, dict[str, str]()
+
+    def holds(self, what: str, text: str) -> None:
+        self.held[what] = text
 
     def subscribe(self, topic: str, _type: type, callback: Callable[[Any], object], **_how: object) -> None:
         self.callbacks[topic] = callback
@@ -38,3 +44,19 @@ def test_fixed_mount_is_level_with_every_odometry_and_hears_no_joints() -> None:
     tilt.add_odometry(1.0)
     tilt.add_odometry(1.05)
     assert heard == [(1.0, 0.0), (1.05, 0.0)] and tilt.is_fixed and not node.callbacks and tilt.topics == ()
+
+
+def test_two_senders_of_the_joint_are_told_by_name_for_as_long_as_both_send() -> None:
+    node = PlayedNode()
+    TiltInput(node, "tilt_joint", lambda *_: None)  # type: ignore[arg-type]
+
+    def told(stamp_s: float, sender: str, joint: str = "tilt_joint") -> str:
+        message = joints(stamp_s, **{joint: 0.3})
+        message._connection_header = {"callerid": sender}
+        node.callbacks["joint_states"](message)
+        return node.held["tilt_joint has two senders"]
+
+    assert told(2.0, "/mount") == "" == told(2.01, "/base", "wheel")
+    assert told(2.02, "/joint_state_publisher") == "/joint_state_publisher, /mount"
+    assert told(2.03, "/mount") == "/joint_state_publisher, /mount"
+    assert told(9.0, "/mount") == ""

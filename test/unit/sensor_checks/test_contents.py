@@ -7,7 +7,7 @@ import pytest
 
 from robot_body import RobotBody
 from sensor_checks import NEEDS, CheckLimits, ImuLimits, Level, Row, judged, table, worst
-from sensor_checks.contents import ScanLayout, frame_row, imu_rows, points_rows, scan_rows, stands, tilt_rows, wheel_rows
+from sensor_checks.contents import ScanLayout, frame_row, imu_rows, points_rows, scan_rows, senders_row, stands, tilt_rows, wheel_rows
 from sweep_assembly.assembly_config import SweepAssemblyConfig
 
 LIMITS = CheckLimits()
@@ -140,6 +140,12 @@ def test_imu():
 def test_tilt(tilts, level, said):
     (row,) = tilt_rows("/joint_states", np.array(tilts), "tilt_joint", LIMITS)
     assert row.level is level and said in row.advice
+
+
+def test_joint_of_two_senders_is_an_error_that_names_both():
+    assert senders_row("/joint_states", {"/mount"}, "tilt_joint").level is Level.OK
+    row = senders_row("/joint_states", {"/mount", "/joint_state_publisher"}, "tilt_joint")
+    assert row.level is Level.ERROR and row.found == "tilt_joint by /joint_state_publisher, /mount"
 
 
 @pytest.mark.parametrize(

@@ -92,6 +92,40 @@ def test_point_behind_a_wall_that_is_seen_at_a_low_angle_is_veiled_and_the_wall_
     np.testing.assert_allclose(np.linalg.norm(left.points, axis=1), np.delete(ranges, 4), atol=1e-5)
 
 
+def without_echo(gone: np.ndarray, other_m: float = 4.0) -> Revolution:
+    """Walls at `other_m`, but for the beams that are gone."""
+    directions, rings, times = beams(900)
+    points = (other_m * directions).astype(np.float32)
+    points[gone] = np.nan
+    return Revolution(points, rings, times)
+
+
+def test_direction_in_which_no_ring_has_an_echo_is_not_known_to_be_free():
+    """A driver gives NaN also for what is nearer than its own min_range: a person beside the robot has no echo in any ring."""
+    _, rings, times = beams(900)
+    person = (times > 0.0499) & (times < 0.0553)  # from 180 to 199 deg
+    left = filtered(without_echo(person))
+    assert not left.met_nothing.any() and len(left.points) == (~person).sum()
+    some = filtered(without_echo(person & (rings != 3)))
+    assert some.met_nothing.sum() == (person & (rings != 3)).sum(), "a ring below has its echo behind what would be too near"
+
+
+def test_sky_above_walls_and_walls_beyond_the_range_are_free():
+    _, rings, times = beams(900)
+    sky = rings > 8
+    assert filtered(without_echo(sky)).met_nothing.sum() == sky.sum()
+    assert filtered(without_echo(rings > 99, other_m=31.0)).met_nothing.all()
+
+
+def test_echo_of_the_robot_itself_or_too_near_does_not_tell_that_its_direction_is_free():
+    _, rings, times = beams(900)
+    seen = without_echo((times > 0.0499) & (times < 0.0553))
+    for near in (np.float32([0.1, 0.0, 0.0]), np.float32([0.1, 0.0, -0.9])):  # below min_range_m, and on the deck
+        points = seen.points.copy()
+        points[seen.met_nothing & (rings == 0)] = near
+        assert not filtered(Revolution(points, rings, times)).met_nothing.any()
+
+
 def test_free_beam_through_the_robot_is_dropped_and_one_past_it_kept():
     """Nose down by 80 deg the lidar looks at its own mast, too near for an echo; that is not the way to an abyss."""
     directions, rings, times = beams()
@@ -167,7 +201,7 @@ def test_level_scan_of_a_beam_that_met_nothing_says_so():
     given_ = inputs(still)
     for i, (stamp, one) in enumerate(given_["revolution"]):
         points = one.points.copy()
-        points[one.points[:, 0] < 0.0] = np.nan
+        points[(one.points[:, 0] < 0.0) & (one.rings > 4)] = np.nan  # those below meet the floor
         given_["revolution"][i] = (stamp, Revolution(points, one.rings, one.times_s))
     ranges = [a.level_ranges for a in run(chain(), given_) if a.revolution is not None][-1]
     behind = np.abs(-math.pi + (np.arange(LEVEL_BEAMS) + 0.5) * 2.0 * math.pi / LEVEL_BEAMS) > math.pi / 2 + 0.05
@@ -227,6 +261,33 @@ def test_revolution_whose_times_are_not_of_a_turn_around_its_stamp_is_refused(sh
     one = revolution(1.0, still, level)
     with pytest.raises(ValueError, match=r"within one turn, 0\.100 s, of its stamp, not"):
         chain().add_revolution(1.0, Revolution(one.points, one.rings, stretch * one.times_s + shift_s))
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+@pytest.mark.parametrize("staggered_deg", [0.0, 3.0])
+@pytest.mark.parametrize(("rate_hz", "said"), [(10.0, ""), (10.4, ""), (12.0, "12"), (20.0, "20"), (40.0, "40")])
+def test_revolution_that_turns_faster_than_configured_is_refused(rate_hz, said, sense, staggered_deg):
+    """With 20 Hz in place of 10 its free beams would be placed up to half a turn off."""
+    directions, rings, times = beams(900, sense)
+    aside = math.radians(staggered_deg) * (rings.astype(float) % 2.0 * 2.0 - 1.0)  # of two rings one looks ahead, the other behind
+    x, y = (
+        np.cos(aside) * directions[:, 0] - np.sin(aside) * directions[:, 1],
+        np.sin(aside) * directions[:, 0] + np.cos(aside) * directions[:, 1],
+    )
+    points = (4.0 * np.stack([x, y, directions[:, 2]], axis=1)).astype(np.float32)
+    points[(times > 0.02) & (times < 0.05)] = np.nan
+    one = Revolution(points, rings, times * LIDAR.rate_hz / rate_hz)
+    if not said:
+        return chain().add_revolution(1.0, one)
+    with pytest.raises(ValueError, match=rf"turns {said}\.?\d* times a second, .* 10: set lidar/rate_hz"):
+        chain().add_revolution(1.0, one)
+
+
+def test_few_echoes_do_not_tell_how_fast_a_lidar_turns():
+    directions, rings, times = beams(900)
+    points = np.full(directions.shape, np.nan, np.float32)
+    points[5:50] = directions[5:50]
+    chain().add_revolution(1.0, Revolution(points, rings, times * 0.5))
 
 
 def test_rings_that_count_downwards_are_turned_round():
