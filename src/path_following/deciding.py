@@ -160,7 +160,7 @@ def _drive(doing: Doing, now: Moment, steering: Steering, remaining: float) -> D
 def _wait(doing: Doing, now: Moment, reason: str, side: float) -> Decided:
     waiting = Waiting(reason, side, doing.since_s if isinstance(doing, Waiting) else now.stamp_s)
     if now.stamp_s - waiting.since_s >= now.config.blocked_patience_s:
-        return _back_off(now, FollowerState.BLOCKED, reason)
+        return back_off(now, FollowerState.BLOCKED, reason)
     return waiting, STAND
 
 
@@ -185,10 +185,11 @@ def _give_up(doing: Doing, now: Moment) -> Decided:
     if isinstance(doing, TurningToGoal):
         return _end(FollowerState.REACHED, "at the goal; the turn to face it got no further")
     reason = f"no progress for {now.config.progress_patience_s:.1f} s while {doing.state.value}"
-    return _back_off(now, FollowerState.STUCK, reason)
+    return back_off(now, FollowerState.STUCK, reason)
 
 
-def _back_off(now: Moment, then: FollowerState, reason: str) -> Decided:
+def back_off(now: Moment, then: FollowerState, reason: str) -> Decided:
+    """A recovery that ends as `then`; ended at once where none is free, or the last one has not helped."""
     watch = now.task.watch
     if watch is not None and watch.has_recovered:  # on the path before this one
         return _end(then, reason)

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from path_following.config import FollowerConfig
-from path_following.deciding import STAND, decide
+from path_following.deciding import STAND, back_off, decide
 from path_following.doing import Doing, Ended, Following
 from path_following.interface import FollowerObservation, FollowerOutput, FollowerState
 from path_following.known_ground import KnownGround
 from path_following.manoeuvres import Motion
+from path_following.obedience import Obedience
 from path_following.reference_path import Pose, ReferencePath
 from path_following.surroundings import Slide, Surroundings, footprint_lattice
 from path_following.task import Moment, Ramp, Task
@@ -35,7 +36,7 @@ class PathFollower:
         self._robot = robot
         self.configure(config)
         self._ground = KnownGround.under(robot)
-        self._trail = Trail()
+        self._trail, self._base = Trail(), Obedience()
         self._task: Task | None
         self._doing: Doing
         self._command: Motion
@@ -63,6 +64,11 @@ class PathFollower:
     def state(self) -> FollowerState:
         """What the follower does now."""
         return self._doing.state
+
+    @property
+    def disobeyed(self) -> str:
+        """That the base stands though it is told to drive, as words; empty while it obeys."""
+        return self._base.words
 
     def clear(self, reason: str) -> None:
         """Forget the path and stand; `reason` is told at every step."""
@@ -103,11 +109,13 @@ class PathFollower:
         self._stamp: float | None = None
         self._command = STAND
         self._has_stood = True
+        self._base.reset()
 
     def step(self, observation: FollowerObservation) -> FollowerOutput:
         """The command for this moment; zero, with the reason, whenever something that it needs is not known."""
         dt = self._elapsed(observation.stamp_s)
         if self.state.is_over or self._task is None:
+            self._base.reset()
             return self._output(STAND, self._doing.reason)
         missing = self._missing(observation)
         if missing or observation.held:
@@ -127,11 +135,24 @@ class PathFollower:
         if not around.contains(pose):
             self._sit_out(dt)
             return self._output(STAND, f"the costmap does not contain the robot at ({pose[0]:.2f}, {pose[1]:.2f})")
+        sent = self._command if observation.sent is None else Motion(*observation.sent)
+        self._let_pass(self._base.take_in(observation.stamp_s, sent, observation.twist))
         ramp, speed = Ramp(self._config, self._command, dt), self._command.v if observation.twist is None else observation.twist[0]
         at = self._task.locate(pose)
         now = Moment(self._config, self._task, at, pose, around, observation.stamp_s, speed, ramp, self._ground)
-        self._doing, self._command = decide(self._doing, now)
-        return self._output(self._command, self._doing.reason)
+        self._doing, self._command = decide(self._doing, now) if self._base.obeys else self._coax(now)
+        return self._output(self._command, self._base.words or self._doing.reason)
+
+    def _coax(self, now: Moment) -> tuple[Doing, Motion]:
+        """A base that does not obey is told to creep, and once to back off; no drive fails by it."""
+        doing = self._doing
+        if self._base.takes_recovery(now.stamp_s):
+            doing, _ = back_off(now, FollowerState.STUCK, self._base.words)
+        if not isinstance(doing, Ended):
+            doing, command = decide(doing, now)
+        if isinstance(doing, Ended) and doing.how is not FollowerState.REACHED:
+            return Following(self._base.words), STAND
+        return doing, self._base.crept(command)
 
     def _elapsed(self, stamp: float) -> float:
         """Seconds since the last step; 0, and no time without progress, at the first one and where time jumped."""
@@ -157,6 +178,13 @@ class PathFollower:
 
     def _sit_out(self, seconds: float) -> None:
         self._command = STAND
+        self._base.reset()
+        self._let_pass(seconds)
+
+    def _let_pass(self, seconds: float) -> None:
+        """Time that is no lack of progress."""
+        if seconds == 0.0:
+            return
         self._doing = self._doing.paused(seconds)
         if self._task:
             self._task.pause(seconds)

@@ -52,7 +52,8 @@ class FollowerObservation:
     """One moment: `stamp_s`, pose (4, 4) of base_link in map, costmap, measured `twist` (v m/s, w rad/s); None is "not known".
 
     `held`: somebody keeps the commands from the wheels, as during a sweep; that time is no lack of progress. `silent`: which sensor
-    does not speak, so that the robot must stand; empty when all do.
+    does not speak, so that the robot must stand; empty when all do. `sent` (v m/s, w rad/s): what of the last command went to the wheels;
+    None for all of it.
     """
 
     stamp_s: float
@@ -61,6 +62,7 @@ class FollowerObservation:
     twist: tuple[float, float] | None
     held: bool = False
     silent: str = ""
+    sent: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

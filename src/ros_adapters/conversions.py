@@ -234,6 +234,11 @@ def position_variances(message: Odometry) -> tuple[float, float]:
     return float(message.pose.covariance[0]), float(message.pose.covariance[7])
 
 
+def level_sigma_m(message: Odometry) -> float:
+    """Of an odometry's position, along the level axis that is known least."""
+    return math.sqrt(max(position_variances(message)))
+
+
 def odometry_twist(message: Odometry) -> tuple[float, float]:
     return message.twist.twist.linear.x, message.twist.twist.angular.z
 

@@ -23,7 +23,7 @@ class DrivingMemory:
     taken_s: float = -math.inf  # of the last that has taken effect
     decided_stamp: rospy.Time = field(default_factory=rospy.Time)  # of the last that has a terrain
     told: tuple[DriveState | None, int] = (None, 0)
-    nods: bool = False
+    nods: bool | None = None  # what the mount was told; None: nothing yet
     event: RunEvent | None = None
 
     def takes(self, stamp_s: float) -> bool:

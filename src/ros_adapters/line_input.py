@@ -35,7 +35,8 @@ class LineInput:
         spinning, self._laser_frame = sensor_is_spinning(node.name), laser_frame
         sensor = LidarRevolutions(lidar) if spinning else LaserScans()
         self._lines: LineSource[Any] = LineSource(_config_of_sweeps(), mount, sensor)
-        self._tilt, self._newest_s = TiltInput(node, tilt_joint, self._lines.add_joint), -math.inf
+        self._tilt = TiltInput(node, tilt_joint, self._lines.add_joint)
+        self._newest_s, self._seeing_s = -math.inf, -math.inf  # of lines, and of those with a valid beam
         self.topics = (*self._tilt.topics, "points_filtered" if spinning else "scan_filtered")
         if spinning:
             node.subscribe("points_filtered", PointCloud2, self._on_points, silent_after_s=SILENT_AFTER_S)
@@ -51,14 +52,19 @@ class LineInput:
         """Lines, in odom, that are complete by now."""
         for line in self._lines.poll():
             self._newest_s = line.stamp_s
+            if len(line.hits) or len(line.free_ends):
+                self._seeing_s = line.stamp_s
             yield line
 
     def missing(self, stamp_s: float, max_age_s: float) -> str:
-        """That there is no line so young, as words: nothing comes, or what comes is dropped; empty while there is one."""
-        if -JUMP_BACK_S < stamp_s - self._newest_s <= max_age_s:
+        """That no line so young sees, as words: nothing comes, it is dropped, or no beam is valid; empty while one does."""
+        if -JUMP_BACK_S < stamp_s - self._seeing_s <= max_age_s:
             return ""
+        topic = rospy.resolve_name(self.topics[-1])
+        if -JUMP_BACK_S < stamp_s - self._newest_s <= max_age_s:
+            return f"the laser sees nothing: no valid beam on {topic}"
         dropped = ", ".join(f"{n} x {what}" for what, n in sorted(self._lines.dropped.items()))
-        return f"line of {rospy.resolve_name(self.topics[-1])}" + (f" (dropped so far: {dropped})" if dropped else "")
+        return f"no line of {topic}" + (f" (dropped so far: {dropped})" if dropped else "")
 
     def _on_scan(self, message: LaserScan) -> None:
         self._lines.add_reading(stamp_of(message), scan_of(message))

@@ -62,8 +62,17 @@ class StopScanAndGoConfig:
     level_tilt_rad: float = parameter(0.02, "rad", "the laser is horizontal within this angle", low=0.001, high=0.2)
     level_rate_radps: float = parameter(0.04, "rad/s", "and stands when it tilts slower: a sweep passes the horizon", low=0.0, high=1.0)
     left_tilt_rad: float = parameter(0.3, "rad", "tilted more than this the sweep has begun", low=0.05, high=3.0)
-    sweep_start_limit_s: float = parameter(3.0, "s", "a sweep that has not begun after this time has failed", low=0.1, high=60.0)
+    sweep_start_limit_s: float = parameter(
+        3.0, "s", "a sweep that has not begun by then is asked for again, three times", low=0.1, high=60.0
+    )
     sweep_limit_s: float = parameter(30.0, "s", "a sweep that has not ended after this time has failed", low=1.0, high=600.0)
+    cloud_limit_s: float = parameter(
+        10.0,
+        "s",
+        "a sweep of which no cloud has come so long after its end is made again, three times; not in lock-step",
+        low=1.0,
+        high=600.0,
+    )
     decision_limit_s: float = parameter(
         120.0,
         "s",

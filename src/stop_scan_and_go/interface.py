@@ -54,6 +54,7 @@ class Decision(enum.Enum):
     WAIT = "wait"
 
 
+NO_TILT = "no joint state of the tilting mount"
 _FOLLOWER_IDLE, _FOLLOWER_PAUSED, _FOLLOWER_RECALLED = "idle", "paused", "recalled"
 _FOLLOWER_ENDS = {"reached": SweepKind.REACHED, "stuck": SweepKind.STUCK, "blocked": SweepKind.BLOCKED, _FOLLOWER_RECALLED: SweepKind.IDLE}
 """The follower's states without a path to go, by the name under which they cross the stages; in all others it drives."""
@@ -65,7 +66,8 @@ class TickObservation:
 
     `stamp_s`; `T_odom_base` (4, 4); measured `twist` (v m/s, w rad/s); `tilt_rad` of the laser, 0 horizontal; the follower's
     `command` (v, w), its state by name and its reason; `pose_sigma_m`, sigma of the position, None when nobody tracks it; `displaced`:
-    odometry knows nothing of the way since the tick before; the joystick's `teleop` (v, w), None when nobody drives by it.
+    odometry knows nothing of the way since the tick before; the joystick's `teleop` (v, w), None when nobody drives by it; `cloud_s`, the
+    newest stamp of a sweep's cloud, -inf before the first, None where nobody hears of them.
     """
 
     stamp_s: float
@@ -78,12 +80,23 @@ class TickObservation:
     pose_sigma_m: float | None = None
     displaced: bool = False
     teleop: tuple[float, float] | None = None
+    cloud_s: float | None = None
 
     @property
     def finite_pose(self) -> NDArray[np.float64] | None:
         """T_odom_base, or None when a number in it is none."""
         T = self.T_odom_base
         return T if T is not None and np.isfinite(T).all() else None
+
+    @property
+    def missing(self) -> str:
+        """What a robot that drives has to know, and does not; empty where it knows all."""
+        if self.finite_pose is None:
+            return "no odometry"
+        if self.tilt_rad is None:
+            return NO_TILT
+        is_told = self.command is not None and all(math.isfinite(c) for c in self.command)
+        return "" if is_told else "no command from the follower"
 
     @property
     def tracked_sigma_m(self) -> float | None:

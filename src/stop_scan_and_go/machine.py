@@ -4,15 +4,14 @@ import math
 
 from rigid_geometry import clock_leap_s
 from stop_scan_and_go.config import StopScanAndGoConfig
-from stop_scan_and_go.interface import Decision, DriveState, SweepKind, TickAction, TickObservation
+from stop_scan_and_go.interface import NO_TILT, Decision, DriveState, SweepKind, TickAction, TickObservation
 from stop_scan_and_go.travel import TravelMeter, too_far
-from stop_scan_and_go.watches import HeldFor, RockingWatch, SweepWatch, leap_s
+from stop_scan_and_go.watches import FOLLOWER_GRACE_S, DriveWatch, HeldFor, RockingWatch, SweepWatch, is_moving, leap_s
 
 _DISPLACED = "the robot was moved, or slid: it looks where it is"
 _STANDING = (DriveState.STARTING, DriveState.PAUSED, DriveState.FINISHED, DriveState.FAILED)
 _START_DELAY_S = 1.0  # odometry must have been there for so long before the first sweep
-_FOLLOWER_GRACE_S = 0.5  # after a decision the follower's old end is not taken for its new one so long
-_IDLE_LIMIT_S = 5.0  # a follower without a path for this long ends the drive
+_MOST_TRIES = 4  # of a sweep that does not begin, or of which nothing comes
 
 
 class StopScanAndGo:
@@ -32,14 +31,16 @@ class StopScanAndGo:
         self._ready = HeldFor(_START_DELAY_S)
         self._still = HeldFor(config.still_time_s)
         self._rocks, self._rocking = RockingWatch(), math.inf
-        self._idle = HeldFor(_IDLE_LIMIT_S)
+        self._drive_watch = DriveWatch()
         self._watch: SweepWatch | None = None
         self._early: tuple[Decision, str] | None = None
         self._before = self._state, self._reason  # what it did when the joystick took over
         self._displaced_s: float | None = None  # since then nobody knows where it is
         self._is_over = False  # exploration has come to its end once
         self._is_repeated = False  # a sweep, for there was no decision about the one before
-        self._awaits_follower, self._sweeps = False, 0
+        self._in_vain, self._since_last_s = 0, 0.0  # sweeps in a row, and time since the last tick
+        self.whole_sweep_rad: float | None = None  # the tilt that a sweep has to go beyond, where somebody knows
+        self._sweeps = 0
         self._answers = {
             DriveState.STARTING: self._starting,
             DriveState.SETTLING: self._settling,
@@ -88,6 +89,8 @@ class StopScanAndGo:
             return self._taken_over(tick.teleop)
         if tick.displaced and self._state not in _STANDING:
             return self._prepare_sweep(SweepKind.IDLE, _DISPLACED)
+        if tick.tilt_rad is None and self._state in (DriveState.SETTLING, DriveState.SWEEPING):
+            return self._without_tilt()
         return self._answers[self._state](tick) if self._state in self._answers else self._answer()  # FAILED: it stands
 
     @property
@@ -122,7 +125,7 @@ class StopScanAndGo:
         return self._displaced_s is not None and stamp_s <= self._displaced_s
 
     def _decided(self, decision: Decision, reason: str) -> TickAction:
-        self._is_repeated = False
+        self._is_repeated, self._in_vain = False, 0
         if decision is Decision.LOOK:
             return self._prepare_sweep(SweepKind.IDLE, reason)
         self._displaced_s = None
@@ -137,8 +140,7 @@ class StopScanAndGo:
         if self._displaced_s is not None:
             return self._prepare_sweep(SweepKind.IDLE, _DISPLACED)
         self._enter(DriveState.DRIVING, reason)
-        self._awaits_follower = True
-        self._idle = HeldFor(_IDLE_LIMIT_S)
+        self._drive_watch = DriveWatch()
         self._kind = None
         return self._answer()
 
@@ -146,6 +148,7 @@ class StopScanAndGo:
         # What was waited for is still waited for; a leap of the clock is no waiting.
         leapt = leap_s(self._stamp, stamp)
         self._entered_s += leapt
+        self._since_last_s = 0.0 if self._stamp is None or leapt else stamp - self._stamp
         self._began_s = stamp if self._stamp is None else self._began_s + clock_leap_s(self._stamp, stamp)
         if self._watch:
             self._watch.begun_s += leapt
@@ -157,17 +160,13 @@ class StopScanAndGo:
         if T is None and not tick.displaced:
             return
         # Standing, the odometry's noise would add up to a way; and one that nobody knows is none.
-        moves = self._state in (DriveState.DRIVING, DriveState.TAKEN_OVER) or (self._state is DriveState.SETTLING and self._is_moving(tick))
+        moves = self._state in (DriveState.DRIVING, DriveState.TAKEN_OVER) or (
+            self._state is DriveState.SETTLING and is_moving(self._config, tick.twist)
+        )
         if moves and T is not None and not tick.displaced:
             self._travel.add(T)
         else:
             self._travel.skip_to(T)
-
-    def _is_moving(self, tick: TickObservation) -> bool:
-        if tick.twist is None or not all(math.isfinite(t) for t in tick.twist):
-            return True
-        v, w = (abs(t) for t in tick.twist)
-        return v > self._config.still_speed_mps or w > self._config.still_turn_rate_radps
 
     def _enter(self, state: DriveState, reason: str) -> None:
         assert self._stamp is not None
@@ -188,10 +187,24 @@ class StopScanAndGo:
         self._enter(DriveState.SETTLING, reason)
         return self._answer()
 
+    def _without_tilt(self) -> TickAction:
+        """Time that does not count."""
+        self._entered_s += self._since_last_s
+        if self._watch:
+            self._watch.let_pass(self._since_last_s)
+        return self._answer(reason=NO_TILT)
+
+    def _sweep_again(self, why: str) -> TickAction:
+        self._in_vain += 1
+        if self._in_vain < _MOST_TRIES:
+            return self._prepare_sweep(self._kind or SweepKind.IDLE, why)
+        self._enter(DriveState.FAILED, f"{why}, for the {_MOST_TRIES}th time")
+        return self._answer()
+
     def _settling(self, tick: TickObservation) -> TickAction:
         is_late = tick.stamp_s - self._entered_s > self._config.settle_limit_s
         is_level = tick.tilt_rad is not None and abs(tick.tilt_rad) <= self._config.level_tilt_rad
-        is_still = not self._is_moving(tick) and self._rocking <= self._config.still_rocking_radps
+        is_still = not is_moving(self._config, tick.twist) and self._rocking <= self._config.still_rocking_radps
         if not self._still.holds(tick.stamp_s, is_level and is_still):
             if is_late and not is_level:
                 self._enter(DriveState.FAILED, f"the mount was not level within {self._config.settle_limit_s:.0f} s")
@@ -207,6 +220,8 @@ class StopScanAndGo:
         if tilt is not None and math.isfinite(tilt) and self._watch.is_over(tick.stamp_s, tilt):
             return self._end_sweep(tick.stamp_s)
         failure = self._watch.failure(tick.stamp_s)
+        if failure and not self._watch.has_left:
+            return self._sweep_again(failure)
         if failure:
             self._enter(DriveState.FAILED, failure)
         return self._answer()
@@ -219,6 +234,10 @@ class StopScanAndGo:
         return self._decided(*early) if early else self._answer()
 
     def _mapping(self, tick: TickObservation) -> TickAction:
+        assert self._watch is not None
+        is_late = tick.stamp_s - self._entered_s > self._config.cloud_limit_s
+        if is_late and tick.cloud_s is not None and not tick.cloud_s > self._watch.begun_s:
+            return self._sweep_again(self._watch.without_cloud(self.whole_sweep_rad))
         if tick.stamp_s - self._entered_s > self._config.decision_limit_s:
             reason = f"no decision about the sweep within {self._config.decision_limit_s:.0f} s"
             if not self._is_repeated:
@@ -234,28 +253,15 @@ class StopScanAndGo:
         ended = self._end_of_drive(tick)
         if ended is not None:
             return self._end_drive(*ended)
-        if tick.finite_pose is None:
-            return self._answer(reason="no odometry")
-        if tick.tilt_rad is None:
-            return self._answer(reason="no joint state of the tilting mount")
-        if tick.command is None or not all(math.isfinite(c) for c in tick.command):
-            return self._answer(reason="no command from the follower")
+        if tick.command is None or tick.missing:
+            return self._answer(reason=tick.missing)
         return self._answer(*tick.command)
 
     def _end_drive(self, kind: SweepKind, reason: str) -> TickAction:
         return self._prepare_sweep(kind, reason)
 
     def _end_of_drive(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
-        end = tick.drive_end
-        # The follower may still tell of its last path when the new one is just being stored.
-        is_old = self._awaits_follower and tick.stamp_s - self._entered_s < _FOLLOWER_GRACE_S
-        if end is not None and not is_old:
-            return end, f"{tick.follower_state}: {tick.follower_reason}"
-        if end is None and not tick.is_idle:
-            self._awaits_follower = False
-        if self._idle.holds(tick.stamp_s, tick.is_idle):
-            return SweepKind.IDLE, f"the follower is idle: {tick.follower_reason}"
-        return self._too_far(tick)
+        return self._drive_watch.end(tick, tick.stamp_s - self._entered_s) or self._too_far(tick)
 
     def _too_far(self, tick: TickObservation) -> tuple[SweepKind, str] | None:
         reason = too_far(self._config, self._travel, tick)
@@ -285,7 +291,7 @@ class StopScanAndGo:
 
     def _finished(self, tick: TickObservation) -> TickAction:
         # The follower may still tell of its last path just after the decision.
-        is_new = tick.stamp_s - self._entered_s >= _FOLLOWER_GRACE_S
+        is_new = tick.stamp_s - self._entered_s >= FOLLOWER_GRACE_S
         if is_new and tick.has_path:
             return self._drive("to a goal after exploration")
         if is_new and tick.is_recalled:

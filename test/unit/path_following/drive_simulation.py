@@ -89,7 +89,7 @@ class Drive:
 class Robot:
     """How the robot falls short of the command: share of speed and turn rate, drift to the left, dead band of a turn in place, how far it
     slides to its side for every radian that it turns on a slope that falls to that side, along -y, how steeply that falls, and whether it
-    notices; how late a command takes effect, and how fast it can slow down."""
+    notices; how late a command takes effect, and how fast it can slow down; whether its wheels spin, so that odometry has the command."""
 
     speed_share: float = 0.97
     turn_share: float = 0.85
@@ -100,6 +100,7 @@ class Robot:
     feels_slide: bool = True
     delay_s: float = 0.0
     deceleration_mps2: float = math.inf
+    spins: bool = False
 
 
 def drive(
@@ -116,6 +117,7 @@ def drive(
     robot = robot or Robot()
     x, y, yaw = start
     poses, outputs, touched, twist, unfelt = [], [], False, (0.0, 0.0), np.zeros(2)
+    told = (0.0, 0.0)
     grid, seen = world.grid(), (world.lethal.copy(), world.unknown.copy())
     late = deque([(0.0, 0.0)] * round(robot.delay_s / TICK_S))
     for k in range(round(seconds / TICK_S)):
@@ -126,13 +128,13 @@ def drive(
         ex, ey, eyaw = pose_error(t)
         tilted = transform_from_rpy([x + ex - unfelt[0], y + ey - unfelt[1], 0.132], (robot.slope_rad, 0.0, 0.0))
         T_map_base = tilted @ transform_from_rpy([0.0, 0.0, 0.0], (0.0, 0.0, yaw + eyaw))
-        out = follower.step(FollowerObservation(t, T_map_base, grid, twist))
+        out = follower.step(FollowerObservation(t, T_map_base, grid, told if robot.spins else twist))
         poses.append((x, y, yaw))
         outputs.append(out)
         if out.state.is_over and (not robot.delay_s or twist == (0.0, 0.0)):
             break
         late.append((out.v, out.w))
-        v, w = late.popleft()
+        told = v, w = late.popleft()
         w = 0.0 if abs(w) < robot.dead_turn_radps and abs(v) < 0.02 else w * robot.turn_share
         twist = (max(v * robot.speed_share, twist[0] - robot.deceleration_mps2 * TICK_S), w)
         x += (math.cos(yaw) * twist[0] - math.sin(yaw) * robot.sideways * twist[0]) * TICK_S

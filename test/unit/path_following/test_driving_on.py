@@ -204,7 +204,7 @@ def test_robot_that_gets_nowhere_is_stuck_however_often_its_path_is_replaced() -
         if round(t / 0.05) % 50 == 0:
             follower.set_path(line((0, 0), (4, 0)), None)
 
-    run = drive(follower, World(), robot=Robot(speed_share=0.0, turn_share=0.0), each_tick=plan, seconds=20.0)
+    run = drive(follower, World(), robot=Robot(speed_share=0.0, turn_share=0.0, spins=True), each_tick=plan, seconds=20.0)
     assert run.states() == ["following", "backing_off", "stuck"] and "no progress" in run.last.reason
 
 

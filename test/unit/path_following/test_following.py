@@ -228,7 +228,7 @@ def test_robot_turns_where_there_is_room_for_its_outline_and_no_more():
 
 
 def test_robot_that_cannot_move_is_stuck_with_a_reason():
-    run = drive(follower(line((0, 0), (4, 0))), World(), robot=Robot(speed_share=0.0, turn_share=0.0))
+    run = drive(follower(line((0, 0), (4, 0))), World(), robot=Robot(speed_share=0.0, turn_share=0.0, spins=True))
     assert run.states() == ["following", "backing_off", "stuck"]
     assert run.last.reason == "no progress for 6.0 s while following"
 
@@ -242,14 +242,14 @@ def test_robot_that_cannot_turn_backs_off_and_is_stuck():
 def test_nothing_is_backed_into():
     world = World()
     world.lethal[world.cells(-0.8, -0.72, -1, 1)] = True
-    run = drive(follower(line((0, 0), (-4, 0)), back_off_distance_m=1.0), world, robot=Robot(turn_share=0.0))
+    run = drive(follower(line((0, 0), (-4, 0)), back_off_distance_m=1.0), world, robot=Robot(turn_share=0.0, spins=True))
     assert run.last.state.is_over and not run.touched
 
 
 def test_backing_off_does_not_go_where_nothing_is_known():
     world = World()
     world.unknown[world.cells(-9, -0.6, -9, 9)] = True
-    run = drive(follower(line((0, 0), (4, 0)), check_ahead_m=0.6), world, robot=Robot(turn_share=0.0, speed_share=1e-3))
+    run = drive(follower(line((0, 0), (4, 0)), check_ahead_m=0.6), world, robot=Robot(turn_share=0.0, speed_share=1e-3, spins=True))
     assert run.last.state.value == "stuck"
     assert min(o.v for o in run.outputs) == 0.0
 

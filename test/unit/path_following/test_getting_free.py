@@ -55,7 +55,7 @@ def test_between_two_walls_it_goes_to_and_fro():
 
 
 def test_robot_that_does_not_move_gives_up():
-    _, run = off_the_wall(wall_below(), 0.04, robot=Robot(speed_share=0.0))
+    _, run = off_the_wall(wall_below(), 0.04, robot=Robot(speed_share=0.0, spins=True))
     assert run.last.state is FollowerState.BLOCKED and len(run.outputs) * TICK_S < 10.0
 
 

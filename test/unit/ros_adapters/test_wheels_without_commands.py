@@ -3,6 +3,7 @@
 import runpy
 import time
 from pathlib import Path
+from threading import RLock
 from types import SimpleNamespace
 from typing import Any
 
@@ -60,3 +61,14 @@ def test_process_after_one_that_died_sends_zero_for_what_that_may_have_sent(node
     node = node_that_heard_no_command(node_class, is_first=False)
     node._stand_without_commands(time.monotonic())
     assert node._velocity.v == [0.0]
+
+
+def test_end_of_the_run_leaves_wheels_that_stand_and_a_mount_at_rest(node_class: type) -> None:
+    node, ends = node_that_heard_no_command(node_class), []
+    node.lock, node._tilt, node._nodding = RLock(), SimpleNamespace(is_fixed=False), SimpleNamespace(end=lambda: ends.append("rest"))
+    node._end()
+    assert node._velocity.v == [] and ends == ["rest"], "nobody has driven"
+    node._velocity.publish(Twist())
+    node._end()
+    assert node._velocity.v == [0.0, 0.0] and len(ends) == 2
+    node._act(None)  # a command that comes now goes nowhere: nothing of the node is asked

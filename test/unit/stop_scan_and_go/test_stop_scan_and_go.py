@@ -313,12 +313,63 @@ def test_end_of_the_exploration_stands(kind):
         assert (action.v, action.w, action.state) == (0.0, 0.0, DriveState.FINISHED)
 
 
-def test_sweep_that_does_not_begin_fails_with_a_reason():
+def test_sweep_that_does_not_begin_is_asked_for_four_times_and_fails_with_a_reason():
     script = Script()
     script.obeys_sweeps = False
     action = script.until(DriveState.FAILED)
-    assert action.reason == "the sweep did not begin within 3.0 s"
+    assert action.reason == "the sweep did not begin within 3.0 s, for the 4th time" and script.sweeps_started == 4
     assert script.tick(FORWARD, "following").v == 0.0 and script.machine.sweeps == 0
+
+
+def test_hiccup_of_the_mount_costs_one_sweep():
+    script = Script()
+    for _ in range(6):  # each has its own tries
+        script.obeys_sweeps = False
+        script.until(DriveState.SWEEPING)
+        assert "did not begin" in script.until(DriveState.SETTLING).reason
+        script.obeys_sweeps = True
+        script.until(DriveState.MAPPING)
+        script.decide("look")
+    assert "failed" not in script.states()
+
+
+@pytest.mark.parametrize("state", [DriveState.SETTLING, DriveState.SWEEPING])
+def test_mount_that_is_silent_for_a_while_is_named_and_waited_for(state):
+    script = Script()
+    script.until(state)
+    for _ in range(round(60.0 / TICK)):
+        action = script.tick(tilt_rad=None)
+        assert (action.state, action.reason) == (state, "no joint state of the tilting mount")
+    script.tilts = one_sweep() if state is DriveState.SWEEPING else []
+    script.until(DriveState.MAPPING)
+
+
+def test_mount_that_speaks_and_is_not_level_fails():
+    script = Script()
+    script.until(DriveState.SETTLING)
+    assert script.until(DriveState.FAILED, tilt_rad=0.5).reason == "the mount was not level within 20 s"
+
+
+def test_sweep_without_a_cloud_is_made_again_and_says_what_the_mount_did():
+    script = Script()
+    script.machine.whole_sweep_rad = 3.0
+    script.until(DriveState.MAPPING, cloud_s=-math.inf)
+    mapped_s = script.t
+    action = script.until(DriveState.SETTLING, cloud_s=0.5)
+    assert action.reason == "no cloud of the sweep, in which the mount went from -0.60 to 2.85 rad, of 3.00 that are asked for"
+    assert script.t - mapped_s == pytest.approx(StopScanAndGoConfig().cloud_limit_s, abs=2 * TICK)
+    script.until(DriveState.MAPPING, cloud_s=0.5)
+    script.until(DriveState.FAILED, cloud_s=0.5, limit=2000)
+    assert script.sweeps_started == 4 and script.actions[-1].reason.endswith("for the 4th time")
+
+
+@pytest.mark.parametrize("has_come", [True, None])
+def test_decision_is_waited_for_where_the_cloud_has_come_or_nobody_hears_of_clouds(has_come):
+    script = Script()
+    script.until(DriveState.MAPPING, cloud_s=-math.inf if has_come else None)
+    heard_s = script.t - 0.2 if has_come else None
+    for _ in range(round(100.0 / TICK)):
+        assert script.tick(cloud_s=heard_s).state is DriveState.MAPPING
 
 
 def test_sweep_that_does_not_end_fails_with_a_reason():
