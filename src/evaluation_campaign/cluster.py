@@ -19,12 +19,17 @@ from exploration_evaluation import write_json
 Progress = Callable[[RunSpec, dict[str, Any]], None]
 _ATTEMPTS = 3
 _CONNECT_S = 10.0
+_AT_REST = {  # who waits for a run takes little of the cores from it
+    "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.monitor-interval": "1s",
+    "distributed.admin.tick.interval": "1s",
+}
 
 
 @contextmanager
 def cluster_client(scheduler: str | None, jobs: int) -> Iterator[Client]:
     """A client of the scheduler at an address, or of a local cluster with `jobs` workers. CampaignProblem when nobody answers there."""
-    dask.config.set({"distributed.scheduler.allowed-failures": _ATTEMPTS - 1, "distributed.worker.daemon": False})
+    dask.config.set({"distributed.scheduler.allowed-failures": _ATTEMPTS - 1, "distributed.worker.daemon": False, **_AT_REST})
     if scheduler is None:
         with LocalCluster(n_workers=jobs, threads_per_worker=1, processes=True, dashboard_address="127.0.0.1:0", silence_logs=50) as local:
             with Client(local) as client:

@@ -8,10 +8,12 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import dask
 import pytest
 
 from evaluation_campaign import Limits, RunSpec, chaos
 from evaluation_campaign import runner as runner_module
+from evaluation_campaign.cluster import cluster_client
 from evaluation_campaign.runner import DiskFull, RunRequest, make_run
 
 SPEC = RunSpec("rooms", 3, "ours")
@@ -191,3 +193,11 @@ def test_full_disk_stops_before_a_run_begins(tmp_path, monkeypatch):
     with pytest.raises(DiskFull, match="MB free"):
         make_run(request)
     assert not (request.out / SPEC.folder / "outcome.json").exists()
+
+
+def test_worker_that_waits_for_its_run_looks_about_once_a_second_and_profiles_nothing():
+    names = ["profile.enabled", "memory.monitor-interval"]
+    with cluster_client(None, 1) as client:
+        (found,) = client.run(lambda: [dask.config.get(f"distributed.worker.{name}") for name in names]).values()
+        (tick,) = client.run(lambda dask_worker: dask_worker.periodic_callbacks["tick"].callback_time).values()
+    assert found == [False, "1s"] and tick == 1000.0
