@@ -243,6 +243,12 @@ def odometry_twist(message: Odometry) -> tuple[float, float]:
     return message.twist.twist.linear.x, message.twist.twist.angular.z
 
 
+def planar_pose(message: Odometry) -> tuple[float, float, float]:
+    """x and y in metres and yaw in radians of an odometry's pose as it stands there; yaw is 0 for a quaternion of zeros."""
+    at, q = message.pose.pose.position, message.pose.pose.orientation
+    return at.x, at.y, math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+
+
 def odometry_gravity(message: Odometry) -> tuple[Floats, float]:
     """Up in base_link, (3,), and its sigma in radians, as the odometry's roll and pitch know it from gravity."""
     T_odom_base = transform_from_pose(message.pose.pose)

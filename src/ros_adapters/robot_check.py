@@ -10,14 +10,26 @@ from sensor_msgs.msg import Imu, JointState, LaserScan, PointCloud2
 
 from point_cloud2 import read_beams
 from robot_body import RobotBody, contradictions, fixed_laser_problem, laser_mount
-from ros_adapters.conversions import joint_position, odometry_twist, stamp_of
+from ros_adapters.conversions import joint_position, odometry_twist, planar_pose, stamp_of
 from ros_adapters.heard_topic import HeardTopic
 from ros_adapters.mapping_mode import DRIVING
 from ros_adapters.robot_graph import RobotGraph, TransformWatch
 from ros_adapters.sensor_frames import SensorFrames
 from sensor_checks import NEEDS, CheckLimits, ImuLimits, Level, Row, clock_rows, timing_rows
-from sensor_checks.contents import ScanLayout, frame_row, imu_rows, points_rows, scan_rows, senders_row, stands, tilt_rows, wheel_rows
+from sensor_checks.contents import (
+    ScanLayout,
+    frame_row,
+    imu_rows,
+    points_rows,
+    scan_rows,
+    senders_row,
+    stands,
+    tilt_rows,
+    twist_rows,
+    wheel_rows,
+)
 from sensor_checks.lidar import lidar_rows
+from sensor_checks.wheel_twist import Pose
 from sweep_assembly import LidarConfig, Revolution
 
 Floats = NDArray[np.float64]
@@ -45,7 +57,7 @@ class RobotCheck:
         self._joint = joint or ""
         self._tilt = None if joint is None else HeardTopic("joint_states", JointState, self._tilt_of)
         self._imu = HeardTopic("imu/data", Imu, _imu_content)
-        self._wheels = HeardTopic("wheel_odom", Odometry, odometry_twist)
+        self._wheels = HeardTopic("wheel_odom", Odometry, _wheel_content)
         self._tf = TransformWatch(self._frames)
         self._looked_s = 0.0
 
@@ -156,7 +168,7 @@ class RobotCheck:
     def _of_imu(self, graph: RobotGraph) -> list[Row]:
         rows, topic = self._timing(self._imu, "imu/data", graph), self._imu.topic
         samples = np.array([(*gyro, *accel) for _, gyro, accel in self._imu.contents]).reshape(-1, 6)
-        standing = stands(np.array(self._wheels.contents).reshape(-1, 2))
+        standing = stands(np.array([twist for _, _, twist in self._wheels.contents]).reshape(-1, 2))
         for frame in sorted(self._imu.frames):
             own = samples[[content[0] == frame for content in self._imu.contents]]
             try:
@@ -173,7 +185,8 @@ class RobotCheck:
     def _of_wheels(self, graph: RobotGraph) -> list[Row]:
         rows = self._timing(self._wheels, "wheel_odom", graph)
         if self._wheels.contents:
-            rows += wheel_rows(self._wheels.topic, np.array(self._wheels.contents), self._robot)
+            rows += wheel_rows(self._wheels.topic, np.array([twist for _, _, twist in self._wheels.contents]), self._robot)
+            rows += twist_rows(self._wheels.topic, self._wheels.contents)
         return rows
 
     def _description(self) -> list[Row]:
@@ -203,6 +216,10 @@ def _scan_duration_s(content: tuple[ScanLayout, Floats]) -> float:
 def _turn_s(turn: Revolution) -> float:
     end_s = float(turn.times_s.max(initial=0.0))
     return end_s if end_s < 1.0 else 0.0
+
+
+def _wheel_content(message: Odometry) -> tuple[float, Pose, tuple[float, float]]:
+    return stamp_of(message), planar_pose(message), odometry_twist(message)
 
 
 def _imu_content(message: Imu) -> tuple[str, tuple[float, ...], tuple[float, ...]]:

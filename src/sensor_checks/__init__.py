@@ -7,6 +7,7 @@ from sensor_checks.imu_units import ImuLimits, gravity_fault, turning_fault
 from sensor_checks.limits import NEEDS, CheckLimits, Needs
 from sensor_checks.rows import Level, Row, judged, table, worst
 from sensor_checks.timing import Heard, clock_rows, timing_rows
+from sensor_checks.wheel_twist import TwistWatch
 
 __all__ = [
     "NEEDS",
@@ -16,6 +17,7 @@ __all__ = [
     "Level",
     "Needs",
     "Row",
+    "TwistWatch",
     "clock_rows",
     "gravity_fault",
     "judged",

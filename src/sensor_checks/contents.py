@@ -11,6 +11,7 @@ from robot_body import RobotBody
 from sensor_checks.imu_units import ImuLimits, gravity_fault
 from sensor_checks.limits import CheckLimits
 from sensor_checks.rows import Level, Row, judged
+from sensor_checks.wheel_twist import Pose, TwistWatch
 
 FloatArray = NDArray[np.float64]
 _REP_117 = "the driver should give inf where nothing is in range, and NaN where it does not know (REP 117)"
@@ -188,6 +189,13 @@ def wheel_rows(topic: str, velocities: FloatArray, robot: RobotBody) -> list[Row
             (not stands(velocities), Level.WARN, "the robot moves: look at one that stands; units are judged by it"),
         )
     ]
+
+
+def twist_rows(topic: str, messages: Sequence[tuple[float, Pose, tuple[float, float]]]) -> list[Row]:
+    """The row of a twist that is not filled, of (stamp, pose, twist) as `TwistWatch` takes them; none where the pose shows no motion."""
+    watch = TwistWatch()
+    faults = [fault for message in messages if (fault := watch.fault(*message))]
+    return [Row(Level.ERROR, topic, "twist", "0, and its pose moves", faults[0])] if faults else []
 
 
 def stands(velocities: FloatArray) -> bool:

@@ -152,7 +152,7 @@ class CheckRobotTest(unittest.TestCase):
         )
 
     def test_clocks(self) -> None:
-        self.expect(1, ["/scan is 2.99 s", "behind", "chrony", "ahead of the clock"], scan=shifted(-1.0), wheels=shifted(2.0))
+        self.expect(1, ["/scan is 3.0", "behind", "chrony", "ahead of the clock"], scan=shifted(-1.02), wheels=shifted(2.0))
         self.expect(1, ["are zero"], imu=with_values(header__stamp=rospy.Time(0)))
 
     def test_frames_and_gravity_that_was_removed(self) -> None:

@@ -232,3 +232,10 @@ def test_pose_that_is_no_place_on_the_earth_is_refused(far_m, right):
     else:
         with pytest.raises(ValueError, match="no place on the Earth"):
             c.transform_from_pose(pose)
+
+
+def test_planar_pose_is_place_and_yaw_also_of_a_pose_that_was_never_filled() -> None:
+    message = Odometry()
+    assert c.planar_pose(message) == (0.0, 0.0, 0.0)
+    message.pose.pose = c.pose_message(T)
+    assert c.planar_pose(message) == pytest.approx((1.0, -2.0, 2.0))
