@@ -10,7 +10,12 @@ class CollisionMonitorConfig:
     """What the robot needs to stand, and what may come towards it meanwhile."""
 
     reaction_s: float = parameter(
-        0.2, "s", "from a beam to the brakes: the scan's 25 ms and its network's, two ticks of 50 ms, the command's way", low=0.0, high=2.0
+        0.2,
+        "s",
+        "from a beam to the brakes: the scan's 25 ms and its network's, two ticks of 50 ms, the command's way; where the clock runs free "
+        "at least the age of the newest look, and the time to the next command",
+        low=0.0,
+        high=2.0,
     )
     deceleration_mps2: float = parameter(1.5, "m/s^2", "how fast the drive brakes", low=0.1, high=10.0)
     turn_deceleration_radps2: float = parameter(3.0, "rad/s^2", "how fast it ends a turn", low=0.1, high=20.0)

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 _SHARES = (1.0, 0.7)  # it slows, and then stands: slower it would only creep up to a stranger
 _INSTANT_S = 0.05
+_OLDEST_S = 2.0  # a look counts as no older: the robot stands long before
+_LONGEST_PERIOD_S = 1.0  # between two commands; what is longer is a pause
 _NEARER_M = 0.01  # the robot comes nearer by itself
 
 
@@ -44,7 +46,7 @@ class CollisionMonitor:
         self._robot = robot
         self.configure(config)
         self._half = np.array([robot.half_length_m, robot.half_width_m])
-        self._share, self._stamp_s = 1.0, -math.inf
+        self._share, self._stamp_s, self._reaction_s = 1.0, -math.inf, config.reaction_s
 
     def configure(self, config: CollisionMonitorConfig) -> None:
         """From the next command on, no braking stronger than the robot's. ValueError lists what is wrong with `config`."""
@@ -66,8 +68,12 @@ class CollisionMonitor:
         """What was met at one place for longer is no stranger any more; 0: never so."""
         return self._config.standing_s
 
-    def limited(self, stamp_s: float, v: float, w: float, strangers: ArrayLike) -> Limited:
-        """As much of `v` m/s and `w` rad/s as is safe beside `strangers` (N, 2) in base_link, m: points that the map does not explain."""
+    def limited(self, stamp_s: float, v: float, w: float, strangers: ArrayLike, seen_ago_s: float | None = None) -> Limited:
+        """As much of `v` m/s and `w` rad/s as is safe beside `strangers` (N, 2) in base_link, m: points that the map does not explain.
+
+        `seen_ago_s`: age of the newest look at them, where it is measured; a greater one than reaction_s takes its place.
+        """
+        self._reaction_s = self._reaction(stamp_s, seen_ago_s)
         points = np.asarray(strangers, dtype=np.float64).reshape(-1, 2)
         grown = self._share + max(stamp_s - self._stamp_s, 0.0) / self._config.recovery_s
         safe = 1.0 if not len(points) or (v == 0.0 and w == 0.0) else self._safe_share(v, w, points)
@@ -76,6 +82,15 @@ class CollisionMonitor:
             return Limited(v, w, 1.0, "")
         told = "stands before" if self._share == 0.0 else f"goes at {self._share:.0%} before"
         return Limited(self._share * v, self._share * w, self._share, f"{told} what the map does not know")
+
+    def _reaction(self, stamp_s: float, seen_ago_s: float | None) -> float:
+        """Seconds from a beam to the brakes: a command holds until the next."""
+        if seen_ago_s is None:
+            return self._config.reaction_s
+        period_s = stamp_s - self._stamp_s
+        period_s = period_s if 0.0 <= period_s <= _LONGEST_PERIOD_S else 0.0
+        age_s = _OLDEST_S if math.isnan(seen_ago_s) else min(max(seen_ago_s, 0.0), _OLDEST_S)
+        return max(self._config.reaction_s, age_s + period_s)
 
     def _safe_share(self, v: float, w: float, points: Array) -> float:
         return next((share for share in _SHARES if self._is_safe(share * v, share * w, points)), 0.0)
@@ -91,9 +106,9 @@ class CollisionMonitor:
         """(K,) instants, and (K,) seconds at full speed that take it as far."""
         c = self._config
         braking = max(abs(v) / c.deceleration_mps2, abs(w) / c.turn_deceleration_radps2)
-        lasting = c.reaction_s + braking
+        lasting = self._reaction_s + braking
         times = np.linspace(0.0, lasting, max(2, math.ceil(lasting / _INSTANT_S) + 1))
-        since = np.maximum(times - c.reaction_s, 0.0)
+        since = np.maximum(times - self._reaction_s, 0.0)
         return times, times - since**2 / (2.0 * max(braking, 1e-9))
 
     def _gaps(self, way_m: Array, turned: Array, points: Array) -> Array:

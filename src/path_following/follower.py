@@ -150,7 +150,7 @@ class PathFollower:
             doing, _ = back_off(now, FollowerState.STUCK, self._base.words)
         if not isinstance(doing, Ended):
             doing, command = decide(doing, now)
-        if isinstance(doing, Ended) and doing.how is not FollowerState.REACHED:
+        if isinstance(doing, Ended) and doing.how is FollowerState.STUCK:
             return Following(self._base.words), STAND
         return doing, self._base.crept(command)
 

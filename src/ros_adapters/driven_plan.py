@@ -114,9 +114,10 @@ class DrivenPlan:
         return self.T_map_base
 
     def _on_event(self, message: RunEvent) -> None:
-        """A robot that has failed keeps no goal waiting."""
+        """A robot that has failed keeps no goal waiting, and what it was asked for before is over."""
         self._failure = f"the robot has failed: {message.reason}" if message.state == "failed" else ""
         if self._failure:
+            self.pause.recalled = ""
             self.goals.give_up(self._failure)
 
 

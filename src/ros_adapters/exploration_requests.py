@@ -121,7 +121,7 @@ class ExplorationRequests:
     def _why_not(self, errand: Errand) -> str:
         """Why the state stays as it is; empty where it changes."""
         state, is_over = self._told.state, self._event.state in _OVER
-        if self._event.state == "failed":
+        if self._event.state == "failed" and errand is not Errand.EXPLORE:
             return f"the robot has failed: {self._event.reason}"
         if errand is not Errand.HOME and not self._explorer.explores:
             return "exploration is off: the robot is localised in a finished map (mapping:=off)"

@@ -56,6 +56,11 @@ class LineInput:
                 self._seeing_s = line.stamp_s
             yield line
 
+    @property
+    def seeing_s(self) -> float:
+        """Stamp of the newest line that saw anything; -inf before the first."""
+        return self._seeing_s
+
     def missing(self, stamp_s: float, max_age_s: float) -> str:
         """That no line so young sees, as words: nothing comes, it is dropped, or no beam is valid; empty while one does."""
         if -JUMP_BACK_S < stamp_s - self._seeing_s <= max_age_s:

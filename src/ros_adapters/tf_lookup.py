@@ -24,6 +24,7 @@ class NoTransformError(ValueError):
 
 
 _PATIENCE_S = 0.5
+_MAPPING = "pose_graph_mapping_node"
 MAP_ODOM = "/tf map->odom"  # as the barrier and the diagnostics call it
 
 
@@ -128,13 +129,16 @@ class TransformsWhenAsked:
 
 
 class TransformInput:
-    """Hears /tf and /tf_static for a node, and keeps map->odom apart: it moves the robot."""
+    """Hears /tf and /tf_static for a node, and keeps map->odom apart: it moves the robot.
+
+    Once the mapping node was heard, what others send between the two counts for nothing, and they are named.
+    """
 
     def __init__(self, node: Node, max_age_s: float) -> None:
         """`max_age_s`: an older map->odom is not known any more."""
         self._node = node
         self._map_odom: TimedInput[NDArray[np.float64]] = TimedInput(max_age_s)
-        self._known = KnownTransforms()
+        self._known, self._has_heard_mapping = KnownTransforms(), False
         node.watch(MAP_ODOM, max_age_s)
         self._subscriber = node.subscribe("/tf", TFMessage, self._on_transforms, required=False)
         node.subscribe("/tf_static", TFMessage, self._on_static, required=False)
@@ -156,14 +160,23 @@ class TransformInput:
         return pose_in_map(self._known.buffer, pose)
 
     def _on_transforms(self, message: TFMessage) -> None:
+        sender = (getattr(message, "_connection_header", None) or {}).get("callerid", "somebody")
         for transform in message.transforms:
             between = transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")
             if between == (frames().odom, frames().base):
                 continue  # the odometry itself has told
+            if between == (frames().map, frames().odom) and not self._is_trusted(sender):
+                self._node.diagnostics.dropped(f"{MAP_ODOM} of {sender}", "only the mapping node's is obeyed: switch it off there")
+                continue
             T = self._keep(transform, static=False)
             if T is not None and between == (frames().map, frames().odom):
                 self._map_odom.add(stamp_of(transform), T)
                 self._node.received(MAP_ODOM)
+
+    def _is_trusted(self, sender: str) -> bool:
+        is_mapping = sender == rospy.resolve_name(_MAPPING)
+        self._has_heard_mapping = self._has_heard_mapping or is_mapping
+        return is_mapping or not self._has_heard_mapping
 
     def _on_static(self, message: TFMessage) -> None:
         for transform in message.transforms:

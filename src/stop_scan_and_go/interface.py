@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 class DriveState(enum.Enum):
-    """What the robot does; FAILED is for good. LOOKING: it stands while its mount nods, until the next decision.
+    """What the robot does; FAILED it stands until a sweep is asked for. LOOKING: it stands while its mount nods, until the next decision.
 
     PAUSED: somebody has stopped exploration. Paused or FINISHED, it drives when the follower has a path, to somebody's goal.
     TAKEN_OVER: somebody drives it by joystick.

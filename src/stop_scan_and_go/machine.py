@@ -50,6 +50,7 @@ class StopScanAndGo:
             DriveState.PAUSED: self._paused,
             DriveState.TAKEN_OVER: self._let_go,
             DriveState.FINISHED: self._finished,
+            DriveState.FAILED: self._failed,
         }
 
     def configure(self, config: StopScanAndGoConfig) -> None:
@@ -91,7 +92,7 @@ class StopScanAndGo:
             return self._prepare_sweep(SweepKind.IDLE, _DISPLACED)
         if tick.tilt_rad is None and self._state in (DriveState.SETTLING, DriveState.SWEEPING):
             return self._without_tilt()
-        return self._answers[self._state](tick) if self._state in self._answers else self._answer()  # FAILED: it stands
+        return self._answers[self._state](tick)
 
     @property
     def nods(self) -> bool:
@@ -155,18 +156,11 @@ class StopScanAndGo:
         self._stamp = stamp
 
     def _measure(self, tick: TickObservation) -> None:
-        T = tick.finite_pose
-        self._rocking = self._rocks.rate(tick.stamp_s, T)
-        if T is None and not tick.displaced:
-            return
-        # Standing, the odometry's noise would add up to a way; and one that nobody knows is none.
-        moves = self._state in (DriveState.DRIVING, DriveState.TAKEN_OVER) or (
-            self._state is DriveState.SETTLING and is_moving(self._config, tick.twist)
-        )
-        if moves and T is not None and not tick.displaced:
-            self._travel.add(T)
-        else:
-            self._travel.skip_to(T)
+        self._rocking = self._rocks.rate(tick.stamp_s, tick.finite_pose)
+        # Standing, the odometry's noise would add up to a way.
+        settles = self._state is DriveState.SETTLING and is_moving(self._config, tick.twist)
+        moves = settles or self._state in (DriveState.DRIVING, DriveState.TAKEN_OVER)
+        self._travel.take(tick.finite_pose, moves=moves, displaced=tick.displaced)
 
     def _enter(self, state: DriveState, reason: str) -> None:
         assert self._stamp is not None
@@ -296,4 +290,10 @@ class StopScanAndGo:
             return self._drive("to a goal after exploration")
         if is_new and tick.is_recalled:
             return self._end_drive(SweepKind.IDLE, tick.follower_reason)
+        return self._answer()
+
+    def _failed(self, tick: TickObservation) -> TickAction:
+        if tick.is_recalled and tick.stamp_s - self._entered_s >= FOLLOWER_GRACE_S:
+            self._in_vain, self._is_repeated = 0, False
+            return self._prepare_sweep(SweepKind.IDLE, tick.follower_reason)
         return self._answer()

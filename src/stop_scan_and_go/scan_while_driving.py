@@ -108,7 +108,9 @@ class ScanWhileDriving(StopScanAndGo):
 
     def _looking(self, tick: TickObservation) -> TickAction:
         if tick.stamp_s - self._entered_s > self._config.decision_limit_s:
-            self._enter(DriveState.FAILED, f"no decision about a sweep within {self._config.decision_limit_s:.0f} s")
+            is_unseen = tick.cloud_s is not None and tick.cloud_s <= self._entered_s
+            missing = "no cloud of a sweep" if is_unseen else "no decision about a sweep"
+            self._enter(DriveState.FAILED, f"{missing} within {self._config.decision_limit_s:.0f} s")
         return self._answer()
 
 

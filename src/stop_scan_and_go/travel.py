@@ -26,6 +26,13 @@ class TravelMeter:
         self.yaw_rad = 0.0
         self.slope_turn_rad = 0.0  # of it in place on a slope
 
+    def take(self, T_odom_base: NDArray[np.float64] | None, *, moves: bool, displaced: bool) -> None:
+        """The next pose (4, 4), None where it is not known: a step where the robot `moves`; one that nobody knows where it is displaced."""
+        if T_odom_base is not None and moves and not displaced:
+            self.add(T_odom_base)
+        elif T_odom_base is not None or displaced:
+            self.skip_to(T_odom_base)
+
     def skip_to(self, T_odom_base: NDArray[np.float64] | None) -> None:
         """Take a pose (4, 4) as the next step's beginning without counting the way to it; None forgets the last one."""
         self._last = T_odom_base

@@ -216,11 +216,12 @@ class ExplorationRequestsTest(unittest.TestCase):
         self.sweep(*HOME)
         grids.wait_for(lambda m: m.header.stamp.to_sec() == self.clock_s and closes(m, 2.5, 0.0))
 
-    def test_8_robot_that_has_failed_is_asked_for_nothing(self) -> None:
+    def test_8_robot_that_has_failed_is_asked_for_nothing_but_to_explore_anew(self) -> None:
         self.event("failed", "the sweep did not begin")
         self.wait_for_status("failed", "the sweep did not begin")
-        for name in ("start", "stop", "return_home"):
+        for name in ("stop", "return_home"):
             self.assertEqual(self.ask(name), (False, "the robot has failed: the sweep did not begin"))
+        self.assertEqual(self.ask("start"), (True, "exploring, with a sweep from here"))
 
 
 if __name__ == "__main__":

@@ -80,3 +80,38 @@ def test_it_says_why():
 def test_points_of_the_map_are_seen_ahead_and_to_the_left_of_a_robot_that_looks_along_y():
     ahead, left = seen_from([(1.0, 4.0), (0.0, 2.0)], 1.0, 2.0, math.pi / 2)
     assert ahead == pytest.approx((2.0, 0.0)) and left == pytest.approx((0.0, 1.0))
+
+
+def share_of_a_look(seen_ago_s, gap_m=1.2, period_s=0.05):
+    monitor = CollisionMonitor(CONFIG, ROBOT)
+    monitor.limited(1.0 - period_s, 0.0, 0.0, NOBODY)
+    return monitor.limited(1.0, 0.5, 0.0, [(FRONT_M + gap_m, 0.0)], seen_ago_s).share
+
+
+def test_older_the_look_the_earlier_it_brakes():
+    """What was seen 0.4 s ago came nearer for so long."""
+    assert share_of_a_look(None) == share_of_a_look(0.1) == 1.0
+    assert share_of_a_look(0.4) < 1.0 and share_of_a_look(0.8) == 0.0
+
+
+def test_look_that_is_younger_than_the_reaction_changes_nothing_and_the_period_counts():
+    gaps = np.arange(0.3, 2.0, 0.02)
+    known = [share_of_a_look(None, gap) for gap in gaps]
+    assert [share_of_a_look(CONFIG.reaction_s - 0.05, gap) for gap in gaps] == known
+    assert [share_of_a_look(CONFIG.reaction_s, gap) for gap in gaps] != known
+
+
+def test_stop_comes_in_time_by_lines_that_come_late():
+    """A person at a walk of ISO 13855, seen 0.5 s late: the robot stands before its own way takes it there."""
+    monitor, x, v, person, seen = CollisionMonitor(CONFIG, ROBOT), 0.0, 0.5, 4.0, [4.0] * 11
+    while v > 0.0:
+        limited = monitor.limited(0.05 * len(seen), 0.5, 0.0, np.array([[seen[-11] - x, 0.0]]), 0.5)
+        v = max(limited.v, v - 1.5 * 0.05) if limited.v < v else limited.v
+        x, person = x + v * 0.05, person - CONFIG.approach_mps * 0.05
+        seen.append(person)
+    assert person - x - FRONT_M >= CONFIG.margin_m - 0.05
+
+
+@pytest.mark.parametrize("seen_ago_s", [math.inf, math.nan, -3.0])
+def test_age_that_is_none_counts_as_the_oldest_or_as_none(seen_ago_s):
+    assert share_of_a_look(seen_ago_s) == (1.0 if seen_ago_s < 0.0 else 0.0)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 from explore_3dnav.msg import RunEvent
 
-from octomap_server_3dnav.exploration.decide import Explorer, State
+from octomap_server_3dnav.exploration.decide import Errand, Explorer, State
 from ros_adapters.conversions import header
 from ros_adapters.exploration_requests import ExplorationRequests, status_of
 
@@ -113,3 +113,10 @@ def test_robot_that_is_paused_or_driven_by_joystick_does_not_drive_what_was_deci
     requests = ExplorationRequests(node, explorer)  # type: ignore[arg-type]
     requests._on_event(RunEvent(state=state))
     assert bool(told) == is_overruled
+
+
+def test_robot_that_has_failed_is_asked_for_nothing_but_to_explore_anew() -> None:
+    robot = Robot()
+    robot.hear(RunEvent(header=header(1000.0, "odom"), state="failed", reason="the mount was not level", began_s=1000.0))
+    told = {errand: robot.requests._why_not(errand) for errand in Errand}
+    assert told.pop(Errand.EXPLORE) == "" and set(told.values()) == {"the robot has failed: the mount was not level"}

@@ -1,12 +1,14 @@
 """Transforms that tf's C++ would print about, or end the process for, are refused before they get there."""
 
 import math
+from types import SimpleNamespace
 
 import pytest
 import rospy
 from geometry_msgs.msg import TransformStamped
+from tf2_msgs.msg import TFMessage
 
-from ros_adapters.tf_lookup import KnownTransforms
+from ros_adapters.tf_lookup import KnownTransforms, TransformInput
 
 
 def transform(stamp=None, z=0.0, w=1.0):
@@ -45,3 +47,44 @@ def test_clock_that_was_set_back_leaves_no_pose_from_before():
     assert height_in(known, "odom", "laser") == 5.25, "late is not set back"
     known.keep(transform(rospy.Time(400), z=1.0), static=False)
     assert height_in(known, "odom", "laser") == 1.25
+
+
+class Listening:
+    """In the place of a node: it is told of what was dropped."""
+
+    def __init__(self) -> None:
+        self.dropped: list[str] = []
+        self.diagnostics = SimpleNamespace(dropped=lambda what, _: self.dropped.append(what))
+
+    def watch(self, *_: object) -> None: ...
+    def received(self, *_: object) -> None: ...
+    def subscribe(self, *_: object, **__: object) -> None: ...
+
+
+def correction(sender, stamp_s, z):
+    one = transform(rospy.Time(stamp_s), z=z)
+    one.header.frame_id, one.child_frame_id = "map", "odom"
+    message = TFMessage([one])
+    message._connection_header = {"callerid": sender}
+    return message
+
+
+def test_only_the_mapping_node_says_where_odom_is_in_map(monkeypatch):
+    monkeypatch.setattr(rospy, "resolve_name", lambda name: f"/robot/{name}")
+    node = Listening()
+    heard = TransformInput(node, 10.0)
+    heard._on_transforms(correction("/robot/pose_graph_mapping_node", 100, 1.0))
+    heard._on_transforms(correction("/robot/amcl", 101, 5.0))
+    heard._on_transforms(correction("/pose_graph_mapping_node", 102, 6.0))
+    assert heard.T_map_odom(103.0)[2, 3] == 1.0
+    assert node.dropped == ["/tf map->odom of /robot/amcl", "/tf map->odom of /pose_graph_mapping_node"]
+    heard._on_transforms(correction("/robot/pose_graph_mapping_node", 103, 2.0))
+    assert heard.T_map_odom(103.0)[2, 3] == 2.0
+
+
+def test_other_transforms_of_whoever_sends_them_are_kept():
+    heard = TransformInput(Listening(), 10.0)
+    message = correction("/robot_state_publisher", 100, 0.25)
+    message.transforms[0].header.frame_id, message.transforms[0].child_frame_id = "base_link", "laser"
+    heard._on_transforms(message)
+    assert height_in(heard._known, "base_link", "laser") == 0.25 and heard.T_map_odom(100.0) is None

@@ -238,3 +238,10 @@ def test_fixed_lidar_sees_behind() -> None:
     script.decide("goal")
     backward(script, 2.0)
     assert script.machine.state is DriveState.DRIVING
+
+
+@pytest.mark.parametrize(("cloud_s", "missing"), [(0.5, "no cloud of a sweep"), (1e9, "no decision about a sweep"), (None, "no decision")])
+def test_robot_that_stands_in_vain_names_what_did_not_come(script: DrivingScript, cloud_s: float | None, missing: str) -> None:
+    script.drive(1.0)
+    script.tick((0.0, 0.0), "reached")
+    assert script.until(DriveState.FAILED, limit=2600, follower="reached", cloud_s=cloud_s).reason.startswith(missing)

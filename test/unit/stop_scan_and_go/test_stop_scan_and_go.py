@@ -344,6 +344,25 @@ def test_mount_that_is_silent_for_a_while_is_named_and_waited_for(state):
     script.until(DriveState.MAPPING)
 
 
+def test_robot_that_has_failed_sweeps_again_when_somebody_asks_and_has_its_tries_anew():
+    script = Script()
+    script.obeys_sweeps = False
+    script.until(DriveState.FAILED)
+    for _ in range(5):
+        assert script.tick(follower="recalled").state is DriveState.FAILED, "asked for before it failed"
+    for _ in range(100):
+        assert script.tick(FORWARD, "following").state is DriveState.FAILED
+    assert script.tick(follower="recalled", follower_reason="start").reason == "start"
+    script.until(DriveState.FAILED)
+    assert script.sweeps_started == 8
+    script.obeys_sweeps = True
+    for _ in range(15):
+        script.tick()
+    script.tick(follower="recalled")
+    script.until(DriveState.MAPPING)
+    assert script.decide("goal").state is DriveState.DRIVING
+
+
 def test_mount_that_speaks_and_is_not_level_fails():
     script = Script()
     script.until(DriveState.SETTLING)
