@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from path_following.outline import beneath, is_no_more
+from path_following.outline import DEEPER_M, beneath, deepest, is_no_more
 
 _STEP_M = 0.2
 _CURVATURES = (0.0, 0.15, -0.15, 0.5, -0.5, 1.5, -1.5)  # 1/m: beside a wall only gentle arcs keep the rear corner off it
@@ -39,9 +39,12 @@ def _drive(
     aside: NDArray[np.float64],
     move: NDArray[np.float64],
     pose: NDArray[np.float64],
-    fewest: NDArray[np.int64],
+    touched: NDArray[np.float64],
 ) -> bool:
-    """Whether one of `MOVES` touches no more than before; moves `pose` (3,), lowers `fewest` (2,), lethal and unknown points beneath."""
+    """Whether one of `MOVES` touches no more than before; moves `pose` (3,).
+
+    `touched` (3,): the fewest lethal and unknown points beneath so far, which are lowered, and how deep a lethal one may lie, m.
+    """
     for _ in range(_LOOKS):
         travelled = move[0] / _LOOKS
         turned = move[1] * travelled
@@ -52,9 +55,11 @@ def _drive(
         pose[2] += turned
         here = beneath(cost, corner, footprint, pose)
         for k in range(2):
-            if not is_no_more(here[k], fewest[k]):
+            if not is_no_more(here[k], touched[k]):
                 return False
-            fewest[k] = min(fewest[k], here[k])
+            touched[k] = min(touched[k], here[k])
+        if here[0] > 0 and deepest(cost, corner, footprint, pose) > touched[2]:
+            return False
     return True
 
 
@@ -80,11 +85,12 @@ def free_way(
     """(K,) int64 indices into `MOVES` from `start` (3,) x, y, yaw in map to where nothing lies in `room`; none where there is no such way.
 
     `corner` (3,): x, y of the costmap's corner and its resolution, m. `footprint` and `room` (P, 2) are points of base_link. `aside` (H,):
-    metres that the robot slides to its left for every radian, by its heading. Touched may be no more than before, and nothing unknown.
+    metres that the robot slides to its left for every radian, by its heading. Touched may be no more than before, and no deeper.
     """
-    at, fewest = np.empty((_MOST, 3)), np.empty((_MOST, 2), np.int64)
+    at, touched = np.empty((_MOST, 3)), np.empty((_MOST, 3))
     before, by, count = np.full(_MOST, -1, np.int64), np.full(_MOST, -1, np.int64), 1
-    at[0], fewest[0] = start, beneath(cost, corner, footprint, start)
+    at[0], touched[0, 2] = start, deepest(cost, corner, footprint, start) + DEEPER_M
+    touched[0, 0], touched[0, 1] = beneath(cost, corner, footprint, start)
     closed = np.zeros((_SIDE, _SIDE, aside.size), np.bool_)
     heap = [(0.0, 0)]
     while len(heap) > 0:
@@ -98,8 +104,8 @@ def free_way(
         for move in range(MOVES.shape[0]):
             if count == _MOST:
                 return np.empty(0, np.int64)
-            at[count], fewest[count] = at[node], fewest[node]
-            if _drive(cost, corner, footprint, aside, MOVES[move], at[count], fewest[count]):
+            at[count], touched[count] = at[node], touched[node]
+            if _drive(cost, corner, footprint, aside, MOVES[move], at[count], touched[count]):
                 is_back = by[node] >= 0 and MOVES[by[node], 0] * MOVES[move, 0] < 0.0
                 before[count], by[count] = node, move
                 heapq.heappush(heap, (total + _STEP_M + (_TURNED_BACK_M if is_back else 0.0), count))

@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 INSCRIBED, LETHAL, UNKNOWN = 253, 254, 255
+DEEPER_M = 0.01  # is no deeper: less than the points of a lattice lie apart
 
 
 @njit(cache=True)
@@ -35,7 +36,22 @@ def beneath(
 
 
 @njit(cache=True)
-def is_no_more(count: int, fewest: int) -> bool:
+def deepest(cost: NDArray[np.uint8], corner: NDArray[np.float64], footprint: NDArray[np.float64], pose: NDArray[np.float64]) -> float:
+    """How far inside its border a point of the outline lies over a lethal cell, with base_link at `pose` (3,) in map, m; 0 where none does.
+
+    `footprint` (P, 2): points of base_link of a rectangle around it, whose last is a corner.
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    deep = 0.0
+    for px, py in footprint:
+        inside = min(footprint[-1, 0] - abs(px), footprint[-1, 1] - abs(py))
+        if inside > deep and cost_under(cost, corner, pose[0] + c * px - s * py, pose[1] + s * px + c * py) == LETHAL:
+            deep = inside
+    return deep
+
+
+@njit(cache=True)
+def is_no_more(count: float, fewest: float) -> bool:
     """Whether so many points over cells are no new contact, after so few: along a wall points of a lattice cross cell borders as the robot
     turns. A corner has few points, and each of them is five centimetres.
     """

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from path_following.free_way import MOVES, free_way, headings
 from path_following.interface import CostGrid
-from path_following.outline import INSCRIBED, LETHAL, UNKNOWN, beneath, cost_under, is_no_more
+from path_following.outline import DEEPER_M, INSCRIBED, LETHAL, UNKNOWN, beneath, cost_under, deepest, is_no_more
 from path_following.reference_path import Pose
 from path_following.trail import Trail
 from rigid_geometry import slide_per_rad
@@ -115,7 +115,7 @@ class Surroundings:
     def is_free(self, poses: NDArray[np.float64], unknown: Unknown) -> bool:
         """True when the robot, standing at the first of (K, 3) poses, may go through all of them, and slide meanwhile.
 
-        What it touches already it may leave, but not touch more of; a centre in an inscribed cell may leave, but not enter again.
+        What it touches already it may leave, but not touch more or deeper; a centre in an inscribed cell may leave, but not enter again.
         """
         return self._is_free(self.slide.along(poses), unknown)
 
@@ -189,7 +189,7 @@ class Surroundings:
 def _is_free(
     cost: NDArray[np.uint8], corner: NDArray[np.float64], footprint: NDArray[np.float64], poses: NDArray[np.float64], unknown: int
 ) -> bool:
-    fewest = -1
+    fewest, most_m = -1, deepest(cost, corner, footprint, poses[0]) + DEEPER_M
     may_stay_inside = True
     for k in range(poses.shape[0]):
         value = cost_under(cost, corner, poses[k, 0], poses[k, 1])
@@ -201,6 +201,8 @@ def _is_free(
         lethal, unseen = beneath(cost, corner, footprint, poses[k])
         count = lethal + (unseen if unknown >= 2 else 0)
         if fewest >= 0 and not is_no_more(count, fewest):
+            return False
+        if lethal > 0 and deepest(cost, corner, footprint, poses[k]) > most_m:
             return False
         fewest = count if fewest < 0 else min(fewest, count)
     return True

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from drive_simulation import TICK_S, Grid, Robot, World, drive
+from drive_simulation import TICK_S, Drive, Grid, Robot, World, drive
 
 from path_following import FollowerConfig, FollowerState, PathFollower
 from path_following.manoeuvres import make_room
@@ -45,6 +45,30 @@ def test_robot_beside_a_wall_ends_where_it_can_turn_and_touches_nothing(gap_m, y
     x, y, yaw = run.poses[-1]
     follower.set_path([(x, y, 0.0), (x, y + 1.5, 0.0)], None)
     assert drive(follower, wall_below(), (x, y, yaw)).last.state is FollowerState.REACHED
+
+
+def deepest_in_the_wall(run: Drive) -> float:
+    """How deep a corner came into it, metres."""
+    corners = np.array([(x, y) for x in (-0.5, 0.5) for y in (-0.5, 0.5)]) * (BODY.length_m, BODY.width_m)
+    return max(WALL_Y - float((y + corners @ [math.sin(yaw), math.cos(yaw)]).min()) for _, y, yaw in run.poses)
+
+
+@pytest.mark.parametrize("gap_m", [0.0, -0.01, -0.02, -0.03])
+def test_robot_whose_side_lies_in_a_wall_turns_no_corner_deep_into_it(gap_m):
+    _, run = off_the_wall(wall_below(), gap_m)
+    assert run.last.state is FollowerState.BLOCKED and deepest_in_the_wall(run) < 0.06
+    assert gap_m == 0.0 or run.poses[-1][1] >= WALL_Y + BODY.turning_radius_m  # and it comes free
+
+
+@pytest.mark.parametrize("behind", [0, 253])
+def test_robot_whose_side_lies_in_a_wall_of_one_cell_turns_no_corner_through_it(behind):
+    """Behind its front the costmap has what was not seen for inscribed."""
+    cost = np.zeros((125, 125), dtype=np.uint8)
+    cost[:61], cost[60] = behind, 254  # up to y = -0.12
+    outline = footprint_lattice(BODY.length_m, BODY.width_m, 0.05)
+    around, y = Surroundings(Grid(cost, (-5.0, -5.0)), outline, outline), -0.12 - 0.01 + BODY.half_width_m
+    assert around.is_free_turn((0.0, y, 0.0), 0.05, drifting=False)
+    assert not around.is_free_turn((0.0, y, 0.0), 0.3, drifting=False) and not around.is_free_turn((0.0, y, 0.0), -0.3, drifting=False)
 
 
 def test_between_two_walls_it_goes_to_and_fro():
