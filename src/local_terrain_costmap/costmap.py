@@ -11,7 +11,7 @@ from local_terrain_costmap.inflation import distance_to_lethal, inflated
 from local_terrain_costmap.line_layer import LineLayer
 from local_terrain_costmap.obstacle import ObstacleLayer
 from local_terrain_costmap.terrain import TerrainLayer
-from local_terrain_costmap.view import FREE, LETHAL, CostmapView
+from local_terrain_costmap.view import FREE, LETHAL, NO_INFORMATION, CostmapView
 from local_terrain_costmap.window import Window
 from robot_body import RobotBody
 
@@ -121,10 +121,10 @@ class LocalCostmap:
         if self._view is None:
             marked = self._obstacles.marked | self._lines.marked
             marks = np.where(marked, np.uint8(LETHAL), np.uint8(FREE))
-            cost = np.where(marked, marks, self._terrain.cost)
-            cost = inflated(cost, self._distance(marks), self._contact_m, self._config)
+            bare = np.where(marked, marks, self._terrain.cost)
+            cost = inflated(bare, self._distance(marks), self._contact_m, self._config)
             cost.setflags(write=False)
-            self._view = CostmapView(cost, self._window.origin_xy, self._config.resolution_m)
+            self._view = CostmapView(cost, self._window.origin_xy, self._config.resolution_m, bare == NO_INFORMATION)
         return self._view
 
     def _distance(self, marks: NDArray[np.uint8]) -> NDArray[np.float64]:

@@ -14,8 +14,12 @@ NO_INFORMATION: Final = 255
 
 @dataclass(frozen=True)
 class CostmapView:
-    """Costs of one moment: `cost` (ny, nx) uint8, row = y, column = x, `origin_xy` the lower left corner in map, metres."""
+    """Costs of one moment: `cost` (ny, nx) uint8, row = y, column = x, `origin_xy` the lower left corner in map, metres.
+
+    `unknown` (ny, nx): where nothing is known of the ground, also where that costs INSCRIBED; None: where `cost` says so.
+    """
 
     cost: NDArray[np.uint8]
     origin_xy: tuple[float, float]
     resolution: float
+    unknown: NDArray[np.bool_] | None = None

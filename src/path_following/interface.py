@@ -16,6 +16,10 @@ class CostGrid(Protocol):
         """(ny, nx) costs; row = y, column = x."""
 
     @property
+    def unknown(self) -> NDArray[np.bool_] | None:
+        """(ny, nx) where nothing is known of the ground, also where `cost` tells of what is near; None: where the cost is 255."""
+
+    @property
     def origin_xy(self) -> tuple[float, float]:
         """Lower left corner in map, metres."""
 

@@ -94,6 +94,9 @@ class Surroundings:
         `trail`: where the robot came from.
         """
         self._cost, self._footprint, self._turning_footprint = costmap.cost, footprint, turning_footprint
+        self._ground = costmap.cost.copy()  # lethal and unknown cells as they are, without what is near
+        if costmap.unknown is not None:
+            self._ground[costmap.unknown & (self._cost != LETHAL)] = UNKNOWN
         self.slide, self._trail = slide, trail
         self._corner = np.array([costmap.origin_xy[0], costmap.origin_xy[1], costmap.resolution], dtype=np.float64)
 
@@ -109,7 +112,7 @@ class Surroundings:
         rows, columns = self._cost.shape
         inside = (row >= 0) & (column >= 0) & (row < rows) & (column < columns)
         known: NDArray[np.bool_] = inside.copy()
-        known[inside] = self._cost[row[inside], column[inside]] != UNKNOWN
+        known[inside] = self._ground[row[inside], column[inside]] != UNKNOWN
         return known
 
     def is_free(self, poses: NDArray[np.float64], unknown: Unknown) -> bool:
@@ -120,7 +123,7 @@ class Surroundings:
         return self._is_free(self.slide.along(poses), unknown)
 
     def _is_free(self, slid: NDArray[np.float64], unknown: Unknown) -> bool:
-        return bool(_is_free(self._cost, self._corner, self._footprint, slid, int(unknown)))
+        return bool(_is_free(self._cost, self._ground, self._corner, self._footprint, slid, int(unknown)))
 
     def is_clear(self, poses: NDArray[np.float64]) -> bool:
         """The same for (K, 3) poses where every centimetre counts: it may touch nothing more than now, not by a point of its outline.
@@ -142,22 +145,22 @@ class Surroundings:
 
     def _touched(self, poses: NDArray[np.float64]) -> NDArray[np.int64]:
         """(K,) points of the outline over lethal cells at (K, 3) poses."""
-        return np.array([beneath(self._cost, self._corner, self._footprint, pose)[0] for pose in poses], dtype=np.int64)
+        return np.array([beneath(self._ground, self._corner, self._footprint, pose)[0] for pose in poses], dtype=np.int64)
 
     def is_free_turn(self, pose: Pose, angle: float, *, drifting: bool) -> bool:
         """True when the robot may turn on the spot by `angle` radians; `drifting`: with room around it for more than it slides."""
         poses = turn_poses(pose, angle)
         if drifting:
-            return not any(beneath(self._cost, self._corner, self._turning_footprint, p)[0] for p in self.slide.along(poses))
+            return not any(beneath(self._ground, self._corner, self._turning_footprint, p)[0] for p in self.slide.along(poses))
         return self.is_free(poses, Unknown.ALLOWED)
 
     def has_room(self, pose: Pose) -> bool:
         """True when the robot may turn all around: nothing lethal and nothing unknown lies within its corners and a cell's breadth."""
-        return max(beneath(self._cost, self._corner, self._room(), np.array(pose))) == 0
+        return max(beneath(self._ground, self._corner, self._room(), np.array(pose))) == 0
 
     def way_to_room(self, pose: Pose) -> list[tuple[float, float]]:
         """(metres, curvature 1/m) of arcs, backward where the metres are negative, to where it `has_room`; none where none lead there."""
-        seen, start, aside, way = (self._cost, self._corner), np.array(pose), self.slide.per_rad(headings()), np.empty(0, np.int64)
+        seen, start, aside, way = (self._ground, self._corner), np.array(pose), self.slide.per_rad(headings()), np.empty(0, np.int64)
         length, width = 2.0 * (self._footprint.max(axis=0) + _BESIDE_M)
         wide = footprint_lattice(float(length), float(width), _STEP_M)
         if beneath(*seen, wide, start)[0] == 0:
@@ -187,9 +190,14 @@ class Surroundings:
 
 @njit(cache=True)
 def _is_free(
-    cost: NDArray[np.uint8], corner: NDArray[np.float64], footprint: NDArray[np.float64], poses: NDArray[np.float64], unknown: int
+    cost: NDArray[np.uint8],
+    ground: NDArray[np.uint8],
+    corner: NDArray[np.float64],
+    footprint: NDArray[np.float64],
+    poses: NDArray[np.float64],
+    unknown: int,
 ) -> bool:
-    fewest, most_m = -1, deepest(cost, corner, footprint, poses[0]) + DEEPER_M
+    fewest, most_m = -1, deepest(ground, corner, footprint, poses[0]) + DEEPER_M
     may_stay_inside = True
     for k in range(poses.shape[0]):
         value = cost_under(cost, corner, poses[k, 0], poses[k, 1])
@@ -198,11 +206,11 @@ def _is_free(
                 return False
         else:
             may_stay_inside = False
-        lethal, unseen = beneath(cost, corner, footprint, poses[k])
+        lethal, unseen = beneath(ground, corner, footprint, poses[k])
         count = lethal + (unseen if unknown >= 2 else 0)
         if fewest >= 0 and not is_no_more(count, fewest):
             return False
-        if lethal > 0 and deepest(cost, corner, footprint, poses[k]) > most_m:
+        if lethal > 0 and deepest(ground, corner, footprint, poses[k]) > most_m:
             return False
         fewest = count if fewest < 0 else min(fewest, count)
     return True
@@ -224,6 +232,7 @@ class _FreeFloor:
     cost: NDArray[np.uint8]
     origin_xy: tuple[float, float] = (0.0, 0.0)
     resolution: float = 1.0
+    unknown: NDArray[np.bool_] | None = None
 
 
 def compile_kernels() -> None:

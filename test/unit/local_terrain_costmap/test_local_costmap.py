@@ -298,3 +298,12 @@ def test_distance_on_another_raster_is_never_too_large(resolution):
         column = math.floor((x + 2.0) / resolution)
         if wall_x - (-2.0 + (column + 0.5) * resolution) <= 0.3:
             assert at(costmap, (x, 0.01))[0] >= INSCRIBED
+
+
+def test_what_nobody_saw_stays_unknown_beside_what_is_lethal():
+    costmap = LocalCostmap(bare(inflation_radius_m=0.3), replace(POINT, width_m=0.2))
+    costmap.set_terrain(grid("..#?.."), (-0.3, -0.1), 0.1)
+    view = costmap.master()
+    assert at(costmap, (0.05, -0.05)) == [INSCRIBED] and view.unknown is not None
+    row = round((-0.1 - view.origin_xy[1]) / 0.1)
+    assert view.unknown[row, 2:8].tolist() == [False, False, False, True, False, False]

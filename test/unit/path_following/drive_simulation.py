@@ -22,6 +22,7 @@ class Grid:
     cost: np.ndarray
     origin_xy: tuple[float, float]
     resolution: float = RESOLUTION
+    unknown: np.ndarray | None = None
 
 
 def costs_around(lethal: np.ndarray, unknown: np.ndarray | None = None) -> np.ndarray:
@@ -56,7 +57,7 @@ class World:
         return slice(*rows), slice(*columns)
 
     def grid(self) -> Grid:
-        return Grid(costs_around(self.lethal, self.unknown), (-self.size / 2, -self.size / 2))
+        return Grid(costs_around(self.lethal, self.unknown), (-self.size / 2, -self.size / 2), unknown=self.unknown & ~self.lethal)
 
     def touches(self, x: float, y: float, yaw: float) -> bool:
         """True when the outline of 0.99 x 0.67 m covers a lethal cell's centre."""

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from drive_simulation import RESOLUTION, Drive, Robot, World, drive
 
+from local_terrain_costmap import CostmapConfig, CostmapView, LocalCostmap
 from path_following import FollowerConfig, FollowerObservation, FollowerState, PathFollower
+from path_following.surroundings import Surroundings, Unknown, arc_poses, footprint_lattice
 from robot_body import RobotBody
 
 HALF_LENGTH_M = RobotBody().half_length_m
@@ -109,6 +111,43 @@ def test_ground_beside_the_wheels_need_not_be_known() -> None:
     for y0, y1 in ((-3.0, -0.48), (0.48, 3.0)):
         world.unknown[world.cells(1.0, 6.0, y0, y1)] = True
     assert drive(on_path(line((0, 0), (4, 0))), world).states() == ["following", "reached"]
+
+
+class Trench(World):
+    """Unseen ground under the left wheels from x = 2 to 4 m, also right beside a wall, as the costmap inflates it."""
+
+    def __init__(self, wall_y: float | None) -> None:
+        super().__init__(16.0)
+        self.unknown[self.cells(2.0, 4.0, 0.24, 0.56)] = True
+        if wall_y is not None:
+            self.lethal[self.cells(1.5, 4.5, wall_y, wall_y + 0.08)] = True
+            self.unknown[self.cells(1.5, 4.5, wall_y + 0.08, 8.0)] = True
+
+    def grid(self) -> CostmapView:
+        costmap = LocalCostmap(CostmapConfig(size_m=self.size), RobotBody())
+        costmap.set_terrain(np.where(self.lethal, 100, np.where(self.unknown, -1, 0)), (-8.0, -8.0), RESOLUTION)
+        return costmap.master()
+
+
+@pytest.mark.parametrize("wall_y", [None, 0.56])
+def test_unseen_ground_under_a_wheel_is_not_driven_on_beside_a_wall_either(wall_y: float | None) -> None:
+    run = drive(on_path(line((-2, 0), (6, 0))), Trench(wall_y), (-2.0, 0.0, 0.0))
+    assert run.last.state is FollowerState.BLOCKED and "m of known ground ahead" in run.last.reason
+    assert run.poses[:, 0].max() < 2.0 - 0.256  # where its front wheels touch the ground
+
+
+def test_way_along_a_wall_is_driven_though_nothing_is_known_behind_its_front() -> None:
+    world = Trench(0.48)
+    world.unknown[world.cells(1.5, 4.5, 0.0, 0.56)] = False
+    run = drive(on_path(line((-2, 0), (6, 0))), world, (-2.0, 0.0, 0.0))
+    assert run.states() == ["following", "reached"] and not run.touched
+
+
+def test_robot_backs_over_no_unseen_ground_beside_a_wall() -> None:
+    lattice = footprint_lattice(0.99, 0.67, 0.05)
+    for wall_y in (None, 0.56):
+        around = Surroundings(Trench(wall_y).grid(), lattice, lattice)
+        assert not around.is_free(arc_poses((5.0, 0.0, 0.0), -1.0, 0.0, 1.5), Unknown.NOT_UNDER_THE_FOOTPRINT)
 
 
 def test_unknown_ground_in_a_passage_slows_the_robot_too() -> None:

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from drive_simulation import RESOLUTION, Grid, World, drive
+from drive_simulation import RESOLUTION, World, drive
 
-from local_terrain_costmap import INSCRIBED, LETHAL, CostmapConfig, LocalCostmap
+from local_terrain_costmap import INSCRIBED, LETHAL, CostmapConfig, CostmapView, LocalCostmap
 from octomap_server_3dnav.navigation.local_grid import project
 from octomap_server_3dnav.octree.column_runs import ColumnRuns, VoxelState
 from octomap_server_3dnav.octree.surface_heights import HitHeights, SurfaceHeights
@@ -56,8 +56,8 @@ class Street(World):
         costmap.set_terrain(g.cost, g.origin_xy, g.resolution, g.height, g.distance)
         self.view = costmap.master()
 
-    def grid(self) -> Grid:
-        return Grid(self.view.cost, self.view.origin_xy, self.view.resolution)
+    def grid(self) -> CostmapView:
+        return self.view
 
 
 def along(y: float) -> np.ndarray:
