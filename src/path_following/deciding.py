@@ -86,7 +86,8 @@ def _go_straight(doing: Doing, now: Moment, stretch: Stretch) -> Decided:
     turn = _turn_into_line(doing, now, stretch, way)
     if turn is not None:
         return TurningToPath(f"{turn:.2f} rad to turn into the line of a passage", math.copysign(1.0, turn)), now.ramp.turning(turn)
-    curvature = StraightDrive(now.task.path, stretch, way).free_curvature(config, now.around, pose, s)
+    drive = StraightDrive(now.task.path, stretch, way)
+    curvature = drive.free_curvature(config, now.around, pose, s)
     if curvature is None:
         return _wait(doing, now, "the passage ahead is not free", 0.0)
     on_known_ground = _speed_on_known_ground(doing, now) if way > 0.0 else math.inf
@@ -94,7 +95,7 @@ def _go_straight(doing: Doing, now: Moment, stretch: Stretch) -> Decided:
         return _await_ground(doing, now)
     speed = max(config.min_speed_mps, config.passage_speed_mps * (1.0 - min(1.0, 0.35 * abs(curvature))))
     speed = min(speed, on_known_ground)
-    if _turns_after(now, stretch):
+    if _turns_after(now, stretch) or not drive.goes_on_free(now.around, config.stopping_m(speed)):
         speed = min(speed, max(config.min_speed_mps, config.speed_within(stretch.over - s, speed)))
     return Following("straight through a passage"), now.ramp.along(way * speed, curvature)
 

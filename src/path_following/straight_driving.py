@@ -38,6 +38,15 @@ class StraightDrive:
                 return to_line
         return 0.0 if around.is_clear(arc_poses(pose, self.way, 0.0, self._look(config, s, PASSAGE_LOOKAHEAD_M))) else None
 
+    def goes_on_free(self, around: Surroundings, beyond_m: float) -> bool:
+        """Whether its line is free for so many metres beyond the end, too."""
+        return around.is_clear(arc_poses((*self.stretch.point_at(self.stretch.end), self._yaw), self.way, 0.0, beyond_m))
+
+    @property
+    def _yaw(self) -> float:
+        """Of the robot on the line, rad."""
+        return self.stretch.heading + (0.0 if self.way > 0 else math.pi)
+
     def _look(self, config: FollowerConfig, s: float, lookahead: float) -> float:
         """How far ahead the way must be free: no farther than to its end, where the robot may turn."""
         return max(_LEFT_M, min(max(lookahead, config.passage_look_m), self.stretch.end - s))
@@ -46,8 +55,7 @@ class StraightDrive:
         """(K, 3) poses along an arc and then along the line, `look` metres in all."""
         arc = arc_poses(pose, self.way, curvature, min(lookahead, look))
         left = np.arange(s + lookahead, s + look, _SPACING_M)
-        yaw = self.stretch.heading + (0.0 if self.way > 0 else math.pi)
-        return np.concatenate([arc, [(*self.stretch.point_at(at), yaw) for at in left]]) if left.size else arc
+        return np.concatenate([arc, [(*self.stretch.point_at(at), self._yaw) for at in left]]) if left.size else arc
 
 
 def _curvature(target: NDArray[np.float64], pose: Pose, way: float) -> float:

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from drive_simulation import Robot, World, drive
+from drive_simulation import Drive, Robot, World, drive
 
 from path_following import FollowerConfig, FollowerState, PathFollower
 from path_following.reference_path import ReferencePath
@@ -143,6 +143,30 @@ def test_passage_that_is_not_free_is_not_entered():
     done = drive(follower_on((-3.0, 0.0), (2.5, 1.0)), world, (-3.0, 0.0, 0.0))
     assert done.last.state in (FollowerState.BLOCKED, FollowerState.STUCK) and not done.touched
     assert done.poses[:, 0].max() < -0.4
+
+
+def through_towards(wall_x: float, delay_s: float) -> Drive:
+    """A passage that ends at 4 m, on a path that leads on straight; a wall across it at an x in metres."""
+    world, x = World(16.0), np.linspace(0.0, 6.0, 76)
+    world.lethal[world.cells(wall_x, wall_x + 0.16, -3.0, 3.0)] = True
+    follower = PathFollower(FollowerConfig(passage_speed_mps=0.45), RobotBody())
+    follower.set_path(np.column_stack([x, 0 * x, 0 * x]), None, (x >= 0.5) & (x < 3.95))
+    return drive(follower, world, robot=Robot(speed_share=1.0, delay_s=delay_s, deceleration_mps2=1.5), seconds=30.0)
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.1, 0.2])
+@pytest.mark.parametrize("wall_x", [4.56, 4.64])
+def test_robot_brakes_for_what_lies_just_beyond_a_passage(wall_x, delay_s):
+    done = through_towards(wall_x, delay_s)
+    assert done.last.state is FollowerState.BLOCKED
+    assert 3.9 < done.poses[:, 0].max() < wall_x - RobotBody().half_length_m
+
+
+def test_robot_does_not_brake_where_a_passage_ends_and_the_way_goes_on():
+    done = through_towards(7.0, 0.2)
+    at_end = np.abs(done.poses[:, 0] - 4.0) < 0.5
+    assert min(out.v for out, is_there in zip(done.outputs, at_end, strict=True) if is_there) > 0.44
+    assert done.last.state is FollowerState.REACHED
 
 
 def test_straight_stretches_stay_straight_when_the_path_is_smoothed():
