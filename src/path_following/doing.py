@@ -31,8 +31,12 @@ class Doing:
         return 0.0
 
     def paused(self, _seconds: float) -> "Doing":
-        """The same after a time in which the robot might not drive."""
+        """The same after a time in which the robot might not drive, or its base did not obey."""
         return self
+
+    def held(self, seconds: float) -> "Doing":
+        """The same after a time in which the robot might not drive."""
+        return self.paused(seconds)
 
 
 @dataclass(frozen=True)
@@ -120,6 +124,10 @@ class BackingOff(Doing):
     recovery: Recovery | WayOut | GettingFree
     then: FollowerState
     state = FollowerState.BACKING_OFF
+
+    def held(self, seconds: float) -> "BackingOff":
+        """That is no time of the recovery. Time in which the base does not obey is: it ends by that."""
+        return replace(self, recovery=self.recovery.paused(seconds))
 
     def motion(self, config: FollowerConfig, around: Surroundings, pose: Pose, stamp_s: float) -> Motion | None:
         """The next command; None when it is over or not free."""

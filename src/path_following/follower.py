@@ -179,10 +179,12 @@ class PathFollower:
     def _sit_out(self, seconds: float) -> None:
         self._command = STAND
         self._base.reset()
-        self._let_pass(seconds)
+        self._doing = self._doing.held(seconds)
+        if self._task:
+            self._task.pause(seconds)
 
     def _let_pass(self, seconds: float) -> None:
-        """Time that is no lack of progress."""
+        """Time in which the base does not obey is no lack of progress."""
         if seconds == 0.0:
             return
         self._doing = self._doing.paused(seconds)

@@ -1,7 +1,7 @@
 """Out of where there is no room to turn, arc by arc: a recovery."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from path_following.config import FollowerConfig
 from path_following.manoeuvres import RECOVERY_LIMIT_S, Arc, Motion
@@ -18,6 +18,11 @@ class GettingFree:
     arc: Arc
     arc_s: float | None = None
     """When that arc began: a robot that does not come to its end does not come free."""
+
+    def paused(self, seconds: float) -> "GettingFree":
+        """The same after a time in which the robot might not drive."""
+        arc_s = None if self.arc_s is None else self.arc_s + seconds
+        return replace(self, begun_s=self.begun_s + seconds, arc_s=arc_s)
 
     def motion_from(self, config: FollowerConfig, around: Surroundings, pose: Pose) -> Motion | None:
         """The command at a pose; None where no way leads on."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,6 +118,10 @@ class Recovery:
         turned = abs(angle_difference(pose[2], self.begun_at[2]))
         far = moved >= self.distance_m if self.motion.v else turned >= self.angle_rad
         return far or stamp - self.begun_s > RECOVERY_LIMIT_S
+
+    def paused(self, seconds: float) -> "Recovery":
+        """The same after a time in which the robot might not drive."""
+        return replace(self, begun_s=self.begun_s + seconds)
 
     def motion_from(self, _config: FollowerConfig, around: Surroundings, pose: Pose) -> Motion | None:
         """The command at a pose; None when the next part is not free."""

@@ -1,7 +1,7 @@
 """Where there is no room to turn: straight along the path, forward or backward, and out again the way it came."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +70,10 @@ class WayOut:
 
     drive: StraightDrive
     begun_s: float
+
+    def paused(self, seconds: float) -> "WayOut":
+        """The same after a time in which the robot might not drive."""
+        return replace(self, begun_s=self.begun_s + seconds)
 
     def motion_from(self, config: FollowerConfig, around: Surroundings, pose: Pose) -> Motion | None:
         """The command at a pose; None when the next part of the way does not stay off everything."""

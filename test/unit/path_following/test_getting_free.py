@@ -1,12 +1,13 @@
 """A robot that stands where it cannot turn, as after a slide against a wall, comes free where its outline does."""
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from drive_simulation import TICK_S, Drive, Grid, Robot, World, drive
 
-from path_following import FollowerConfig, FollowerState, PathFollower
+from path_following import FollowerConfig, FollowerObservation, FollowerOutput, FollowerState, PathFollower
 from path_following.manoeuvres import make_room
 from path_following.surroundings import Surroundings, footprint_lattice
 from robot_body import RobotBody
@@ -81,6 +82,48 @@ def test_between_two_walls_it_goes_to_and_fro():
 def test_robot_that_does_not_move_gives_up():
     _, run = off_the_wall(wall_below(), 0.04, robot=Robot(speed_share=0.0, spins=True))
     assert run.last.state is FollowerState.BLOCKED and len(run.outputs) * TICK_S < 10.0
+
+
+@dataclass
+class Held:
+    """A follower that somebody holds for 80 s, as for a sweep, half a second after it has begun to back off."""
+
+    follower: PathFollower
+    ticks: int = 0
+
+    def step(self, observation: FollowerObservation) -> FollowerOutput:
+        self.ticks += self.follower.state is FollowerState.BACKING_OFF
+        return self.follower.step(replace(observation, held=10 <= self.ticks < 1610))
+
+
+def straight_back():
+    world, x = World(20.0), np.linspace(0.0, 4.0, 41)
+    world.lethal[world.cells(1.2, 1.5, -4.0, 4.0)] = True
+    return world, (0.0, 0.0, 0.0), (np.column_stack([x, 0 * x]), None)
+
+
+def off_a_wall():
+    y = beside(0.04)
+    return wall_below(), (0.0, y, 0.0), ([(0.0, y), (0.0, y + 0.8)], None)
+
+
+def out_of_a_passage():
+    world, x = World(20.0), np.linspace(0.0, 5.0, 51)
+    world.lethal[world.cells(3.5, 3.8, -4.0, 4.0)] = True
+    return world, (0.0, 0.0, 0.0), (np.column_stack([x, 0 * x]), None, (x > 0.5) & (x < 4.5))
+
+
+@pytest.mark.parametrize("case", [straight_back, off_a_wall, out_of_a_passage])
+def test_time_in_which_somebody_holds_the_robot_does_not_end_its_recovery(case):
+    ends = []
+    for held in (False, True):
+        world, start, path = case()
+        follower = PathFollower(FollowerConfig(), BODY)
+        follower.set_path(*path)
+        run = drive(Held(follower) if held else follower, world, start, robot=Robot(speed_share=1.0, turn_share=1.0), seconds=180.0)
+        assert run.last.state is FollowerState.BLOCKED and "backing_off" in run.states()
+        ends.append(run.poses[-1, :2])
+    assert ends[1] == pytest.approx(ends[0], abs=0.2)
 
 
 def surroundings_of(world: World) -> Surroundings:
