@@ -41,7 +41,7 @@ class SweepKind(enum.Enum):
 class Decision(enum.Enum):
     """What the planner says after a sweep: a new goal, the same goal, nothing left to explore, or no way anywhere.
 
-    LOOK: another sweep, for nobody knows where the robot is.
+    LOOK: another sweep, for nobody knows where the robot is, or no ground is found beneath it.
     ENDED: somebody or a budget has ended it. WAIT: until somebody asks for more; the follower is paused then.
     """
 

@@ -10,7 +10,7 @@ from enum import Enum
 from map_zones import Zones
 from octomap_server_3dnav.exploration.budget import Budget
 from octomap_server_3dnav.exploration.config import ExplorationConfig
-from octomap_server_3dnav.exploration.decision import Decision, DecisionKind
+from octomap_server_3dnav.exploration.decision import Decision, DecisionKind, without_ground
 from octomap_server_3dnav.exploration.frontiers import Frontier, FrontierConfig
 from octomap_server_3dnav.exploration.goals import GoalSearch, View
 from octomap_server_3dnav.exploration.homing import Homing
@@ -198,7 +198,10 @@ class Explorer:
         return decision
 
     def _kept(self, observation: Observation) -> Decision | None:
-        """The plan under way, while nothing speaks against it: no new frontier is chosen at a sweep on the way (6.2.2)."""
+        """The plan under way, while nothing speaks against it: no new frontier is chosen at a sweep on the way (6.2.2).
+
+        Where no ground is beneath the robot nothing around it is known, and it looks once more.
+        """
         plan = self._plan
         if self._state is not State.UNDER_WAY or plan is None or plan.frontier is None:
             return None
@@ -208,6 +211,8 @@ class Explorer:
         if not observation.on_the_way or self._retreat.target(observation.vertex_poses) is not None:
             return None
         local = observation.terrain_within(self.config.local_radius_m)
+        if local.start is None:
+            return without_ground(local)
         if validity_in(local, plan, self.frontier_config.min_voxels) is not Validity.VALID:
             return None
         return replace(plan, kind=DecisionKind.KEEP, terrain=local, scope="local")

@@ -20,7 +20,7 @@ class DecisionKind(Enum):
 
     GOAL = "goal"
     KEEP = "keep"
-    LOOK = "look"  # again, from where it stands: nobody knows where that is
+    LOOK = "look"  # again, from where it stands: nobody knows where that is, or no ground is found there
     EXPLORED = "explored"
     TRAPPED = "trapped"
     ENDED = "ended"  # somebody or a budget has ended exploration
@@ -56,3 +56,8 @@ class Decision:
         x, y, z = (float(v) for v in part.points[-1])
         goal = (x, y, z, yaw)
         return replace(self, path=part.points, goal=goal, frontier=frontier_xyz, straight=part.straight)
+
+
+def without_ground(local: Terrain) -> Decision:
+    """What a robot on its way does where its surroundings begin nowhere: another look, and no drive over what it does not know."""
+    return Decision(DecisionKind.LOOK, "no ground beneath the robot: its height in the map may be wrong", local, "local")

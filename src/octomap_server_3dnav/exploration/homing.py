@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from octomap_server_3dnav.exploration.approach import Approach
 from octomap_server_3dnav.exploration.config import ExplorationConfig
-from octomap_server_3dnav.exploration.decision import Decision, DecisionKind, TerrainWithin
+from octomap_server_3dnav.exploration.decision import Decision, DecisionKind, TerrainWithin, without_ground
 from octomap_server_3dnav.exploration.observation import Observation
 from octomap_server_3dnav.exploration.plan_validity import path_is_free
 from octomap_server_3dnav.exploration.tried_places import PLACE_RADIUS_M
@@ -80,10 +80,12 @@ class Homing:
         return decision, False
 
     def _kept(self, terrain_within: TerrainWithin, home: Transform) -> Decision | None:
-        """The plan under way, while nothing speaks against it."""
+        """The plan under way, while nothing speaks against it; another look where no ground is beneath the robot."""
         local, plan = terrain_within(self._config.local_radius_m), self._plan
         if plan is None or plan.frontier is None or math.dist(plan.frontier, home[:3, 3]) > local.resolution:
             return None
+        if local.start is None:
+            return without_ground(local)
         return replace(plan, kind=DecisionKind.KEEP, terrain=local, scope="local") if path_is_free(local, plan) else None
 
     def _after(self, sent: tuple[Decision, bool, float] | None, observation: Observation) -> Decision | None:

@@ -15,7 +15,8 @@ from octomap_server_3dnav.navigation.passages import navigable_terrain
 from octomap_server_3dnav.octree.column_runs import ColumnRuns
 from octomap_server_3dnav.terrain.classified_terrain import Terrain
 
-GOAL, KEEP, EXPLORED, TRAPPED = DecisionKind.GOAL, DecisionKind.KEEP, DecisionKind.EXPLORED, DecisionKind.TRAPPED
+GOAL, KEEP, LOOK = DecisionKind.GOAL, DecisionKind.KEEP, DecisionKind.LOOK
+EXPLORED, TRAPPED = DecisionKind.EXPLORED, DecisionKind.TRAPPED
 MATCHED, REFUSED, UNPLACED, LOST = SweepOutcome.MATCHED, SweepOutcome.REFUSED, SweepOutcome.UNPLACED, SweepOutcome.LOST
 AT, ON = (2.0, 2.0), (2.4, 2.2)  # where the robot starts, and a bit on
 
@@ -29,7 +30,7 @@ class Run:
         self.poses: list[np.ndarray] = []
         self.asked: list[float | None] = []
 
-    def sweep(self, at: tuple[float, float] = AT, outcome: SweepOutcome = MATCHED, **told: object) -> Decision:
+    def sweep(self, at: tuple[float, ...] = AT, outcome: SweepOutcome = MATCHED, **told: object) -> Decision:
         here = pose(*at)
         self.asked.clear()
 
@@ -122,6 +123,17 @@ def test_plan_is_kept_at_a_sweep_on_the_way():
     assert run.sweep(ON, on_the_way=True).kind is KEEP
 
 
+@pytest.mark.parametrize("off_m", [0.6, -0.6])
+def test_robot_on_its_way_that_finds_no_ground_beneath_looks_once_more_and_drives_nowhere_without(off_m: float):
+    run = under_way()
+    decision = run.sweep((*ON, off_m), on_the_way=True)
+    assert (decision.kind, decision.path, run.asked) == (LOOK, None, [6.0]) and "no ground beneath the robot" in decision.reason
+    assert run.sweep((*ON, off_m)).kind is TRAPPED
+    found = under_way()
+    found.sweep((*ON, off_m), on_the_way=True)
+    assert found.sweep(ON).kind is GOAL and found.state is State.UNDER_WAY
+
+
 def test_new_goal_is_chosen_at_the_goal():
     assert under_way().sweep(ON).kind is GOAL
 
@@ -183,7 +195,7 @@ def test_robot_that_is_lost_looks_again_and_is_trapped_with_the_reason_after_the
     run = under_way()
     for _ in range(2):
         decision = run.sweep(ON, LOST, trouble="not found in the map")
-        assert (decision.kind, decision.reason, decision.path, run.asked) == (DecisionKind.LOOK, "not found in the map", None, [])
+        assert (decision.kind, decision.reason, decision.path, run.asked) == (LOOK, "not found in the map", None, [])
     decision = run.sweep(ON, LOST, trouble="not found in the map")
     assert (decision.kind, run.state, run.asked) == (TRAPPED, State.TRAPPED, [])
     assert decision.reason == "3 sweeps in a row could not be placed in the map; not found in the map"

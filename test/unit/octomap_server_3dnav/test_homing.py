@@ -25,11 +25,11 @@ class Run:
         self.explorer = Explorer(ExplorationConfig(**config), explores=explores)  # type: ignore[arg-type]
         self.runs = runs_of(opening(room()) if world is None else world)
         self.poses: list[np.ndarray] = []
-        self.s = self.m = 0.0
+        self.s = self.m = self.height_m = 0.0
 
     def sweep(self, at: tuple[float, float, float], *, s: float = 0.0, m: float = 0.0, **told: object) -> Decision:
         self.s, self.m = self.s + s, self.m + m
-        here = pose(*at[:2], yaw=at[2])
+        here = pose(*at[:2], self.height_m, at[2])
         self.poses.append(here)
         within = lambda radius_m: navigable_terrain(self.runs, here, self.explorer.terrain_settings, radius_m)  # noqa: E731
         told = {"elapsed_s": self.s, "driven_m": self.m, **told}
@@ -77,6 +77,16 @@ def test_path_is_kept_at_each_sweep_on_the_way_and_at_home_the_robot_waits() -> 
     there = run.sweep((2.1, 2.05, 0.75))
     assert (there.kind, run.explorer.state, there.path) == (WAIT, State.HOME, None)
     assert "home, 0.11 m and 0.05 rad from the start" in there.reason
+
+
+def test_robot_on_its_way_home_that_finds_no_ground_beneath_looks_once_more() -> None:
+    run = sent_home()
+    run.sweep(AWAY)
+    run.height_m = 0.6
+    decision = run.sweep((3.0, 3.0, 1.0), on_the_way=True, at_goal=False)
+    assert (decision.kind, decision.path, run.explorer.state) == (DecisionKind.LOOK, None, State.GOING_HOME)
+    run.height_m = 0.0
+    assert run.sweep((3.0, 3.0, 1.0), at_goal=False).kind is GOAL
 
 
 def test_path_on_the_way_home_that_is_blocked_or_whose_end_has_moved_is_planned_anew() -> None:
