@@ -1,5 +1,6 @@
 """Whether a plan still holds after a sweep on the way to its goal (thesis 6.2.2)."""
 
+import math
 from enum import Enum
 
 import numpy as np
@@ -20,8 +21,9 @@ class Validity(Enum):
 def validity_in(terrain: Terrain, plan: Decision, min_voxels: int) -> Validity:
     """Whether the rest of a plan's path is still free in a terrain, taken after a sweep on the way, and its frontier still one.
 
-    What lies outside the terrain counts as unchanged. The part that the robot stands on may be inflated, and where the path leads straight
-    it may lie in ground that is wide enough for that. `min_voxels` make a frontier. ValueError for a decision without a path.
+    What lies outside the terrain counts as unchanged; ground that is gone from it is no way. The part that the robot stands on may be
+    inflated, and where the path leads straight it may lie in ground that is wide enough for that. `min_voxels` make a frontier. ValueError
+    for a decision without a path.
     """
     if plan.path is None or plan.frontier is None:
         raise ValueError(f"a decision of kind {plan.kind.value!r} has no path that could be valid")
@@ -41,8 +43,15 @@ def path_is_free(terrain: Terrain, plan: Decision) -> bool:
     if plan.path is None:
         return False
     from_robot = np.linalg.norm(plan.path[:, :2] - np.asarray(terrain.robot_xyz[:2]), axis=1)
+    reach_m = math.inf if terrain.radius_m is None else terrain.radius_m
+    is_within = True  # until the path leads out; where it comes in again, the flood need not have come
     for i in range(int(np.argmin(from_robot)), len(plan.path)):
-        node = terrain.surface_near(plan.path[i]) if from_robot[i] > PLACE_RADIUS_M else None
+        is_within &= bool(from_robot[i] < reach_m)
+        if from_robot[i] <= PLACE_RADIUS_M:
+            continue
+        node = terrain.surface_near(plan.path[i])
+        if node is None and is_within:
+            return False
         if node is None or terrain.label[node] == TerrainClass.TRAVERSABLE:
             continue
         if plan.straight is None or not plan.straight[i] or not terrain.narrow[node]:

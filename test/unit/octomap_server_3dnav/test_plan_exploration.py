@@ -1,6 +1,7 @@
 """The choice of goals: local then whole map, setting aside, and journeys through small worlds to their end (thesis algorithm 3)."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from octomap_server_3dnav.exploration.config import ExplorationConfig
 from octomap_server_3dnav.exploration.decide import Explorer
 from octomap_server_3dnav.exploration.decision import DecisionKind
 from octomap_server_3dnav.exploration.frontiers import FrontierConfig
-from octomap_server_3dnav.exploration.plan_validity import Validity, validity_in
+from octomap_server_3dnav.exploration.plan_validity import Validity, path_is_free, validity_in
 from octomap_server_3dnav.navigation.passages import TerrainSettings, navigable_terrain
 from octomap_server_3dnav.navigation.planner import PlannerConfig
 from octomap_server_3dnav.terrain.classified_terrain import TerrainClass
@@ -203,6 +204,29 @@ def test_plan_stays_valid_until_the_path_is_blocked_or_the_frontier_is_gone():
     blocked = states.copy()
     blocked[55, 10:70, BELOW:] = OCCUPIED
     assert after(blocked) is Validity.PATH_BLOCKED
+
+
+@pytest.mark.parametrize(("beyond_m", "expected"), [(1.5, Validity.PATH_BLOCKED), (3.4, Validity.VALID)])
+def test_path_whose_ground_is_gone_from_what_was_classified_anew_is_no_way_and_what_lies_outside_is_unchanged(beyond_m, expected):
+    states = opening(room())
+    decision, at = decide(Explorer(), runs_of(states), pose(2.0, 2.0)), pose(2.3, 2.2)
+    away_m = np.linalg.norm(decision.path[:, :2] - at[:2, 3], axis=1)
+    x, y = (decision.path[np.argmax(away_m > beyond_m), :2] / RESOLUTION).astype(int)
+    states[x - 1 : x + 2, y - 1 : y + 2] = UNKNOWN
+    terrain = navigable_terrain(runs_of(states), at, TerrainSettings(), 3.2)
+    assert validity_in(terrain, decision, FrontierConfig().min_voxels) is expected
+
+
+def test_path_that_leads_out_of_what_was_classified_and_in_again_where_the_flood_did_not_come_is_unchanged():
+    states = opening(room(150, 90), 20, 40)
+    states[:70, 44:46, BELOW:] = OCCUPIED  # a long wall beside the robot, and the way around its far end
+    around = [(2.0, 2.4), (6.6, 2.4), (6.6, 4.8), (2.0, 4.8)]
+    points = [(*np.linspace(a, b, 40)[k], 0.04) for a, b in zip(around, around[1:], strict=False) for k in range(40)]
+    decision = replace(decide(Explorer(), runs_of(states), pose(2.0, 2.4)), path=np.array(points), straight=None)
+    for radius_m, is_reached in ((3.0, False), (8.0, True)):
+        terrain = navigable_terrain(runs_of(states), pose(2.0, 2.4), TerrainSettings(), radius_m)
+        assert (terrain.surface_near((2.0, 4.8, 0.04)) is not None) == is_reached
+        assert path_is_free(terrain, decision)
 
 
 def test_decision_without_a_path_has_no_validity():
