@@ -43,9 +43,10 @@ class StopScanAndGoConfig:
         0.03, "m", "where motion is tracked against the map: sigma of the position that asks for the next sweep", low=0.001, high=1.0
     )
     max_tracked_distance_m: float = parameter(
-        5.0,
+        3.0,
         "m",
-        "and the distance since the last sweep that asks for it: the terrain known to the costmap ends 6 m from it",
+        "and the distance since the last sweep that asks for it: the costmap's terrain ends 4 m from that, half of size_m of "
+        "octomap_server_3dnav_local_node, and the robot's front is to stand before",
         low=0.2,
         high=100.0,
     )

@@ -10,8 +10,11 @@ import pytest
 import yaml
 
 from explore_command.parameters import NODE_CONFIGS, config_class, override_problems, parsed_overrides, read_profile, robot_of
+from octomap_server_3dnav.navigation.local_grid import LocalGridConfig
+from path_following import FollowerConfig
 from robot_body import DEFAULT_ROBOT_FILE, RobotBody, robot_mapping
 from stage_config import load_config, to_mapping
+from stop_scan_and_go import StopScanAndGoConfig
 
 pytest.importorskip("_octree_binding", reason="the octree's extension module is not on PYTHONPATH: source .ws/devel/setup.bash")
 
@@ -52,6 +55,13 @@ def test_files_hold_the_defaults(node: str) -> None:
     for section, dotted in NODE_CONFIGS[node].items():
         cls, values = config_class(dotted), _values(node)[section]
         assert to_mapping(load_config(cls, values)) == to_mapping(cls())
+
+
+@pytest.mark.parametrize("robot", [DEFAULT_ROBOT_FILE, *sorted((ROOT / "config" / "robots").glob("*.yaml"))], ids=lambda path: path.stem)
+def test_tracked_robot_is_swept_while_its_whole_outline_still_stands_before_the_end_of_the_terrain(robot: Path) -> None:
+    follower = FollowerConfig()
+    way_m = StopScanAndGoConfig().max_tracked_distance_m + follower.stopping_m(follower.max_speed_mps)
+    assert way_m + robot_of(robot, {}).half_length_m <= LocalGridConfig().size_m / 2
 
 
 def test_reference_has_every_value_of_the_robot_and_all_that_is_derived_from_it() -> None:
