@@ -168,15 +168,15 @@ def _wait(doing: Doing, now: Moment, reason: str, side: float) -> Decided:
 def _speed_on_known_ground(doing: Doing, now: Moment) -> float:
     """The fastest at which the robot stops on the ground that is known; 0 while it waits and no more of it is known than before."""
     known_m = now.known_ahead_m
-    is_waiting = isinstance(doing, AwaitingGround) and known_m < doing.known_m + PROGRESS_DISTANCE_M
-    return 0.0 if is_waiting else now.speed_within(known_m - now.config.known_ahead_m)
+    least_m = doing.known_m if isinstance(doing, AwaitingGround) else None
+    return 0.0 if least_m is not None and known_m < least_m + PROGRESS_DISTANCE_M else now.speed_within(known_m - now.config.known_ahead_m)
 
 
 def _await_ground(doing: Doing, now: Moment) -> Decided:
     known_m = now.known_ahead_m
-    since_s, least_m = (doing.since_s, min(doing.known_m, known_m)) if isinstance(doing, AwaitingGround) else (now.stamp_s, known_m)
+    since_s, least_m = (doing.since_s, doing.known_m) if isinstance(doing, AwaitingGround) else (now.stamp_s, None)
     reason = f"{known_m:.2f} m of known ground ahead"
-    awaiting = AwaitingGround(reason, since_s, least_m)
+    awaiting = AwaitingGround(reason, since_s, known_m if least_m is None else min(least_m, known_m))
     if now.stamp_s - awaiting.since_s >= now.config.ground_patience_s:
         return _end(FollowerState.BLOCKED, reason)
     return awaiting, now.ramp.to(STAND)

@@ -38,6 +38,10 @@ class Doing:
         """The same after a time in which the robot might not drive."""
         return self.paused(seconds)
 
+    def on_another_path(self) -> "Doing":
+        """What it does first on a path that takes over."""
+        return Following("new path")
+
 
 @dataclass(frozen=True)
 class Ended(Doing):
@@ -103,18 +107,26 @@ class Waiting(_Turning):
         """Time in which it might not drive is no waiting."""
         return replace(self, since_s=self.since_s + seconds)
 
+    def on_another_path(self) -> "Waiting":
+        """It waits on, if that is not free either."""
+        return replace(self, side=0.0)
+
 
 @dataclass(frozen=True)
 class AwaitingGround(Doing):
-    """Braking or standing since a stamp until more of the ground ahead is known than `known_m` metres."""
+    """Braking or standing since a stamp until more of the ground ahead is known than `known_m` metres; None: not known yet on this path."""
 
     since_s: float
-    known_m: float
+    known_m: float | None
     state = FollowerState.AWAITING_GROUND
 
     def paused(self, seconds: float) -> "AwaitingGround":
         """Time in which it might not drive is no waiting."""
         return replace(self, since_s=self.since_s + seconds)
+
+    def on_another_path(self) -> "AwaitingGround":
+        """It waits on, if too little is known there either."""
+        return replace(self, known_m=None)
 
 
 @dataclass(frozen=True)

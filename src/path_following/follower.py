@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from path_following.config import FollowerConfig
 from path_following.deciding import STAND, back_off, decide
-from path_following.doing import Doing, Ended, Following
+from path_following.doing import AwaitingGround, Doing, Ended, Following, Waiting
 from path_following.interface import FollowerObservation, FollowerOutput, FollowerState
 from path_following.known_ground import KnownGround
 from path_following.manoeuvres import Motion
@@ -80,16 +80,17 @@ class PathFollower:
 
         `straight` (K,) or empty: whether from a point to the next the path leads through a passage in which the robot cannot turn.
         A robot that drives goes over to the new path at its speed, from where it is by now: beside it, or first back to its beginning by
-        the way that it came. `exact` halves the goal's tolerances.
+        the way that it came. One that waits goes on waiting if that is no better. `exact` halves the goal's tolerances.
         """
         if goal_yaw is not None and not math.isfinite(goal_yaw):
             raise ValueError(f"goal_yaw is a finite heading or None, not {goal_yaw!r}")
         task = self._from_here(Task(ReferencePath(points, _SMOOTHING_M, straight), goal_yaw, exact), points, straight)
-        if self._task is None or self._pose is None or self._command == STAND:
+        stands = self._command == STAND and not isinstance(self._doing, Waiting | AwaitingGround)
+        if self._task is None or self._pose is None or stands:
             self._begin(task, Following("new path"))
         else:
             task.takes_over(self._task, self._pose)
-            self._task, self._doing = task, Following("new path")
+            self._task, self._doing = task, self._doing.on_another_path()
 
     def _from_here(self, task: Task, points: ArrayLike, straight: Sequence[bool]) -> Task:
         """A task whose path begins where the robot was when it was decided; it may have driven on for seconds."""

@@ -247,6 +247,63 @@ def test_robot_that_gets_nowhere_is_stuck_however_often_its_path_is_replaced() -
     assert run.states() == ["following", "backing_off", "stuck"] and "no progress" in run.last.reason
 
 
+def replanned(world: World, every_s: float, goal: tuple[float, float] = (8.0, 0.0), seconds: float = 60.0) -> Drive:
+    """A drive to a goal, straight from where the robot is at each plan."""
+    follower = on_path(line((0, 0), goal))
+
+    def plan(t: float) -> None:
+        if round(t / 0.05) % round(every_s / 0.05) == 0 and follower._pose:
+            follower.set_path(line(follower._pose[:2], goal), None)
+
+    return drive(follower, world, each_tick=plan, seconds=seconds)
+
+
+@pytest.mark.parametrize("every_s", [0.5, 1.0, 2.0, 60.0])
+def test_robot_that_waits_before_a_wall_is_blocked_however_often_its_path_is_replaced(every_s: float) -> None:
+    world = World()
+    world.lethal[world.cells(3.0, 3.3, -4.0, 4.0)] = True
+    run = replanned(world, every_s)
+    assert run.last.state is FollowerState.BLOCKED and "backing_off" in run.states() and not run.touched
+
+
+@pytest.mark.parametrize("every_s", [0.5, 2.0, 60.0])
+def test_robot_that_awaits_ground_is_blocked_however_often_its_path_is_replaced(every_s: float) -> None:
+    run = replanned(unknown_from(3.0), every_s)
+    assert run.last.state is FollowerState.BLOCKED and "m of known ground ahead" in run.last.reason
+    assert run.poses[:, 0].max() < 3.0 - HALF_LENGTH_M
+
+
+def awaiting_ground_then(path: np.ndarray) -> Drive:
+    """A drive on along a new path that comes a second after the robot began to stand before unknown ground."""
+    follower, stood = on_path(line((0, 0), (5, 0))), []
+
+    def plan(t: float) -> None:
+        stood.append(follower.latest.state is FollowerState.AWAITING_GROUND and follower.latest.v == 0.0)
+        if stood[-1] and sum(stood) == 20:
+            follower.set_path(path, None)
+
+    return drive(follower, unknown_from(3.0), each_tick=plan)
+
+
+def test_new_path_over_known_ground_ends_the_wait_for_ground_at_once() -> None:
+    for corners in (((2.0, 0.0), (2.3, 0.0)), ((2.2, 0.0), (2.2, 2.0)), ((2.0, 0.0), (-1.0, 0.0))):
+        run = awaiting_ground_then(line(*corners))
+        assert run.last.state is FollowerState.REACHED and "blocked" not in run.states()
+
+
+def test_robot_that_stood_in_vain_waits_anew_once_it_has_driven_on() -> None:
+    world = World()
+    world.lethal[world.cells(3.0, 3.3, -4.0, 4.0)] = True
+
+    def goes(t: float) -> None:
+        world.lethal[world.cells(3.0, 3.3, -4.0, 4.0)] = t < 7.0
+        world.lethal[world.cells(5.0, 5.3, -4.0, 4.0)] = True
+
+    run = drive(on_path(line((0, 0), (8, 0))), world, each_tick=goes)
+    waits = [o.state is FollowerState.WAITING for o in run.outputs]
+    assert run.states().count("waiting") == 2 and sum(waits) * 0.05 > 2.0 and run.poses[:, 0].max() > 3.8
+
+
 def test_paths_that_are_replaced_all_the_time_are_driven_as_one() -> None:
     follower, seen = on_path(line((0, 0), (6, 0))), []
 
