@@ -22,6 +22,7 @@ from robot_body import RobotBody
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]
 _SETTLING_S = 1.0  # what was met is not taken back before: the next lines pass just over it, or beside it
+_MET_AGAIN_S = 0.3  # beams just over a box go through the voxel of its top, and one of the next lines meets it there: it has not moved
 _GROUND_REACH_M = 0.32  # of the known ground by which hits are judged where none is known; farther off, they are not judged
 
 
@@ -53,13 +54,15 @@ class LineLayer:
         self._z: Singles = np.full(shape, np.nan, dtype=np.float32)
         self._newest_s = -math.inf
         self.marked: NDArray[np.bool_] = np.zeros(shape[1:], dtype=np.bool_)
-        self._since_s: Floats = np.full(shape[1:], math.inf)
+        self._since_s: Floats = np.full(shape[1:], math.inf)  # when it came that is marked there
+        self._missed_s: Floats = np.full(shape[1:], -math.inf)  # and since when nothing is; inf while something is
 
     def move(self, window: Window, terrain: TerrainLayer) -> None:
         """Keep the evidence that lies in `window`, at its place; `terrain` has moved there already."""
         self._met_s = shifted(self._met_s, self._window, window, -math.inf)
         self._z = shifted(self._z, self._window, window, math.nan)
         self._since_s = shifted(self._since_s, self._window, window, math.inf)
+        self._missed_s = shifted(self._missed_s, self._window, window, -math.inf)
         self._window = window
         self.explain(terrain)
 
@@ -89,7 +92,9 @@ class LineLayer:
 
     def _mark(self) -> None:
         self.marked = self._judged()
-        self._since_s = np.where(self.marked, np.minimum(self._since_s, self._newest_s), math.inf)
+        self._since_s[self._missed_s < self._newest_s - _MET_AGAIN_S] = math.inf
+        self._since_s = np.where(self.marked, np.minimum(self._since_s, self._newest_s), self._since_s)
+        self._missed_s = np.where(self.marked, math.inf, np.minimum(self._missed_s, self._newest_s))
 
     def _keep(self, stamp_s: float, hits: Floats) -> None:
         """Evidence where at least `least_hits` of them lie in a voxel, at their mean height: a point without company is none."""

@@ -70,6 +70,7 @@ def nod(costmap: LocalCostmap, begin_s: float, *boxes: Box, up: bool = True, **w
     return begin_s + HALF_PERIOD_S
 
 
+LOW: Box = ((1.2, -0.3, 0.0), (1.8, 0.3, 0.2))
 CRATE: Box = ((1.9, -0.15, 0.0), (2.2, 0.15, 0.3))
 TABLE: Box = ((1.5, -0.5, 0.70), (2.0, 0.5, 0.74))
 KERB: Box = ((1.6, -1.0, 0.0), (2.5, 1.0, 0.22))
@@ -121,6 +122,21 @@ def test_mark_that_no_beam_meets_stays_between_two_passes_and_is_forgotten_at_la
     assert is_marked(costmap, 1.92, 0.02)
     costmap.add_line(20.0, *line(-0.3), SENSOR)
     assert not marks(costmap)
+
+
+@pytest.mark.parametrize("box", [LOW, CRATE], ids=["low", "crate"])
+def test_box_that_beams_pass_just_over_on_each_nod_down_stands_at_its_place_all_the_same(box: Box) -> None:
+    """They take the evidence in the voxel of its top back, and the next line meets it there again."""
+    costmap, begin_s, met = on(), 1.0, 0
+    for k in range(6):
+        tilts = np.radians(np.linspace(70.0, -35.0, round(HALF_PERIOD_S / LINE_S)))
+        for j, tilt in enumerate(tilts if k % 2 else tilts[::-1]):
+            costmap.add_line(begin_s + j * LINE_S, *line(float(tilt), (box,)), SENSOR)
+            if k >= 4:
+                met += len(costmap.strangers(1.3)) > 0
+                assert not len(costmap.strangers(1.3, 5.0))
+        begin_s += HALF_PERIOD_S
+    assert met > 50
 
 
 @pytest.mark.parametrize("count, marked", [(1, False), (2, True)])

@@ -68,6 +68,31 @@ def test_what_has_stood_at_its_place_for_long_is_left_to_the_follower_and_a_stra
     assert found.strangers(1.3, 5.0) == pytest.approx(np.array([[0.68, 0.52]]), abs=0.05)
 
 
+@pytest.mark.parametrize(("unmarked_s", "stands"), [(0.2, True), (0.5, False)])
+def test_mark_that_is_taken_back_and_met_again_by_one_of_the_next_lines_has_stood_there_before(unmarked_s, stands):
+    found, stamp_s = costmap(), 1.0
+    for _ in range(6):
+        add(found, stamp_s, post(1.02, 0.5, 0.82))
+        add(found, stamp_s + 1.2, post(3.06, 1.5, 0.66))  # through its place
+        assert cost_at(found.master(), 1.02, 0.52) < 254
+        stamp_s += 1.2 + unmarked_s
+    add(found, stamp_s, post(1.02, 0.5, 0.82))
+    assert len(found.strangers(1.0)) == 1 and len(found.strangers(1.0, 5.0)) == (not stands)
+
+
+@pytest.mark.parametrize("period_s", [4.0, 6.0])
+def test_somebody_who_walks_where_another_has_walked_before_does_not_stand_there(period_s):
+    found = costmap()
+    for stamp_s in np.arange(1.0, 40.0, 0.1):
+        walked_m, back = 1.4 * (stamp_s % period_s), np.column_stack([np.full(401, 3.0), np.linspace(-4.0, 4.0, 401)])
+        walker = np.array([1.5, walked_m - 2.0])
+        is_hidden = np.abs(back[:, 1] * walker[0] / 3.0 - walker[1]) < 0.2
+        front = np.column_stack([np.full(401, walker[0]), back[:, 1] * walker[0] / 3.0])
+        add(found, stamp_s, np.column_stack([np.where(is_hidden[:, None], front, back), np.full(401, 0.8)]))
+        if is_hidden.any():
+            assert len(found.strangers(0.05, 5.0)) == len(found.strangers(0.05)) > 0
+
+
 def test_what_stands_in_a_window_that_moves_has_stood_there_before():
     found = costmap()
     for stamp_s in np.arange(1.0, 7.0, 0.5):
