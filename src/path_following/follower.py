@@ -142,7 +142,8 @@ class PathFollower:
         at = self._task.locate(pose)
         now = Moment(self._config, self._task, at, pose, around, observation.stamp_s, speed, ramp, self._ground)
         self._doing, self._command = decide(self._doing, now) if self._base.obeys else self._coax(now)
-        return self._output(self._command, self._base.words or self._doing.reason)
+        words = "" if isinstance(self._doing, Ended) else self._base.words
+        return self._output(self._command, words or self._doing.reason)
 
     def _coax(self, now: Moment) -> tuple[Doing, Motion]:
         """A base that does not obey is told to creep, and once to back off; no drive fails by it."""

@@ -84,6 +84,7 @@ class FedMoveBase(MoveBaseFeeds):
     """Before each test the robot stands at the origin of odom, knows flat ground, and has no goal; exploration goes on."""
 
     at = (0.0, 0.0, 0.0)  # x, y, yaw in odom
+    driven = (0.0, 0.0)  # m/s and rad/s of the last command
     T_map_odom = np.eye(4)
     ranges: object = np.inf
 
@@ -118,9 +119,9 @@ class FedMoveBase(MoveBaseFeeds):
         self.tf.publish(TFMessage([transform_stamped(self.clock_s, "map", "odom", self.T_map_odom)]))
         time.sleep(0.01)  # what belongs to an odometry is there before it: topics are not ordered among each other
         x, y, yaw = self.at
-        self.odometry.publish(odometry(self.clock_s, x, y, yaw))
+        self.odometry.publish(odometry(self.clock_s, x, y, yaw, *cls.driven))
         answer = self.commands.wait_for_stamp(self.clock_s)
-        v, w = answer.twist.linear.x, answer.twist.angular.z
+        v, w = cls.driven = answer.twist.linear.x, answer.twist.angular.z
         cls.at = (x + v * TICK_S * math.cos(yaw), y + v * TICK_S * math.sin(yaw), yaw + w * TICK_S)
         return answer
 
