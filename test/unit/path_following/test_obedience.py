@@ -121,3 +121,13 @@ def test_time_that_it_took_to_notice_counts_for_nothing_either() -> None:
     base = Obedience()
     passed = [base.take_in(k * TICK_S, Motion(0.5, 0.0), (0.0, 0.0)) for k in range(61)]
     assert sum(passed) == pytest.approx(3.0)
+
+
+def test_drive_that_has_ended_tells_how_it_ended(track: Track) -> None:
+    """Somebody pushes a base that does not obey to its goal."""
+    track.go(3.0, forward=False, backward=False)
+    assert "does not obey" in track.outputs[-1].reason
+    for x in np.arange(track.x, 4.0, 0.05):
+        track.x = x
+        track.go(TICK_S, forward=False, backward=False)
+    assert (track.outputs[-1].state, track.outputs[-1].reason) == (FollowerState.REACHED, "at the goal")
