@@ -13,8 +13,7 @@ from mapping_tools.recorded_sources import ROBOT_FILE, add_raw_arguments, raw_to
 from mapping_tools.recording import Recording, bags_of, unread_of
 from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.sweep_sources import Unreadable
-from mapping_tools.tool_errors import code_of
-from mapping_tools.tool_errors import say as _say
+from mapping_tools.tool_errors import code_of, say
 from mount_calibration import MountCalibrationConfig, Place, estimate_mount, estimate_table, joined_places, write_calibration
 from robot_body import DESCRIPTION, RobotBody, urdf_file
 from whole_files import check_folder, check_not_read
@@ -40,12 +39,12 @@ def places_of(sweeps: RawSweeps) -> list[Place]:
     found: list[Place] = []
     for number, measured in enumerate(sweeps.measured(), start=1):
         if isinstance(measured, Unreadable):
-            _say(f"sweep {number}: {measured.reason}: left out")
+            say(f"sweep {number}: {measured.reason}: left out")
         elif measured.sweep.place is None:
-            _say(f"sweep {number}: the robot moved, or a lidar spins there: left out")
+            say(f"sweep {number}: the robot moved, or a lidar spins there: left out")
         else:
             found.append(measured.sweep.place)
-            _say(f"sweep {number}: the robot stood")
+            say(f"sweep {number}: the robot stood")
     return found
 
 
@@ -74,18 +73,18 @@ def calibrate(a: argparse.Namespace) -> int:
     except (ValueError, OSError) as error:
         raise ArgumentProblem(f"{a.recording}: {error}") from error
     for note in (*sweeps.notes, *([sweeps.problem] if sweeps.problem else [])):
-        _say(note)
+        say(note)
     return _saved(places, sweeps, robot.body, a.out)
 
 
 def _saved(places: Sequence[Place], sweeps: RawSweeps, robot: RobotBody, out: Path) -> int:
     if not places:
-        _say("nothing is observable: in every sweep the robot moved; let it stand while the mount turns")
+        say("nothing is observable: in every sweep the robot moved; let it stand while the mount turns")
         return 1
     found = estimate_mount(joined_places(places), sweeps.mount, MountCalibrationConfig(), robot)
     print(estimate_table(found), flush=True)
     if not found.calibration.measured.any():
-        _say("nothing is observable here: record it in a room, on level ground")
+        say("nothing is observable here: record it in a room, on level ground")
         return 1
     try:
         write_calibration(found.calibration, out)

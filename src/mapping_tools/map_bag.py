@@ -25,8 +25,7 @@ from mapping_tools.recorded_sources import Wanted, add_raw_arguments, raw_topics
 from mapping_tools.sensor_chain import SensorConfig
 from mapping_tools.session_summary import SUMMARY, ended, recordings_of
 from mapping_tools.sweep_sources import SweepSource
-from mapping_tools.tool_errors import code_of
-from mapping_tools.tool_errors import say as _say
+from mapping_tools.tool_errors import code_of, say
 from mount_calibration import RECORDED_FILE
 from pose_graph_mapping.graph.loop_closure import Match
 from pose_graph_mapping.graph.mapper import PoseGraphMapper
@@ -177,12 +176,12 @@ def map_recording(a: argparse.Namespace) -> int:
     store, mapper, notes = open_session(a, config, match)
     origin, before, earlier = _origin(a), len(mapper.stamps_s), recordings_of(a.out) if a.resume else []
     for note in notes:
-        _say(note)
-    run = MappingRun(mapper, match, store, origin, (lambda _: None) if a.quiet else _say, min_travel_m=a.min_travel)
+        say(note)
+    run = MappingRun(mapper, match, store, origin, (lambda _: None) if a.quiet else say, min_travel_m=a.min_travel)
     run.before_first = lambda: _remove_stale(a.out)
     stopped = _mapped(run, source, a)
     for note in source.notes:
-        _say(note)
+        say(note)
     left_out, unsaved = _saved(store, mapper, config)
     this = str(a.recording.resolve())
     is_own = len(mapper.stamps_s) > before or earlier is None or this in earlier
@@ -212,7 +211,7 @@ def _remove_stale(folder: Path) -> None:
     if found := [name for name in MADE_OF_SWEEPS if (folder / name).is_file()]:
         for name in found:
             (folder / name).unlink()
-        _say(f"{', '.join(found)}: are of the earlier sweeps, and were removed; ./export_map makes them anew")
+        say(f"{', '.join(found)}: are of the earlier sweeps, and were removed; ./export_map makes them anew")
 
 
 def _origin(a: argparse.Namespace) -> MapOrigin:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from explore_command.arguments import ArgumentProblem
 from mapping_tools.cloud_files import VIEWPOINT_FIELDS, CloudFile, brought_near, read_cloud
-from mapping_tools.tool_errors import say as _say
+from mapping_tools.tool_errors import say
 from mapping_tools.uos_scan import SUFFIX as UOS_SUFFIX
 from mapping_tools.uos_scan import read_uos_scan
 from pose_graph_mapping.registration.cloud import PointCloud, merged, viewpoints, voxel_downsample
@@ -34,7 +34,7 @@ def prepared(path: Path, origins: str | None, min_range_m: float, voxel_m: float
     found, origin = _near(path)
     if origins is None and found.origins is None and np.abs(found.sensor).max() > FAR_M:
         origins = "none"
-        _say(f"{path}: lies far from 0 0 0 and does not say where its beams started: free space is not known")
+        say(f"{path}: lies far from 0 0 0 and does not say where its beams started: free space is not known")
     if origins == "fields" and found.origins is None:
         raise ArgumentProblem(f"--origins fields: {path} has no {', '.join(VIEWPOINT_FIELDS)}")
     cloud = PointCloud.of_finite(found.points, found.origins if origins in (None, "fields") else None)
@@ -54,7 +54,7 @@ def prepared(path: Path, origins: str | None, min_range_m: float, voxel_m: float
     dropped = f", {cloud.dropped:,} not finite left out" if cloud.dropped else ""
     zeros = f", {found.no_returns:,} beams without an echo left out" if found.no_returns else ""
     far = f"; matched around {' '.join(f'{v:.0f}' for v in origin)}" if origin.any() else ""
-    _say(f"{path}: {len(cloud):,} points{dropped}{zeros}; {len(means):,} means of voxels of {voxel_m:g} m{far}")
+    say(f"{path}: {len(cloud):,} points{dropped}{zeros}; {len(means):,} means of voxels of {voxel_m:g} m{far}")
     return Prepared(_with_sensor(means, found) if means.origins is None and origins != "none" else means, origin)
 
 

@@ -143,6 +143,10 @@ class RobotCheck:
             rows += self._of_turns(self._points.topic, self._points.contents, np.array([h.stamp_s for h in self._points.heard]))
         return rows
 
+    def _twists(self) -> Floats:
+        """(N, 2) m/s and rad/s of the wheels' messages."""
+        return np.array([twist for _, _, twist in self._wheels.contents]).reshape(-1, 2)
+
     def _of_turns(self, topic: str, turns: list[Revolution], stamps_s: Floats) -> list[Row]:
         points, rings = [turn.points.astype(np.float64) for turn in turns], np.concatenate([turn.rings for turn in turns])
         rows = points_rows(topic, points, [turn.times_s for turn in turns], len(np.unique(rings)), self._limits)
@@ -168,7 +172,7 @@ class RobotCheck:
     def _of_imu(self, graph: RobotGraph) -> list[Row]:
         rows, topic = self._timing(self._imu, "imu/data", graph), self._imu.topic
         samples = np.array([(*gyro, *accel) for _, gyro, accel in self._imu.contents]).reshape(-1, 6)
-        standing = stands(np.array([twist for _, _, twist in self._wheels.contents]).reshape(-1, 2))
+        standing = stands(self._twists())
         for frame in sorted(self._imu.frames):
             own = samples[[content[0] == frame for content in self._imu.contents]]
             try:
@@ -185,7 +189,7 @@ class RobotCheck:
     def _of_wheels(self, graph: RobotGraph) -> list[Row]:
         rows = self._timing(self._wheels, "wheel_odom", graph)
         if self._wheels.contents:
-            rows += wheel_rows(self._wheels.topic, np.array([twist for _, _, twist in self._wheels.contents]), self._robot)
+            rows += wheel_rows(self._wheels.topic, self._twists(), self._robot)
             rows += twist_rows(self._wheels.topic, self._wheels.contents)
         return rows
 

@@ -13,7 +13,7 @@ from tf2_msgs.msg import TFMessage
 
 from rigid_geometry import JUMP_BACK_S
 from ros_adapters.connections import heard_publishers
-from ros_adapters.conversions import pose_message, stamp_of, transform_from_message, transform_from_pose, transform_stamped
+from ros_adapters.conversions import pose_message, sender_of, stamp_of, transform_from_message, transform_from_pose, transform_stamped
 from ros_adapters.frames import frames
 from ros_adapters.inputs import TimedInput
 from ros_adapters.node import Node
@@ -160,7 +160,7 @@ class TransformInput:
         return pose_in_map(self._known.buffer, pose)
 
     def _on_transforms(self, message: TFMessage) -> None:
-        sender = (getattr(message, "_connection_header", None) or {}).get("callerid", "somebody")
+        sender = sender_of(message)
         for transform in message.transforms:
             between = transform.header.frame_id.lstrip("/"), transform.child_frame_id.lstrip("/")
             if between == (frames().odom, frames().base):

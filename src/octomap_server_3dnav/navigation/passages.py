@@ -41,8 +41,6 @@ from rigid_geometry import angle_difference, legs_of, yaw_of
 from rigid_geometry.transforms import Transform
 from robot_body import RobotBody
 
-Array = NDArray[np.float64]
-
 _STARTS = 9  # nodes across it from which they are tried
 _ALONG_RAD = 0.35
 ASIDE_M = 0.2  # a robot so near to the line of a passage stands in it

@@ -374,14 +374,14 @@ def test_run_that_was_killed_goes_on_and_ends_like_one_that_was_not(tmp_path, ba
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_run_that_is_interrupted_saves_what_it_has(tmp_path, bag, monkeypatch, number):
-    monkeypatch.setattr(map_bag, "_say", lambda text: os.kill(os.getpid(), number) if "vertex 1" in text else None)
+    monkeypatch.setattr(map_bag, "say", lambda text: os.kill(os.getpid(), number) if "vertex 1" in text else None)
     assert map_bag.main([str(bag), "--out", str(tmp_path), *FAST]) == 1
     summary = json.loads((tmp_path / map_bag.SUMMARY).read_text())
     assert summary["problems"] == ["stopped after 40 % of it"] and summary["vertices"] == 2 and (tmp_path / "cloud.pcd").exists()
 
 
 def test_second_interrupt_does_not_wait_for_the_sweep(tmp_path, bag, monkeypatch):
-    monkeypatch.setattr(map_bag, "_say", lambda text: [os.kill(os.getpid(), signal.SIGINT) for _ in range(2 * ("vertex 1" in text))])
+    monkeypatch.setattr(map_bag, "say", lambda text: [os.kill(os.getpid(), signal.SIGINT) for _ in range(2 * ("vertex 1" in text))])
     with pytest.raises(KeyboardInterrupt, match="holds a session; --resume goes on with it"):
         map_bag.main([str(bag), "--out", str(tmp_path), *FAST])
     assert not (tmp_path / map_bag.SUMMARY).exists()
@@ -563,7 +563,7 @@ def test_late_sweep_is_left_out_and_the_next_goes_on_by_odometry(tmp_path, cloud
 @pytest.mark.parametrize("kept", [2, 3, 4, 5])
 def test_run_that_goes_on_has_each_sweep_once_where_the_clock_was_set_back(tmp_path, set_back_bag, kept, monkeypatch):
     last = f"vertex {kept - 1}"
-    monkeypatch.setattr(map_bag, "_say", lambda text: os.kill(os.getpid(), signal.SIGINT) if last in text else None)
+    monkeypatch.setattr(map_bag, "say", lambda text: os.kill(os.getpid(), signal.SIGINT) if last in text else None)
     map_bag.main([str(set_back_bag), "--out", str(tmp_path), *FAST])
     code, summary = mapped(set_back_bag, tmp_path, "--resume", *FAST)
     assert (code, summary["known"], summary["vertices"], summary["not_placed"]) == (0, kept, 5, [])
